@@ -20,7 +20,7 @@ from .heights import displace, integrate
 from .material import material as material_step
 from .photo import align, check, drop, look_through, paint_mask
 from .photo import photo as photo_step
-from .rig import calibrate, several_rigs
+from .rig import calibrate, light_preview, several_rigs
 from .rig import rig as rig_step
 from .settings import choices
 from .start import try_it
@@ -34,6 +34,7 @@ _MODULES = (
     operators,
     rig_step,
     several_rigs,
+    light_preview,
     calibrate,
     photo_step,
     drop,

@@ -5,7 +5,7 @@ It is read at once, whatever happens to the object later, and written in slices:
 
 import ctypes
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,8 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.scene.joined_mesh import join_meshes
+from mpsnet_core.scene.mesh import Mesh
 
 from ..operators import Slices
 from .texture_sets import material_arrays
@@ -31,6 +33,10 @@ _SHOWN_AND_RENDERED = (
 # What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
 SUBDIVISION, DISPLACE, TRIAL, FACES = "MPS Subdivision", "MPS Displace", "MPS Trial", "MPS Faces"
 MODIFIERS = {SUBDIVISION: "SUBSURF", DISPLACE: "DISPLACE", TRIAL: "SUBSURF", FACES: "SUBSURF"}
+
+# Types of objects whose surface is a mesh once it is evaluated.
+SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+MOST_TRIANGLES = 4_000_000  # of what is read while the window waits
 
 _ROWS_A_SLICE = 100_000
 
@@ -84,10 +90,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
                 raise GeometryError(f'"{obj.name}" has no faces; choose an object with a surface')
             polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
             names = material_arrays(mesh, obj, polygons)
-            vertices = _read(mesh.attributes["position"].data, "vector", 3)
-            of_corner = _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel()
-            normals = _read(mesh.corner_normals, "vector", 3)
-            corners = _triangle_corners(mesh)
+            vertices, of_corner, normals, corners = _shape(mesh)
             if uv_map is None:
                 uvs, in_uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32), np.zeros_like(corners) + np.arange(3)
             else:
@@ -107,6 +110,47 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
     }
     used = names["materials"][np.unique(names["triangle_material"][0])]
     return BegunMesh(uv_map or "", frozenset(used.tolist()), _written(path, arrays))
+
+
+def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
+    """Write the surfaces of objects, as modifiers and instances make them in the viewport, as one mesh in the world;
+    their shape alone.
+
+    Raises InputError where they have none, or too many triangles to be written while a window waits.
+    """
+    wanted, meshes, count = set(objects), [], 0
+    for instance in depsgraph.object_instances:
+        evaluated = instance.object
+        if (instance.parent or evaluated).original not in wanted or evaluated.type not in SURFACES:
+            continue
+        if evaluated.original.hide_render:  # in an instanced collection
+            continue
+        mesh = evaluated.to_mesh()
+        if mesh is None or not mesh.polygons:
+            evaluated.to_mesh_clear()
+            continue
+        vertices, of_corner, normals, corners = _shape(mesh)
+        evaluated.to_mesh_clear()
+        count += len(corners)
+        if count > MOST_TRIANGLES:
+            raise GeometryError(f"the scene has more than {MOST_TRIANGLES:,} triangles; hide what need not be seen")
+        uvs = np.zeros((len(corners), 3, 2), np.float32)
+        pose = np.array(instance.matrix_world, np.float64)
+        meshes.append(Mesh(vertices, of_corner[corners], normals[corners], uvs, world_from_object=pose))
+    if not meshes:
+        raise GeometryError("no object of the photo has a surface; show the object, also in renders")
+    joined = join_meshes(meshes)
+    arrays: dict[str, _Array] = {
+        "format": np.array("mpsnet-mesh"),
+        "version": np.array(1),
+        "world_from_object": joined.world_from_object,
+        "vertices": joined.vertices,
+        "triangles": joined.triangles,
+        "corner_normals": joined.corner_normals,
+        "uvs": joined.uvs,
+    }
+    for _ in _written(path, arrays):
+        pass
 
 
 # In the file; a pair is values and, for each place in the file, the number of the one that goes there.
@@ -170,6 +214,16 @@ def _uv_map(obj: Any, mesh: Any, name: str) -> str:
         there = ", ".join(f'"{layer.name}"' for layer in mesh.uv_layers)
         raise GeometryError(f'"{obj.name}" has no UV map "{name}"; choose {there}')
     return name
+
+
+def _shape(mesh: Any) -> tuple[NDArray[Any], ...]:
+    """A mesh's vertices (V, 3), vertices (C,) and normals (C, 3) of its corners, corners (T, 3) of its triangles."""
+    return (
+        _read(mesh.attributes["position"].data, "vector", 3),
+        _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
+        _read(mesh.corner_normals, "vector", 3),
+        _triangle_corners(mesh),
+    )
 
 
 def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) -> NDArray[Any]:

@@ -7,6 +7,7 @@ from mpsnet_core.scene.rig import LightRig
 
 from ..estimate.photo_options import rig_file_for
 from ..photo.camera import is_real
+from ..rig.light_preview import light_preview
 from ..rig.rig import COLOURS, drawn_rig, rig_objects
 from .step import Kind, State, Step, sentence
 from .text import wrapped
@@ -76,6 +77,25 @@ class MPS_PT_rig(Step):
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
         if rig.lights and (error := _standing_lights(scene).lacks):
             wrapped(self.layout, sentence(error), icon="ERROR")
+        if rig.lights:
+            self._light_preview(context.scene)
+
+    def _light_preview(self, scene: Any) -> None:
+        preview = light_preview()
+        self.layout.operator("mps.light_preview", icon="LIGHT_SUN", depress=preview is not None)
+        self.failure(scene, "light_preview")
+        if preview is None:
+            return
+        header, body = self.foldable("light_preview")
+        header.label(text="Photo and Normals")
+        if preview.error:
+            wrapped(self.layout, sentence(preview.error), icon="ERROR")
+        if not body:
+            return
+        row = body.row()
+        for icon in preview.icons.values():
+            row.template_icon(icon_value=icon.icon_id, scale=6)
+        body.label(text="Orange: two lights. Red: one. Black: none")
 
     def _rigs(self, mps: Any) -> None:
         """The list of several rigs; one alone needs none."""

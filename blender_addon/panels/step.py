@@ -165,6 +165,11 @@ class Step(bpy.types.Panel):
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, sentence(error))
 
+    def foldable(self, name: str) -> tuple[Any, Any]:
+        """Header and body, None where it is folded, of what is shown where it is unfolded."""
+        header, body = self.layout.panel(f"MPS_{name}", default_closed=FOLDED)
+        return header, body
+
     def picture(self, image: Any, scale: float = 8, *, folded: str = "") -> None:
         """An image that a step made: how it looks, whether it is out of date, when it was made and where it is.
 
@@ -178,7 +183,7 @@ class Step(bpy.types.Panel):
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
         path = Path(bpy.path.abspath(image.filepath, library=image.library))
         if folded:
-            row, body = self.layout.panel(f"MPS_{folded}", default_closed=FOLDED)
+            row, body = self.foldable(folded)
         else:
             body, row = self.layout, None
         if body:

@@ -144,7 +144,7 @@ def _studio(scene: Any) -> Iterator[Any]:
     studio = bpy.data.scenes.new("MPS Studio")
     try:
         # In order and each once: the order decides how Cycles numbers things, and so its noise.
-        for obj in dict.fromkeys([*_rendered(view_layer(scene).layer_collection), *lights, camera]):
+        for obj in dict.fromkeys([*rendered(view_layer(scene).layer_collection), *lights, camera]):
             studio.collection.objects.link(obj)
         studio.camera = camera
         studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)
@@ -166,7 +166,7 @@ def _studio(scene: Any) -> Iterator[Any]:
         bpy.data.scenes.remove(studio)
 
 
-def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
+def rendered(layer: Any, special: str = "") -> Iterator[Any]:
     """Objects of a view layer that its render shows, lights apart.
 
     special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
@@ -186,7 +186,7 @@ def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
             )
         yield obj
     for child in layer.children:
-        yield from _rendered(child, special)
+        yield from rendered(child, special)
 
 
 def _leave_target_out(studio: Any, bake: Any) -> list[str]:

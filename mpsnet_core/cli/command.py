@@ -37,7 +37,7 @@ from mpsnet_core.learning.operations import Quantize, Train
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
-from mpsnet_core.scene.operations import CompareNormals, WriteCameras
+from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCameras
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
 
 # What libraries, and the smallest photo, take.
@@ -59,6 +59,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     Integrate,
     MakeMaterial,
     ListModels,
+    PreviewLights,
     Synthesize,
     MakeSamples,
     ShowSamples,

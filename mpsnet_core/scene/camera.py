@@ -1,7 +1,7 @@
 """Camera: orthographic or perspective, with its pose; camera files."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -86,6 +86,11 @@ class Camera:
     def rotation(self) -> NDArray[np.float64]:
         """(3, 3): turns vectors from camera space to world space."""
         return self.world_from_camera[:3, :3]
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same view in another number of pixels."""
+        scale = np.array([width / self.width, height / self.height])
+        return replace(self, width=width, height=height, focal=self.focal * scale, centre=self.centre * scale)
 
     def projection_rows(self) -> NDArray[np.float64]:
         """(3, 4) projection matrix P: for a homogeneous world point p, P p is (x w, y w, w) in pixels."""

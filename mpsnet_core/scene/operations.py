@@ -1,4 +1,5 @@
-"""The operations cameras (what photogrammetry found, as files of ours) and compare (normals against true ones)."""
+"""The operations cameras (what photogrammetry found, as files of ours), compare (normals against true ones), preview
+(the three lights on a mesh)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,3 +150,61 @@ class CompareNormals(Operation):
         share = float(errors.mask.sum() / estimate.mask.sum())
         text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
         return NormalsCompared(self.output, round(errors.mean, 3), round(errors.median, 3), round(share, 4), text=text)
+
+
+@dataclass(frozen=True)
+class LightsPreviewed(Result):
+    """Where the picture is, and the shares of the mesh's pixels that no light, one, two and three reach."""
+
+    output: str
+    shares: list[float]
+
+
+@dataclass(frozen=True)
+class PreviewLights(Operation):
+    """The three lights on a mesh: its photo if it were matt and white, beside it how many lights reach each pixel.
+
+    Right are the normals as colours where three lights reach, orange where two do, red where one does, else black.
+    """
+
+    command: ClassVar[str] = "preview"
+    listed: ClassVar[bool] = False  # Blender's panel shows it
+
+    mesh: str = option(help="the object's mesh in the camera's world", path="file", provenance="content")
+    rig: str = option(help="rig file (.json, or .lp with three lights)", path="file", provenance="content")
+    camera: str = option(help="camera file", path="file", provenance="content")
+    size: int = option(default=256, low=1, high=4096, metavar="PIXELS", help="the photo's longer side, at most")
+    output: str = option(
+        short="-o", metavar="FILE", help="picture: .png or .tif; .npy for NumPy's arrays", provenance="none"
+    )
+
+    def run(self, progress: Progress = silent) -> LightsPreviewed:
+        """Trace the mesh, and write the picture."""
+        import numpy as np
+
+        from mpsnet_core.arrays.upsample import reduced_shape
+        from mpsnet_core.io.files import check_apart, located, writable_image, writable_path, written_whole
+        from mpsnet_core.io.images import write_image
+        from mpsnet_core.scene.camera import read_camera
+        from mpsnet_core.scene.light_preview import lit_view
+        from mpsnet_core.scene.mesh import read_mesh
+        from mpsnet_core.scene.rig import read_rig
+
+        as_array = Path(self.output).suffix.lower() == ".npy"
+        output = writable_path(self.output) if as_array else writable_image(self.output, 8)
+        check_apart([self.mesh, self.rig, self.camera], [output])
+        camera, rig = read_camera(self.camera), read_rig(self.rig)
+        height, width = reduced_shape(camera.height, camera.width, self.size)
+        progress(0.0, "reading the mesh")
+        mesh = read_mesh(self.mesh, shape_only=True)
+        progress(0.5, "tracing the lights")
+        with located(f"camera {self.camera}"):
+            view = lit_view(camera.resized(width, height), rig, mesh)
+        if as_array:
+            with written_whole(output) as unfinished, unfinished.open("wb") as file:
+                np.save(file, view.picture())
+        else:
+            write_image(output, view.picture(), bits=8, color_space="sRGB")
+        progress(1.0, "done")
+        told = f"{self.output}: three lights reach {view.shares[3]:.1%} of what the camera sees"
+        return LightsPreviewed(self.output, [round(share, 4) for share in view.shares], text=told)

@@ -1,14 +1,13 @@
 """Shading: a sample from a recipe, without Blender."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.scene.camera import Camera
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
@@ -54,7 +53,7 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
     other surfaces: all surfaces send it on as matt ones of their albedo at normal incidence, and receive it so. The
     same recipe gives the same bytes.
     """
-    camera = _finer(recipe.camera, supersampling)
+    camera = recipe.camera.resized(recipe.camera.width * supersampling, recipe.camera.height * supersampling)
     grid = (camera.height, camera.width)
     surface = Surface(recipe, shape)
     pixels, depth, points = surface.seen(camera)
@@ -103,17 +102,6 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
         lit=np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals]),
         recipe=recipe,
         renderer=RENDERER,
-    )
-
-
-def _finer(camera: Camera, times: int) -> Camera:
-    """The same view with so many times as many pixels each way."""
-    return replace(
-        camera,
-        width=camera.width * times,
-        height=camera.height * times,
-        focal=camera.focal * times,
-        centre=camera.centre * times,
     )
 
 

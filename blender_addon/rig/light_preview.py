@@ -1,0 +1,231 @@
+"""The light preview: a small photo of the rig's object, traced anew whenever a light, the camera or the object moves.
+
+A timer compares how things stand with what the picture shows; where they differ, one child process of the core traces
+them. While it runs nothing else is started, so the next one shows the newest state. Nothing of it is in the .blend
+file: the pictures are icons of the panel, and the files are in a folder that goes with it.
+"""
+
+import json
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+import numpy as np
+from bpy.app.handlers import persistent
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.io.files import temporary_folder
+from mpsnet_core.scene.camera import camera_data, write_camera
+from mpsnet_core.scene.operations import PreviewLights
+from mpsnet_core.scene.rig import write_rig
+
+from ..bake.mesh_file import SURFACES, write_surfaces
+from ..child_process.core_process import CoreCrashed, CoreProcess
+from ..operators import ReportingOperator, by_session_uid, redraw_panels
+from ..photo.studio import rendered
+from .rig import drawn_rig, light_rig, rig_camera, scene_camera, view_layer
+
+TICK_SECONDS = 0.3
+PIXELS = 256
+PICTURES = ("Photo", "Normals")
+
+
+class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
+    """Show what the three lights reach while you move them, the camera or the object. Press again to leave it"""
+
+    bl_idname = "mps.light_preview"
+    bl_label = "Light Preview"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if _open or context.scene.mps.rig.lights else "Add a rig first"
+
+    def act(self, context: Any) -> None:
+        if _open:
+            end()
+            return
+        light_rig(context.scene)
+        _open.append(LightPreview(context.scene.session_uid))
+        if not bpy.app.background:
+            bpy.app.timers.register(tick, first_interval=0)
+
+
+@dataclass(eq=False)
+class LightPreview:
+    """A preview that is switched on.
+
+    scene_uid: of the scene that it shows. error: why there is no newer picture. moved: whether a shape changed since
+    the last tick. mesh_of, shown: as JSON, the objects in the mesh file and where they are, and all that the last child
+    was started with.
+    """
+
+    scene_uid: int
+    error: str = ""
+    moved: bool = False
+    mesh_of: str = ""
+    shown: str = ""
+    process: CoreProcess | None = None
+    held: ExitStack = field(default_factory=ExitStack)
+
+    def __post_init__(self) -> None:
+        self.folder = self.held.enter_context(temporary_folder())
+        self.icons = bpy.utils.previews.new()
+        self.held.callback(bpy.utils.previews.remove, self.icons)
+
+    @property
+    def scene(self) -> Any:
+        """None where it is gone, or has no rig any more."""
+        scene = by_session_uid(bpy.data.scenes, self.scene_uid)
+        return scene if scene is not None and scene.mps.rig.lights else None
+
+    def go_on(self, scene: Any) -> None:
+        """Show what the child has traced, and start the next one where something moved."""
+        if self.process is not None:
+            if self.process.running():
+                return
+            process, self.process = self.process, None
+            process.result()
+            self._show(np.load(self.folder / "preview.npy"))
+            self.error = ""
+            redraw_panels(bpy.context.window_manager)
+        if scene != bpy.context.scene or scene.mps.way != "RENDER":  # nobody sees it
+            return
+        if self.moved:  # wait for the end of a movement: the mesh may be large
+            self.moved, self.mesh_of, self.shown = False, "", ""
+            return
+        try:
+            objects, rig = _objects(scene), drawn_rig(scene)
+            camera = scene_camera(rig_camera(scene), scene, (scene.mps.photo.width, scene.mps.photo.height))
+        except InputError:
+            self.shown = ""  # it is traced again once that is mended
+            raise
+        near = [] if rig.near is None else [rig.near.positions.tolist(), rig.near.target.tolist(), rig.near.lobe]
+        mesh_of = json.dumps([(obj.session_uid, [list(row) for row in obj.matrix_world]) for obj in objects])
+        shown = json.dumps([mesh_of, rig.directions.tolist(), rig.mixing.tolist(), near, camera_data(camera)])
+        if shown == self.shown:
+            return
+        self.shown = shown  # also where the rest fails: the next try is after the next change
+        files = {name: str(self.folder / file) for name, file in _FILES.items()}
+        if mesh_of != self.mesh_of:
+            self.mesh_of = ""
+            write_surfaces(Path(files["mesh"]), bpy.context.evaluated_depsgraph_get(), objects)
+            self.mesh_of = mesh_of
+        write_rig(files["rig"], rig)
+        write_camera(files["camera"], camera)
+        self.process = CoreProcess(PreviewLights(**files, size=PIXELS), [Path(files["output"])])
+
+    def _show(self, picture: NDArray[np.float32]) -> None:
+        """picture: (H, 2 W, 4), its two halves side by side."""
+        for name, half in zip(PICTURES, np.split(picture, 2, axis=1), strict=True):
+            height, width = half.shape[:2]
+            square = np.zeros((PIXELS, PIXELS, 4), np.float32)
+            top, left = (PIXELS - height) // 2, (PIXELS - width) // 2
+            square[top : top + height, left : left + width] = half
+            icon = self.icons.get(name) or self.icons.new(name)
+            icon.image_size = PIXELS, PIXELS
+            icon.image_pixels_float.foreach_set(np.ascontiguousarray(square[::-1]).ravel())  # the lowest row is first
+
+    def fail(self, sentence: str) -> None:
+        if sentence != self.error:
+            self.error = sentence
+            redraw_panels(bpy.context.window_manager)
+
+    def close(self) -> None:
+        if self.process is not None:
+            self.process.cancel()
+        self.held.close()
+        redraw_panels(bpy.context.window_manager)
+
+
+_FILES = {"mesh": "mesh.npz", "rig": "rig.json", "camera": "camera.json", "output": "preview.npy"}
+_open: list[LightPreview] = []  # the one that is switched on
+
+
+def light_preview() -> LightPreview | None:
+    """The preview, where it is switched on."""
+    return _open[0] if _open else None
+
+
+def _objects(scene: Any) -> list[Any]:
+    """The objects that the photo shows: not the bake's target beside the object that is photographed."""
+    target, surface = scene.mps.bake.target, scene.mps.estimate.surface
+    left_out = target if surface not in (None, target) else None
+    return [
+        obj
+        for obj in rendered(view_layer(scene).layer_collection)
+        if (obj.type in SURFACES or (obj.type == "EMPTY" and obj.instance_type != "NONE")) and obj != left_out
+    ]
+
+
+def tick() -> float | None:
+    """Let the preview go on; it ends where its scene or its rig is gone."""
+    for preview in list(_open):
+        scene = preview.scene
+        if scene is None:
+            _close()
+            break
+        try:
+            preview.go_on(scene)
+        except (InputError, CoreCrashed) as error:
+            preview.fail(str(error))
+        except OSError as error:
+            preview.fail(f"{error.filename or 'a file'}: {error.strerror or error}; make room on the disk")
+        except Cancelled:
+            _close()
+    return TICK_SECONDS if _open else None
+
+
+def _close() -> None:
+    while _open:
+        _open.pop().close()
+
+
+@persistent
+def end(*_: Any) -> None:
+    """Switch the preview off, and remove what it holds."""
+    _close()
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+
+
+@persistent
+def _shape_changed(_scene: Any, depsgraph: Any) -> None:
+    for preview in _open:
+        preview.moved = preview.moved or any(
+            update.is_updated_geometry
+            and isinstance(update.id, bpy.types.Object)
+            and (update.id.type in SURFACES or update.id.type == "EMPTY")
+            for update in depsgraph.updates
+        )
+
+
+@persistent
+def _undone(*_: Any) -> None:
+    for preview in _open:
+        preview.moved = True
+
+
+_HANDLERS = {
+    "load_pre": end,
+    "depsgraph_update_post": _shape_changed,
+    "undo_post": _undone,
+    "redo_post": _undone,
+}
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_light_preview)
+    for name, handler in _HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister() -> None:
+    end()
+    for name, handler in _HANDLERS.items():
+        getattr(bpy.app.handlers, name).remove(handler)
+    bpy.utils.unregister_class(MPS_OT_light_preview)

@@ -1,0 +1,139 @@
+"""A preview of the three lights on a mesh: its photo, and how many lights reach each pixel, before either is made."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.rays import Hits, RayScene
+from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.scene.visibility import OFFSET
+
+# Of pixels that no light reaches, that one does and that two do; three give a normal, which has its own colour.
+TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)
+
+
+@dataclass(frozen=True)
+class LitView:
+    """What a camera sees of a matt white mesh under a rig.
+
+    photo: (H, W, 3) float32, linear; 1 where a light of full strength is faced. normals: (H, W, 3) float32, the mesh's
+    in camera space. mask: (H, W) bool, where the mesh is. reached: (H, W, 3) bool, which lights reach the pixel.
+    """
+
+    photo: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+
+    @property
+    def shares(self) -> list[float]:
+        """Of the pixels that show the mesh, the shares that no light, one, two and three reach."""
+        counts = np.bincount(self.reached.sum(axis=-1)[self.mask], minlength=4)
+        return [float(count) for count in counts / counts.sum()]
+
+    def picture(self) -> NDArray[np.float32]:
+        """(H, 2 W, 4) display values and opacity: the photo, and right of it the normals as colours where three lights
+        reach, :data:`TOO_FEW` elsewhere."""
+        count = self.reached.sum(axis=-1)
+        right = np.where((count == 3)[..., None], encode(self.normals), TOO_FEW[np.minimum(count, 2)])
+        colours = np.concatenate([linear_to_srgb(self.photo), right], axis=1)
+        opacity = np.concatenate([self.mask, self.mask], axis=1)[..., None]
+        picture: NDArray[np.float32] = np.concatenate([colours * opacity, opacity], axis=-1).astype(np.float32)
+        return picture
+
+
+def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
+    """What the camera sees of the mesh, as if it were matt and white, with cast and attached shadows.
+
+    Lights count as points: shadows have hard edges, and light does not go from surface to surface.
+
+    Parameters
+    ----------
+    camera : Camera
+    rig : LightRig
+        In the camera's space.
+    mesh : Mesh
+        In the camera's world.
+
+    Raises
+    ------
+    GeometryError
+        If the camera does not see the mesh.
+    """
+    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    row, column = np.mgrid[: camera.height, : camera.width].reshape(2, -1)
+    origins, directions, _ = scene.rays_of(camera, np.stack([column, row], axis=1) + 0.5)
+    hits = scene.hits(origins, directions)
+    seen = np.flatnonzero(hits.triangle >= 0)
+    if not len(seen):
+        raise GeometryError("the camera does not see the mesh; check that it looks at it")
+    points = origins[seen] + hits.distance[seen, None] * directions[seen]
+    normals, starts = _surface(mesh, hits.chosen(seen), points, -directions[seen], OFFSET * scene.size)
+    irradiance = _irradiance(camera, rig, scene, points, normals, starts)
+
+    def image(values: NDArray[Any]) -> NDArray[Any]:
+        whole = np.zeros((len(origins), *values.shape[1:]), values.dtype)
+        whole[seen] = values
+        return whole.reshape(camera.height, camera.width, *values.shape[1:])
+
+    return LitView(
+        image((irradiance @ rig.mixing.T).astype(np.float32)),
+        image((normals @ camera.rotation).astype(np.float32)),
+        image(np.ones(len(seen), bool)),
+        image(irradiance > 0),
+    )
+
+
+def _surface(
+    mesh: Mesh, hits: Hits, points: NDArray[np.float64], view: NDArray[np.float64], offset: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of points (N, 3) that rays hit, in the world: their unit normals, and where rays that leave them start.
+
+    view: (N, 3) towards the viewer; what is seen from its back has its normals turned round.
+    """
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float64)[..., None]
+    corners = mesh.world_vertices[mesh.triangles[hits.triangle]]
+    object_from_world = np.linalg.inv(mesh.world_from_object[:3, :3])
+    at_corners = normalised(mesh.corner_normals[hits.triangle] @ object_from_world)
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outwards = np.einsum("ni,ni->n", faces, view) * np.sign(np.linalg.det(object_from_world))
+    at_corners[outwards < 0] *= -1
+    normals = normalised((weights * at_corners).sum(axis=1))
+    # Rays start on the curved surface that the normals pretend, as those of `synthesis` do: a smooth ball of few faces
+    # has no shadow of its own neighbours.
+    below = np.minimum(np.einsum("nci,nci->nc", points[:, None] - corners, at_corners), 0)[..., None]
+    return normals, points + offset * normals - (weights * below * at_corners).sum(axis=1)
+
+
+def _irradiance(
+    camera: Camera,
+    rig: LightRig,
+    scene: RayScene,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    starts: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(N, 3) what each light brings to points (N, 3) of the world, 1 where one of full strength is faced."""
+    if rig.near is None:
+        arriving = np.broadcast_to(rig.directions @ camera.rotation.T, (len(points), 3, 3))
+    else:
+        arriving = rig.near.light_at((points - camera.world_from_camera[:3, 3]) @ camera.rotation) @ camera.rotation.T
+    irradiance: NDArray[np.float64] = np.maximum(np.einsum("nki,ni->nk", arriving, normals), 0)
+    for number in range(3):
+        facing = np.flatnonzero(irradiance[:, number])
+        towards = normalised(np.ascontiguousarray(arriving[facing, number]))
+        if rig.near is None:
+            hidden = scene.occluded(starts[facing], towards)
+        else:  # what is behind the light hides nothing
+            place = camera.world_from_camera[:3, 3] + camera.rotation @ rig.near.positions[number]
+            hidden = scene.distances(starts[facing], towards) < np.linalg.norm(place - starts[facing], axis=1)
+        irradiance[facing[hidden], number] = 0
+    return irradiance
