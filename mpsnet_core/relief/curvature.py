@@ -73,15 +73,21 @@ def curvature(
         sharp[rows] = _divergence(normals, camera, depth if perspective else None, rows)
     if radius == 0:
         return sharp
-    radius = min(radius, max(height, width))
+    return _averaged(sharp, normals.mask, min(radius, max(height, width)), progress)
+
+
+def _averaged(
+    sharp: NDArray[np.float32], mask: NDArray[np.bool_], radius: int, progress: Progress
+) -> NDArray[np.float32]:
+    """The curvatures averaged over squares of several sizes, up to the radius."""
     radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
-    summed = np.zeros((height, width), np.float32)
+    summed = np.zeros(mask.shape, np.float32)
     for number, reach in enumerate(radii):
         progress(0.5 + 0.5 * number / len(radii), "curvature")
         total = box_sums(sharp, reach)
-        total /= np.maximum(box_sums(normals.mask.astype(np.float32), reach), 1)
+        total /= np.maximum(box_sums(mask.astype(np.float32), reach), 1)
         summed += (reach / sum(radii) * total).astype(np.float32)
-    return np.where(normals.mask, summed, np.float32(0))
+    return np.where(mask, summed, np.float32(0))
 
 
 def check_curvature(radius: int, limit: float | None = None) -> None:
