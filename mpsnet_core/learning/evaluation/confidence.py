@@ -14,7 +14,7 @@ GROUPS = 10
 PIXELS_A_PHOTO = 4096
 
 
-def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArray[np.float64]:
+def error_by_confidence(confidence: NDArray[np.floating[Any]], error: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(10,) mean errors of ten equally large groups of pixels, those of the highest confidence first.
 
     Pixels of equal confidence, which have no order, share their mean error.
