@@ -208,7 +208,7 @@ def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 def read_data(
     path: str | os.PathLike[str], layer: str | None = None
-) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Read three channels of data (normals), (H, W, 3) float32 without any curve, and alpha or None."""
     image = read_image(path, encoding="linear", layer=layer)
     return image.pixels, image.alpha

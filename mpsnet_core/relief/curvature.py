@@ -162,7 +162,7 @@ def _divergence(
     return np.where(normals.mask[rows], found, 0).astype(np.float32)
 
 
-def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArray[Any]:
+def _gradient(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_], axis: int) -> NDArray[np.floating[Any]]:
     """How values (H, W, C) grow from one pixel to the next: the mean of both sides, or the one that is in the mask."""
     values, mask = values.swapaxes(0, axis), mask.swapaxes(0, axis)
     known = mask[1:] & mask[:-1]
@@ -171,5 +171,5 @@ def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArr
     for side in (slice(1, None), slice(None, -1)):
         total[side] += steps
         count[side] += known
-    mean: NDArray[Any] = total / np.maximum(count, 1)[..., None]
+    mean: NDArray[np.floating[Any]] = total / np.maximum(count, 1)[..., None]
     return mean.swapaxes(0, axis)
