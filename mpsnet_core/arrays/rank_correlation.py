@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 FEWEST = 10
 
 
-def rank_correlation(one: NDArray[Any], other: NDArray[Any]) -> float | None:
+def rank_correlation(one: NDArray[np.number[Any]], other: NDArray[np.number[Any]]) -> float | None:
     """Spearman's rank correlation of two series (N,); None where one is constant or there are fewer than ten values."""
     if len(one) < FEWEST or np.ptp(one) == 0 or np.ptp(other) == 0:
         return None
     return float(np.corrcoef(_ranks(one), _ranks(other))[0, 1])
 
 
-def _ranks(values: NDArray[Any]) -> NDArray[np.float64]:
+def _ranks(values: NDArray[np.number[Any]]) -> NDArray[np.float64]:
     """Ranks from 1; ties share the mean of theirs."""
     _, inverse, count = np.unique(values, return_inverse=True, return_counts=True)
     ranks: NDArray[np.float64] = (np.cumsum(count) - (count - 1) / 2)[inverse.reshape(-1)]

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=np.generic)
 
 # Points worked on at once: small enough to stay in a core's cache.
 POINTS_AT_ONCE = 1 << 16
@@ -335,7 +337,7 @@ def _averaged(points: Texture, samples: int) -> Texture:
         return points
     height, width = (length // samples for length in points.covered.shape)
 
-    def blocks(values: NDArray[Any]) -> NDArray[Any]:
+    def blocks(values: NDArray[T]) -> NDArray[T]:
         return values.reshape(height, samples, width, samples, *values.shape[2:])
 
     weight = blocks(points.covered).sum(axis=(1, 3), dtype=np.float32)

@@ -170,7 +170,7 @@ class MeshSeen:
 
     def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
         """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
-        values: NDArray[Any] = (corners[self.triangle] * self.weights).sum(axis=1)
+        values: NDArray[np.floating[Any]] = (corners[self.triangle] * self.weights).sum(axis=1)
         return values
 
     def in_camera(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=np.floating[Any])
 
 # A mesh that covers less of the mask than this hardly belongs to the photo.
 LEAST_KNOWN = 0.8
@@ -133,7 +135,7 @@ class Capture:
         return self.image >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
 
 
-def finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
+def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDArray[T]:
     """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite.
 
     Raises FormatError where it is not finite inside the mask.
@@ -149,7 +151,7 @@ def finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> ND
     return result
 
 
-def _finite_and_lit(image: NDArray[Any], mask: NDArray[np.bool_], name: str, black: str) -> NDArray[Any]:
+def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black: str) -> NDArray[T]:
     """:func:`finite_inside`; raises GeometryError where the image is black inside the mask, and asks `black`."""
     result = finite_inside(image, mask, name)
     if not any((result[..., channel] > 0).any(where=mask) for channel in range(3)):

@@ -84,9 +84,7 @@ def find_mask(
             log.warning("no mask and no alpha: the whole photo is assumed to be the object")
         return _whole(image)
     if words in ("", "alpha"):
-        if image.alpha is None:
-            raise SettingsError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
-        return image.alpha > 0.5
+        return _alpha_mask(image)
     if words == "alpha-or-auto":
         try:
             return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
@@ -105,6 +103,12 @@ def find_mask(
             f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
         )
     return read_mask(words)
+
+
+def _alpha_mask(image: Image) -> NDArray[np.bool_]:
+    if image.alpha is None:
+        raise SettingsError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
+    return image.alpha > 0.5
 
 
 def _read_background(file: str, encoding: Encoding, layer: str | None, correction: Correction | None) -> Image:

@@ -1,7 +1,7 @@
 """Dense networks: on the box around the object, in tiles, and for pyramids on one scale after another."""
 
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical
 from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress
 
+T = TypeVar("T", bound=np.generic)
 Floats = NDArray[np.float32]
 Window = tuple[slice, slice]
 
@@ -38,7 +39,9 @@ class Network(Protocol):
     def __call__(self, inputs: dict[str, Floats], count: int, *size: int) -> tuple[Floats, Floats]: ...
 
 
-def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> NDArray[Any]:
+def dense_answer(
+    network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress
+) -> NDArray[np.floating[Any]]:
     """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
@@ -48,11 +51,11 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
     Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
     needed however large they are.
     """
-    answer: NDArray[Any] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
+    answer: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     halvings = photo.halvings if card.kind == "pyramid" else 0
-    previous: NDArray[Any] | None = None
+    previous: NDArray[np.floating[Any]] | None = None
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
         result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
@@ -106,7 +109,7 @@ class _Photo:
         """Whether anything of the object is in a window on a scale."""
         return bool(self.capture.mask[self._own_pixels(*window, halving)].any())
 
-    def seen(self, window: Window, halving: int, previous: NDArray[Any] | None) -> Seen:
+    def seen(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> Seen:
         """A window on a scale, with the answer (h, w, 4) on the one before."""
         light, white, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
@@ -156,7 +159,7 @@ def _means(image: Floats, mask: NDArray[np.bool_], halving: int) -> tuple[Floats
     return total[..., :3] / np.maximum(total[..., 3:], 1), total[..., 3] > 0
 
 
-def _previous(answer: NDArray[Any], window: Window) -> Floats:
+def _previous(answer: NDArray[np.floating[Any]], window: Window) -> Floats:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
     rows, columns = _window_before(window, answer)
     part = answer[rows, columns].astype(np.float32)
@@ -175,7 +178,7 @@ def _previous(answer: NDArray[Any], window: Window) -> Floats:
     return values
 
 
-def _window_before(window: Window, answer: NDArray[Any]) -> Window:
+def _window_before(window: Window, answer: NDArray[np.floating[Any]]) -> Window:
     """The part of an answer that a window at twice its resolution needs."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
@@ -233,7 +236,7 @@ def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
     """A window in a frame, padded with zeros to the network's multiple."""
     order = list(frame.order)
 
-    def picture(values: NDArray[Any]) -> NDArray[Any]:
+    def picture(values: NDArray[T]) -> NDArray[T]:
         padded = np.zeros((*_padded(values.shape[:2], multiple), *values.shape[2:]), values.dtype)
         padded[: values.shape[0], : values.shape[1]] = values
         return frame.picture(padded)

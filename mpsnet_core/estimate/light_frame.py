@@ -1,10 +1,12 @@
 """The canonical light frame: one light nearly straight up in the picture, the others counter-clockwise from it."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+T = TypeVar("T", bound=np.generic)
 
 QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 MIRROR = np.diag([-1.0, 1.0, 1.0])
@@ -38,7 +40,7 @@ class LightFrame:
         """(3, 3) the rig's directions in the frame and in its order, a light a row."""
         return directions[list(self.order)] @ self.rotation.T
 
-    def picture(self, values: NDArray[Any]) -> NDArray[Any]:
+    def picture(self, values: NDArray[T]) -> NDArray[T]:
         """A picture (H, W, ...) as it is in the frame: a view, so that writing to it changes `values`."""
         turned = np.rot90(values, self.quarter_turns)
         return turned[:, ::-1] if self.mirrored else turned

@@ -54,12 +54,12 @@ def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
 
 
-def srgb_to_linear(values: NDArray[Any]) -> NDArray[Any]:
+def srgb_to_linear(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """The inverse of the sRGB curve (IEC 61966-2-1); any shape, 0 to 1."""
     return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4)
 
 
-def linear_to_srgb(values: NDArray[Any]) -> NDArray[Any]:
+def linear_to_srgb(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """The sRGB curve (IEC 61966-2-1); any shape, clipped to 0 to 1."""
     values = np.clip(values, 0, 1)
     return np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)

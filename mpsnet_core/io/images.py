@@ -21,6 +21,7 @@ from mpsnet_core.io.raw import read_raw
 
 log = logging.getLogger(__name__)
 
+T = TypeVar("T", bound=np.generic)
 _Kind = TypeVar("_Kind")
 
 Encoding = Literal["auto", "linear", "srgb"]
@@ -208,7 +209,7 @@ def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 def read_data(
     path: str | os.PathLike[str], layer: str | None = None
-) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Read three channels of data (normals), (H, W, 3) float32 without any curve, and alpha or None."""
     image = read_image(path, encoding="linear", layer=layer)
     return image.pixels, image.alpha
@@ -549,7 +550,7 @@ def _is_float(spec: Any) -> bool:
     return spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 
 
-def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
+def _upright(values: NDArray[T], spec: Any) -> NDArray[T]:
     """Pixels rotated by the file's EXIF orientation, as viewers display them."""
     orientation = _orientation(spec)
     if orientation >= 5:
@@ -567,7 +568,7 @@ def _orientation(spec: Any) -> int:
     return orientation if 1 <= orientation <= 8 else 1
 
 
-def _on_display_window(values: NDArray[Any], spec: Any) -> NDArray[Any]:
+def _on_display_window(values: NDArray[T], spec: Any) -> NDArray[T]:
     """An EXR's data window may be smaller (a render region) or larger than its display window; fills with zero."""
     top, left = spec.y - spec.full_y, spec.x - spec.full_x
     if (top, left, spec.height, spec.width) == (0, 0, spec.full_height, spec.full_width):

@@ -2,7 +2,7 @@
 
 import importlib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image
+
+T = TypeVar("T", bound=np.generic)
 
 
 def read_raw(path: Path) -> Image:
@@ -111,7 +113,7 @@ def _clipped(raw: Any) -> NDArray[np.bool_]:
     return dilated(clipped, 1)
 
 
-def _upright(values: NDArray[Any], flip: int) -> NDArray[Any]:
+def _upright(values: NDArray[T], flip: int) -> NDArray[T]:
     """Rotated by LibRaw's code: 2 reverses the rows, 1 the columns, and then 4 transposes."""
     if flip & 2:
         values = values[::-1]

@@ -1,8 +1,7 @@
 """Plain-text tables, for the terminal and for reports."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -26,24 +25,25 @@ def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int)
     )
 
 
-def table_of_means(rows: Sequence[Mapping[str, Any]], lines: Sequence[str], column: str, value: str = "mae_deg") -> str:
-    """Mean of `value` over the rows: a line for each combination of the keys `lines`, a column for each `column`.
+def table_of_means(header: Sequence[str], values: Iterable[tuple[tuple[str, ...], str, float | None]]) -> str:
+    """Means of the values, each of which states its line (a cell for each of `header`) and its column.
 
-    The last column is the mean over all rows of its line. Rows without the value do not count.
+    The last column is the mean over all values of its line. None does not count.
     """
-    columns = list(dict.fromkeys(str(row[column]) for row in rows))
-    grouped: dict[tuple[str, ...], dict[str, list[float]]] = {}
-    for row in rows:
-        cells = grouped.setdefault(tuple(str(row[key]) for key in lines), {})
-        if row.get(value) is not None:
-            cells.setdefault(str(row[column]), []).append(row[value])
+    columns: dict[str, None] = {}
+    lines: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for line, column, value in values:
+        columns[column] = None
+        cells = lines.setdefault(line, {})
+        if value is not None:
+            cells.setdefault(column, []).append(value)
     return text_table(
-        [*lines, *columns, "mean"],
+        [*header, *columns, "mean"],
         [
-            [*key, *(mean_cell(cells.get(name, [])) for name in columns), mean_cell([*chain(*cells.values())])]
-            for key, cells in grouped.items()
+            [*line, *(mean_cell(cells.get(name, [])) for name in columns), mean_cell([*chain(*cells.values())])]
+            for line, cells in lines.items()
         ],
-        len(lines),
+        len(header),
     )
 
 

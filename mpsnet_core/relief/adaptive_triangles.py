@@ -6,7 +6,7 @@ there. How wrong it is not to split there is known for each middle beforehand, a
 finer within: so the triangles of any tolerance fit together.
 """
 
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from mpsnet_core.progress import Progress, silent
 LARGEST = 256
 # An outline that is a pixel off counts as much as a surface that is so many pixels off.
 OUTLINE_WEIGHT = 0.5
+
+T = TypeVar("T", bound=np.generic)
 # The number of triangles is met to this share, or as far as so many tolerances come.
 NEAR_ENOUGH, ROUNDS = 0.97, 20
 
@@ -92,7 +94,7 @@ def _across_squares(
     first, middle, last = slice(0, -step, 2 * step), slice(step, None, 2 * step), slice(2 * step, None, 2 * step)
     falling = np.indices(errors[middle, middle].shape).sum(axis=0) % 2 == 0
 
-    def threes(field: NDArray[Any]) -> list[NDArray[Any]]:
+    def threes(field: NDArray[T]) -> list[NDArray[T]]:
         one = np.where(falling, field[first, first], field[first, last])
         other = np.where(falling, field[last, last], field[last, first])
         return [field[middle, middle], one, other]
@@ -104,7 +106,9 @@ def _across_squares(
     errors[middle, middle] = own
 
 
-def _off(values: list[NDArray[Any]], inside: list[NDArray[Any]], outline: np.float32) -> NDArray[np.float32]:
+def _off(
+    values: list[NDArray[np.float32]], inside: list[NDArray[np.bool_]], outline: np.float32
+) -> NDArray[np.float32]:
     """How far middles are off the line between their ends; `outline` where the mask's edge runs between the three.
 
     values, inside: of the middles, of one end and of the other.

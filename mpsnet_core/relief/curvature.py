@@ -73,15 +73,21 @@ def curvature(
         sharp[rows] = _divergence(normals, camera, depth if perspective else None, rows)
     if radius == 0:
         return sharp
-    radius = min(radius, max(height, width))
+    return _averaged(sharp, normals.mask, min(radius, max(height, width)), progress)
+
+
+def _averaged(
+    sharp: NDArray[np.float32], mask: NDArray[np.bool_], radius: int, progress: Progress
+) -> NDArray[np.float32]:
+    """The curvatures averaged over squares of several sizes, up to the radius."""
     radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
-    summed = np.zeros((height, width), np.float32)
+    summed = np.zeros(mask.shape, np.float32)
     for number, reach in enumerate(radii):
         progress(0.5 + 0.5 * number / len(radii), "curvature")
         total = box_sums(sharp, reach)
-        total /= np.maximum(box_sums(normals.mask.astype(np.float32), reach), 1)
+        total /= np.maximum(box_sums(mask.astype(np.float32), reach), 1)
         summed += (reach / sum(radii) * total).astype(np.float32)
-    return np.where(normals.mask, summed, np.float32(0))
+    return np.where(mask, summed, np.float32(0))
 
 
 def check_curvature(radius: int, limit: float | None = None) -> None:
@@ -156,7 +162,7 @@ def _divergence(
     return np.where(normals.mask[rows], found, 0).astype(np.float32)
 
 
-def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArray[Any]:
+def _gradient(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_], axis: int) -> NDArray[np.floating[Any]]:
     """How values (H, W, C) grow from one pixel to the next: the mean of both sides, or the one that is in the mask."""
     values, mask = values.swapaxes(0, axis), mask.swapaxes(0, axis)
     known = mask[1:] & mask[:-1]
@@ -165,5 +171,5 @@ def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArr
     for side in (slice(1, None), slice(None, -1)):
         total[side] += steps
         count[side] += known
-    mean: NDArray[Any] = total / np.maximum(count, 1)[..., None]
+    mean: NDArray[np.floating[Any]] = total / np.maximum(count, 1)[..., None]
     return mean.swapaxes(0, axis)

@@ -56,7 +56,7 @@ class HeightMap:
         object.__setattr__(self, "values", np.where(mask, values, np.float32(0)))
         object.__setattr__(self, "mask", mask)
 
-    def points(self) -> NDArray[Any]:
+    def points(self) -> NDArray[np.floating[Any]]:
         """(H, W, 3) points in camera space; without meaning outside the mask."""
         return self.camera.points(-self.values)
 

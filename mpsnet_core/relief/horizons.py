@@ -134,7 +134,7 @@ def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
     return gradients
 
 
-def _at(cell: tuple[int, ...], offset: NDArray[Any]) -> tuple[tuple[int, int], tuple[int, int]]:
+def _at(cell: tuple[int, ...], offset: NDArray[np.number[Any]]) -> tuple[tuple[int, int], tuple[int, int]]:
     """Which cell the pixels lie in that are an offset (to the right, up) away, and how far on (right, down) there."""
     row, column = cell[0] - int(offset[1]), cell[1] + int(offset[0])
     return (row % BLOCK, column % BLOCK), (column // BLOCK, row // BLOCK)

@@ -193,25 +193,27 @@ def _averaged(
         means = np.empty_like(found)
         lines: list[NDArray[Any]] = [np.moveaxis(part, axis, 0) for part in (found, means, *parts)]
         for band in bands(lines[0].shape[1]):
-            values, out, *surface, vectors = (line[:, band] for line in lines)
-            out[:] = _means_along(values, tuple(surface), vectors, vectors[..., 1 - axis], np.float32(pixel))
+            values, out, raised, facing_band, mask, vectors = (line[:, band] for line in lines)
+            leaning = vectors[..., 1 - axis]
+            out[:] = _means_along(values, raised, facing_band, mask, vectors, leaning, np.float32(pixel))
         found = means
     return found
 
 
 def _means_along(
     values: NDArray[np.float32],
-    surface: tuple[NDArray[Any], ...],
+    raised: NDArray[np.float32],
+    facing: NDArray[np.float32],
+    mask: NDArray[np.bool_],
     vectors: NDArray[np.float32],
     leaning: NDArray[np.float32],
     pixel: np.float32,
 ) -> NDArray[np.float32]:
     """(N, M) means along the first axis.
 
-    surface: its heights, the normals' part along these and the mask. leaning: the normals' part along the axis; pixel:
-    how long a step is.
+    raised: the heights. facing, leaning: the normals' part along the heights and along the axis. pixel: how long a step
+    is.
     """
-    raised, facing, mask = surface
     counted = np.full(values.shape, 2, np.float32)
     sums = 2 * values
     for apart, count in NEIGHBOURS:

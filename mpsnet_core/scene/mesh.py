@@ -127,7 +127,7 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
         raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
 
 
-def _check_numbers(triangles: NDArray[Any], count: int) -> None:
+def _check_numbers(triangles: NDArray[np.integer[Any]], count: int) -> None:
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
         raise GeometryError("the mesh's triangles name vertices that it does not have; export it again")
 

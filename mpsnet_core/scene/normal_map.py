@@ -73,12 +73,12 @@ class NormalMap:
         object.__setattr__(self, "confidence", trust)
 
 
-def encode(vectors: NDArray[Any], convention: Convention = "opengl") -> NDArray[np.float32]:
+def encode(vectors: NDArray[np.floating[Any]], convention: Convention = "opengl") -> NDArray[np.float32]:
     """Vectors (..., 3) as colours 0.5 + 0.5 n; for DirectX green is -y."""
     return (0.5 + 0.5 * np.asarray(vectors, np.float32) * _signs(convention)).astype(np.float32)
 
 
-def decode(colours: NDArray[Any], convention: Convention = "opengl") -> NDArray[np.float32]:
+def decode(colours: NDArray[np.floating[Any]], convention: Convention = "opengl") -> NDArray[np.float32]:
     """Colours (..., 3) back to unit vectors; the inverse of :func:`encode`."""
     return normalised((np.asarray(colours, np.float32) * 2 - 1) * _signs(convention))
 

@@ -31,8 +31,8 @@ _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5)
 def sample_from_cycles(
     path: str | os.PathLike[str],
     recipe: Recipe,
-    vertices: NDArray[Any],
-    triangles: NDArray[Any],
+    vertices: NDArray[np.floating[Any]],
+    triangles: NDArray[np.integer[Any]],
     renderer: str,
 ) -> Sample:
     """The sample in the multi-layer EXR that Blender 4.5 or later wrote for a recipe.
@@ -119,8 +119,8 @@ def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path)
 def _traced(
     recipe: Recipe,
     scene: RayScene,
-    vertices: NDArray[Any],
-    triangles: NDArray[Any],
+    vertices: NDArray[np.floating[Any]],
+    triangles: NDArray[np.integer[Any]],
     normals: NDArray[np.float32],
     covered: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Points = NDArray[np.floating[Any]]
 # Points worked on at once: their temporaries stay in the processor's cache.
 _CHUNK = 1 << 13
 _AXES = (np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D))
 _SCALE = np.float32(1.6)
 
 
-def gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
+def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     """Smooth noise with features of about a unit of length: (N, 3) points to (N,) values, about -1 to 1, mean 0.
 
     Improved Perlin noise (Perlin 2002) with a continuous second derivative, with 256 unit gradients. The lattice is
@@ -27,7 +28,7 @@ def gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
     return values
 
 
-def fractal_noise(points: NDArray[Any], seed: int, octaves: int = 4) -> NDArray[np.float32]:
+def fractal_noise(points: Points, seed: int, octaves: int = 4) -> NDArray[np.float32]:
     """Sum of `octaves` gradient noises, each twice as fine and half as strong: (N, 3) points to (N,) values.
 
     As strong as one gradient noise whatever the number of octaves: the values lie in about -1 to 1.
@@ -43,7 +44,7 @@ def fractal_noise(points: NDArray[Any], seed: int, octaves: int = 4) -> NDArray[
     return total
 
 
-def voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+def voronoi(points: Points, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
     """Cells about a unit wide around random centres (Worley 1996), for (N, 3) points.
 
     Returns (N,) a number of each point's cell, 0 to 2³² - 1, spread evenly; (N,) the number of the neighbour whose
@@ -61,7 +62,7 @@ def _chunks(count: int) -> Iterator[slice]:
     return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
 
 
-def _gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
+def _gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     # Along each axis: the two neighbours' hashes, the offsets from them and the weight of the farther one.
@@ -79,7 +80,7 @@ def _gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
     return scaled
 
 
-def _voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
+def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     count = len(points)
@@ -109,7 +110,7 @@ def _voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.uint32], NDArr
     return numbers[nearest, every], numbers[closest, every], border[closest, every]
 
 
-def _lattice(points: NDArray[Any], seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
+def _lattice(points: Points, seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
     """Lattice cells (modulo 2³²) and the places in them, per axis, after the seed's turn and shift."""
     turn, shift = _frame(seed)
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))

@@ -12,7 +12,7 @@ from synthetic import degrees_between, diligent_object, mat_file
 
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS, Diligent, read_diligent, read_truth
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
-from mpsnet_core.learning.evaluation.measure import measure
+from mpsnet_core.learning.evaluation.measure import Row, measure
 from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
 
 COLOURED = (0.3, 0.2, 0.1)
@@ -50,8 +50,8 @@ def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Pat
     for result in results.values():
         error = degrees_between(result.estimate.vectors, sphere.normals)[sphere.mask]
         assert result.mae_deg == pytest.approx(error.mean(), abs=1e-4)
-        assert result.row()["mae_deg"] == pytest.approx(error.mean(), abs=1e-4)
-        assert result.row()["median_deg"] == pytest.approx(np.median(error), abs=1e-4)
+        assert result.row().mae_deg == pytest.approx(error.mean(), abs=1e-4)
+        assert result.row().errors["median_deg"] == pytest.approx(np.median(error), abs=1e-4)
     lit = {key: degrees_between(r.estimate.vectors, sphere.normals)[sphere.lit].mean() for key, r in results.items()}
     assert max(lit["ball", protocol] for protocol in CHANNELS) < 0.02
     assert lit["cow", "white"] < 0.02 < 5 < lit["cow", "published"] < lit["cow", "separated"]
@@ -66,9 +66,9 @@ def test_only_the_objects_asked_for_are_measured(tmp_path: Path) -> None:
     assert test.skipped() == ["absent, skipped: cat"]
 
 
-def row(name: str, lights: tuple[int, ...], protocol: str, error: float) -> dict[str, object]:
+def row(name: str, lights: tuple[int, ...], protocol: str, error: float) -> Row:
     labels = {"object": name, "lights": list(lights), "protocol": protocol, "model": "ours"}
-    return {**labels, "mae_deg": error}
+    return Row(labels, 1, {"mae_deg": error})
 
 
 def test_the_paper_stands_beside_what_was_measured_by_its_own_protocol(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_the_paper_stands_beside_what_was_measured_by_its_own_protocol(tmp_path:
             ["baseline", "figure", "8", "-", "15.80", "15.80"],
         )
     ]
-    assert test.published([r for r in rows if r["protocol"] != "published"]) == []
+    assert test.published([r for r in rows if r.labels["protocol"] != "published"]) == []
 
 
 PUBLISHED = {
@@ -119,6 +119,12 @@ def test_the_baseline_on_the_photographs(diligent: Path, tmp_path: Path, mpsnet:
     done = mpsnet("evaluate", "diligent", diligent, "--model", "lambertian", "--lights", "48,1,96", "--json", out)
     assert (done.returncode, done.stderr) == (0, "")
     data = json.loads(out.read_text())
+    assert list(data) == ["rows", "published", "confidence", "skipped"]
+    labels, figures = ["object", "lights", "protocol", "model", "magnify"], ["mae_deg", "median_deg"]
+    ranks = ["confidence_rank_correlation", "confidence_decile_deg"]
+    assert list(data["rows"][0]) == [*labels, *figures, "bright_facing_mae_deg", *ranks]
+    assert list(data["published"][0]) == ["object", "lights", "model", "mae_deg", "source", "protocol"]
+    assert list(data["confidence"][0]) == ["model", "rank_correlation", "error_deg"]
     found: dict[str, dict[str, float]] = {name: {} for name in PUBLISHED}
     for row in data["rows"]:
         assert (row["model"], row["lights"]) == ("lambertian", [48, 1, 96])

@@ -51,9 +51,9 @@ def test_photos_are_pooled() -> None:
         pool.add("net", np.full(100, level, np.float32), np.full(100, error, np.float32))
     pool.add("certain", np.ones(100, np.float32), np.arange(100, dtype=np.float32))
     (row,) = pool.calibration()
-    assert (row["model"], row["rank_correlation"]) == ("net", pytest.approx(1))
-    assert row["error_deg"] == pytest.approx([5] * 5 + [50] * 5)
-    assert row["expected_deg"] == pytest.approx([9] * 5 + [45] * 5, abs=1e-3)
+    assert (row.model, row.rank_correlation) == ("net", pytest.approx(1))
+    assert row.error_deg == pytest.approx([5] * 5 + [50] * 5)
+    assert row.expected_deg == pytest.approx([9] * 5 + [45] * 5, abs=1e-3)
 
 
 def test_a_networks_confidence_is_told(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_a_networks_confidence_is_told(tmp_path: Path) -> None:
     model = write_model(tmp_path / "faces.onnx", nodes, weights, card(), outputs=outputs)
     test = Diligent(tmp_path / "pmsData", lights=[(1, 2, 3)], protocols=["separated"])
     told = evaluate(test, [str(model)], report=tmp_path / "report.html")
-    (row,), (calibration,) = told["rows"], told["confidence"]
+    (row,), (calibration,) = told.rows, told.confidence
     case = test.cases[0]()
     light = np.linalg.solve(case.capture.rig.directions, case.capture.image[case.scored].T).T
     light /= np.linalg.norm(light, axis=1, keepdims=True)
@@ -78,4 +78,4 @@ def test_a_networks_confidence_is_told(tmp_path: Path) -> None:
     expected = [90 * (1 - light[part, 2]).mean() for part in np.array_split(order, 10)]
     assert calibration["expected_deg"] == pytest.approx(expected, abs=0.1)
     assert "Calibration" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert f"{calibration['rank_correlation']:.2f}" in told["text"]
+    assert f"{calibration['rank_correlation']:.2f}" in told.text

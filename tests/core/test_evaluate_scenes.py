@@ -64,8 +64,8 @@ def test_materials_are_told_apart_by_what_the_baseline_cannot_know(tmp_path: Pat
     fits = matt_fits(tmp_path / "fits.npz", grey=(0.3, 0.3, 0.3), red=(0.6, 0.1, 0.1), rust=(0.4, 0.25, 0.2))
     test = Materials(fits, protocols=["separated", "white"], size=SIZE)
     told = evaluate(test, ["lambertian-grey-world"], report=tmp_path / "report.html")
-    assert {row["model"] for row in told["rows"]} == {"lambertian", "lambertian-grey-world"}
-    found = errors([row for row in told["rows"] if row["model"] == "lambertian"], "material", "protocol")
+    assert {row["model"] for row in told.rows} == {"lambertian", "lambertian-grey-world"}
+    found = errors([row for row in told.rows if row["model"] == "lambertian"], "material", "protocol")
     assert found["grey", "separated"] == pytest.approx(found["grey", "white"], abs=1e-3)
     assert found["red", "white"] == pytest.approx(found["grey", "white"], abs=0.3)
     assert 3 * found["grey", "separated"] < found["rust", "separated"] < found["red", "separated"]
@@ -75,7 +75,7 @@ def test_materials_are_told_apart_by_what_the_baseline_cannot_know(tmp_path: Pat
     first = page[page.index("<svg") : page.index("</svg>")]
     titles = [part.partition(":")[0] for part in first.split("<title>")[1:]]
     assert titles[:3] == ["grey", "rust", "red"]
-    separated = next(line.split() for line in told["text"].splitlines() if line.startswith("separated  lambertian "))
+    separated = next(line.split() for line in told.text.splitlines() if line.startswith("separated  lambertian "))
     mean, held_out, _, largest, worst = separated[2:]
     own = [found[name, "separated"] for name in ("grey", "red", "rust")]
     assert [float(value) for value in (mean, held_out, largest)] == pytest.approx(
@@ -157,7 +157,7 @@ def test_colours_of_the_surface_are_those_that_are_rendered() -> None:
 
 def test_a_change_of_colour_alone_moves_the_baseline_unless_colours_are_averaged() -> None:
     told = evaluate(ColourChanges(protocols=["separated", "white"], size=SIZE), ["lambertian", "lambertian-grey-world"])
-    rows = {(r["colouring"], r["protocol"], r["model"]): r for r in told["rows"]}
+    rows = {(r["colouring"], r["protocol"], r["model"]): r for r in told.rows}
     assert len(rows) == 2 * 2 * len(COLOURINGS)
     for model in ("lambertian", "lambertian-grey-world"):
         for protocol in ("separated", "white"):
@@ -169,7 +169,7 @@ def test_a_change_of_colour_alone_moves_the_baseline_unless_colours_are_averaged
     assert moved["red", "white", "lambertian"] < 3 < 30 < moved["red", "separated", "lambertian"]
     assert moved["red", "separated", "lambertian-grey-world"] < 10
     assert moved["hard cells", "white", "lambertian"] < 5 < moved["hard cells", "separated", "lambertian"]
-    line = next(x for x in told["text"].splitlines() if x.startswith("separated  lambertian ") and "moved" in x)
+    line = next(x for x in told.text.splitlines() if x.startswith("separated  lambertian ") and "moved" in x)
     assert f"{moved['red', 'separated', 'lambertian']:.2f}" in line.split()
 
 
@@ -192,7 +192,7 @@ def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
         np.testing.assert_array_equal(one.case.capture.image, other.case.capture.image)
         error = degrees_between(lambertian_normals(one.case.capture).vectors, one.case.truth)[one.case.scored]
         assert one.mae_deg == pytest.approx(error.mean(), abs=1e-3)
-        assert one.row()["shape"] == "blobs"
+        assert one.row().labels["shape"] == "blobs"
     assert len({result.case.capture.image.sum() for (result,) in first}) == 4
 
 
@@ -201,10 +201,10 @@ def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> Non
     from mpsnet_core.learning.evaluation.samples import Samples
 
     told = evaluate(Samples([samples], count=1, magnify=(1, 2)), ["lambertian"])
-    one, two = told["rows"]
+    one, two = told.rows
     assert (one["magnify"], two["magnify"]) == (1, 2)
     assert one["mae_deg"] == pytest.approx(two["mae_deg"], abs=0.05)
-    assert not any("expected_deg" in row for row in told["confidence"]), "equation 2 expects no error of itself"
+    assert not any("expected_deg" in row for row in told.confidence), "equation 2 expects no error of itself"
 
 
 def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
@@ -212,7 +212,7 @@ def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
     from mpsnet_core.learning.evaluation.samples import Samples
 
     (alone,), (beside,) = measure(Samples([samples], count=1, white=True).cases, ["lambertian"])
-    assert (alone.row()["photos"], beside.row()["photos"]) == (1, 2)
+    assert (alone.row().labels["photos"], beside.row().labels["photos"]) == (1, 2)
     assert alone.case.capture.white is None and beside.case.capture.white is not None
     np.testing.assert_array_equal(alone.case.truth, beside.case.truth)
     # The same camera, lights and exposure; the noise alone is drawn anew.

@@ -85,7 +85,7 @@ def test_fine_relief_counts_where_all_lights_reach_and_the_object_is_all_around(
 def test_equation_2_is_right_where_all_lights_reach_a_statue_and_magnified_too(bumpy: Path, tmp_path: Path) -> None:
     test = Statues([bumpy.parent], views=2, tilts=[90, 101], magnify=[1, 2, 5], size=SIZE)
     told = evaluate(test, ["lambertian"], report=tmp_path / "report.html")
-    rows = {(row["view"], row["tilt"], row["magnify"]): row for row in told["rows"]}
+    rows = {(row["view"], row["tilt"], row["magnify"]): row for row in told.rows}
     assert sorted(rows) == [(view, tilt, times) for view in (1, 2) for tilt in (90, 101) for times in (1, 2, 5)]
     for (view, tilt, _), row in rows.items():
         assert (row["object"], row["model"]) == ("bumpy", "lambertian")
@@ -93,7 +93,7 @@ def test_equation_2_is_right_where_all_lights_reach_a_statue_and_magnified_too(b
         assert row["fine_relief"] == pytest.approx(1, abs=0.01)
         for key in ("mae_deg", "lit_mae_deg", "elsewhere_mae_deg"):
             assert row[key] == pytest.approx(rows[view, tilt, 1][key], abs=0.3)
-    lines = told["text"].splitlines()
+    lines = told.text.splitlines()
     relief = next(line for line in lines if line.startswith("lambertian ×5") and "fine relief" in line)
     assert relief.split()[-2:] == ["1.00", "1.00"]
 

@@ -31,12 +31,9 @@ from mpsnet_core.scene.pictures import (
 
 
 def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:
-    rows = [
-        {"model": "lambertian", "protocol": "white", "object": name, "mae_deg": error}
-        for name, error in (("ball", 6.333), ("cat", 11.001), ("cat", 12.5))
-    ]
-    rows.append({"model": "ours", "protocol": "white", "object": "cat", "mae_deg": 4.0})
-    assert [line.split() for line in table_of_means(rows, ("model", "protocol"), "object").splitlines()] == [
+    white = ("lambertian", "white")
+    values = [(white, "ball", 6.333), (white, "cat", 11.001), (white, "cat", 12.5), (("ours", "white"), "cat", 4.0)]
+    assert [line.split() for line in table_of_means(("model", "protocol"), values).splitlines()] == [
         ["model", "protocol", "ball", "cat", "mean"],
         ["lambertian", "white", "6.33", "11.75", "9.94"],
         ["ours", "white", "-", "4.00", "4.00"],

@@ -32,7 +32,7 @@ def test_a_stopped_evaluation_goes_on(tmp_path: Path) -> None:
     done = {path: path.read_bytes() for path in runs.iterdir()}
     assert 3 <= len(done) < 10
     answer = evaluate_patch_sizes([samples], [samples], runs, **told)
-    rows = {(row["input"], row["patch"]): row for row in answer["rows"]}
+    rows = {(row["input"], row["patch"]): row for row in answer.rows}
     assert set(rows) == {(words, side) for words, errors in TABLE_1.items() for side in errors}
     assert all(0 < row["mae_deg"] < row["highest_deg"] <= 180 for row in rows.values())
     assert all(row["patches"] == 90 for row in rows.values())

@@ -1,8 +1,8 @@
 """Colour: one smooth shape in many colours; the error at their edges, and the effect of a change of colour alone."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
-from mpsnet_core.learning.evaluation.measure import Case, Result
+from mpsnet_core.learning.evaluation.measure import Case, Result, Row
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -56,16 +56,17 @@ class ColourChanges(Evaluation):
         self._white: dict[tuple[str, str], NDArray[np.float32]] = {}
         self.cases = [partial(_case, name, protocol, size) for name in COLOURINGS for protocol in protocols]
 
-    def rows(self, results: Sequence[Result]) -> list[dict[str, Any]]:
+    def rows(self, results: Sequence[Result]) -> list[Row]:
         """Rows that also have "moved_deg": the mean angle between this estimate and that of the same shape in white."""
         rows = []
         for result, row in zip(results, super().rows(results), strict=True):
-            white = self._white.setdefault((row["protocol"], result.model), result.estimate.vectors)
+            white = self._white.setdefault((row.labels["protocol"], result.model), result.estimate.vectors)
             moved = angular_error(result.estimate.vectors, white)[result.case.scored].mean()
-            rows.append({**row, "moved_deg": round(float(moved), 4)} if row["colouring"] != "white" else row)
+            further = {"moved_deg": round(float(moved), 4)} if row.labels["colouring"] != "white" else {}
+            rows.append(replace(row, further=further))
         return rows
 
-    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+    def table(self, rows: Sequence[Row]) -> str:
         """A line for each protocol, model and measure, a column for each colouring."""
         measures = {
             "error": "mae_deg",
@@ -75,7 +76,7 @@ class ColourChanges(Evaluation):
         }
         return table_of_measures(rows, ("protocol", "model"), measures, "colouring")
 
-    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def notes(self, rows: Sequence[Row]) -> list[str]:
         """Definitions of the measures."""
         return [
             f"near edges: within {NEAR} pixels of neighbouring pixels whose surface colours, by the recipe, "

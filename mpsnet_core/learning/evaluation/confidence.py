@@ -1,6 +1,6 @@
 """Confidence against error: how well a model predicts its errors."""
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ GROUPS = 10
 PIXELS_A_PHOTO = 4096
 
 
-def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArray[np.float64]:
+def error_by_confidence(confidence: NDArray[np.floating[Any]], error: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(10,) mean errors of ten equally large groups of pixels, those of the highest confidence first.
 
     Pixels of equal confidence, which have no order, share their mean error.
@@ -22,6 +22,32 @@ def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArra
     _, place, count = np.unique(-confidence, return_inverse=True, return_counts=True)
     shared = np.repeat(np.bincount(place.reshape(-1), error.astype(np.float64)) / count, count)
     return np.array([group.mean() for group in np.array_split(shared, GROUPS)])
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """How well a model's confidence predicts its error.
+
+    rank_correlation: of 1 - confidence and error. error_deg: ten mean errors, of the most trusted pixels first.
+    expected_deg: the errors that the model expected of the same groups, 90° · (1 - confidence); None for the baselines,
+    whose confidence is the share of lights that reach a pixel.
+    """
+
+    model: str
+    rank_correlation: float
+    error_deg: list[float]
+    expected_deg: list[float] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The calibration as ``--json`` writes it."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+    def lines(self) -> list[list[str]]:
+        """Lines of a table: model, correlation, measure, ten groups."""
+        lines = [[self.model, f"{self.rank_correlation:.2f}", "error", *(f"{mean:.1f}" for mean in self.error_deg)]]
+        if self.expected_deg:
+            lines.append(["", "", "expected", *(f"{mean:.1f}" for mean in self.expected_deg)])
+        return lines
 
 
 class ConfidencePool:
@@ -35,33 +61,17 @@ class ConfidencePool:
         step = -(-len(error) // PIXELS_A_PHOTO)
         self._pixels.setdefault(model, []).append(np.stack([confidence[::step], error[::step]]))
 
-    def calibration(self) -> list[dict[str, Any]]:
-        """A row for each model whose confidence varies, over all photos' pixels together.
-
-        "rank_correlation": of 1 - confidence and error. "error_deg": ten mean errors, of the most trusted pixels first.
-        "expected_deg": the errors that the model expected of the same groups, 90° · (1 - confidence); networks only, as
-        the baselines' confidence is the share of lights that reach a pixel.
-        """
-        rows = []
+    def calibration(self) -> list[Calibration]:
+        """That of each model whose confidence varies, over all photos' pixels together."""
+        found = []
         for model, parts in self._pixels.items():
             confidence, error = np.concatenate(parts, axis=1)
             correlation = rank_correlation(1 - confidence, error)
             if correlation is None:
                 continue
-            row: dict[str, Any] = {
-                "model": model,
-                "rank_correlation": round(correlation, 4),
-                "error_deg": error_by_confidence(confidence, error).round(4).tolist(),
-            }
+            expected = None
             if model.split(" ×")[0] not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):  # magnified or not
-                row["expected_deg"] = error_by_confidence(confidence, 90 * (1 - confidence)).round(4).tolist()
-            rows.append(row)
-        return rows
-
-
-def calibration_lines(row: Mapping[str, Any]) -> list[list[str]]:
-    """A row of :meth:`ConfidencePool.calibration` as lines of a table: model, correlation, measure, ten groups."""
-    lines = [[row["model"], f"{row['rank_correlation']:.2f}", "error", *(f"{mean:.1f}" for mean in row["error_deg"])]]
-    if "expected_deg" in row:
-        lines.append(["", "", "expected", *(f"{mean:.1f}" for mean in row["expected_deg"])])
-    return lines
+                expected = error_by_confidence(confidence, 90 * (1 - confidence)).round(4).tolist()
+            means = error_by_confidence(confidence, error).round(4).tolist()
+            found.append(Calibration(model, round(correlation, 4), means, expected))
+        return found

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,16 @@ from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
-from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
-from mpsnet_core.learning.evaluation.measure import Case
-from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS, Lights, diligent_figures
+from mpsnet_core.learning.evaluation.measure import Case, Row
+from mpsnet_core.learning.evaluation.published import (
+    OBJECTS,
+    PUBLISHED_LIGHTS,
+    DiligentFigure,
+    Lights,
+    diligent_figures,
+)
 from mpsnet_core.scene.rig import LightRig
 
 # How a white photograph's R, G, B make up one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
@@ -118,38 +124,42 @@ class Diligent(Evaluation):
             for times in magnify
         ]
 
-    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+    def table(self, rows: Sequence[Row]) -> str:
         """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below.
 
         Below that a line for each protocol and model, over the bright pixels that face all lights.
         """
-        lines: list[dict[str, Any]] = []
-        for protocol in dict.fromkeys(row["protocol"] for row in rows):
-            published = self.published(rows) if protocol == "published" else []
-            table_2, figure_8 = ([r for r in published if bool(r["lights"]) == named] for named in (True, False))
-            measured = [row for row in rows if row["protocol"] == protocol]
-            for model in dict.fromkeys(row["model"] for row in measured):
-                lines += _with_means([row for row in measured if row["model"] == model])
-            lines += _with_means([{**row, "model": f"paper: {row['model']}"} for row in table_2])
-            lines += [{**row, "model": f"paper: {row['model']}", "lights": "figure 8"} for row in figure_8]
-        table = table_of_means(lines, ("protocol", "model", "lights"), "object")
-        if not any(BRIGHT_FACING in row for row in rows):
+        lines: list[Row] = []
+        for protocol in dict.fromkeys(row.labels["protocol"] for row in rows):
+            measured = [row for row in rows if row.labels["protocol"] == protocol]
+            for model in dict.fromkeys(row.labels["model"] for row in measured):
+                lines += _with_means([row for row in measured if row.labels["model"] == model])
+            paper = self._figures(rows) if protocol == "published" else []
+            lines += _with_means([_row(figure) for figure in paper if figure.lights])
+            lines += [_row(figure).labelled(lights="figure 8") for figure in paper if not figure.lights]
+        table = table_of_errors(lines, ("protocol", "model", "lights"), "object")
+        if all(row.figure(BRIGHT_FACING) is None for row in rows):
             return table
-        bright = table_of_means(rows, ("protocol", "model"), "object", BRIGHT_FACING)
+        bright = table_of_errors(rows, ("protocol", "model"), "object", BRIGHT_FACING)
         return f"{table}\n\nwhere the true normal faces all three lights and no channel is dark\n{bright}"
 
-    def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
         """The paper's table 2 and figure 8 of the objects and lights measured; under its own protocol only."""
-        if not any(row["protocol"] == "published" for row in rows):
-            return []
-        return diligent_figures(list(dict.fromkeys(row["object"] for row in rows)), self.lights)
+        return [asdict(figure) for figure in self._figures(rows)]
 
-    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def _figures(self, rows: Sequence[Row]) -> list[DiligentFigure]:
+        if not any(row.labels["protocol"] == "published" for row in rows):
+            return []
+        return diligent_figures(list(dict.fromkeys(row.labels["object"] for row in rows)), self.lights)
+
+    def notes(self, rows: Sequence[Row]) -> list[str]:
         """The source of the paper's figures, and known damage of the data."""
         notes = []
-        if self.published(rows):
+        if self._figures(rows):
             notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
-        damaged = any(row["object"] == "bear" and min(row["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows)
+        damaged = any(
+            row.labels["object"] == "bear" and min(row.labels["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows
+        )
         if damaged:
             notes.append(
                 f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are known to be damaged; they are used here"
@@ -175,11 +185,16 @@ def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) 
 _truth = lru_cache(maxsize=1)(read_truth)
 
 
-def _with_means(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _with_means(rows: Sequence[Row]) -> list[Row]:
     """One model's rows, and once more as those of all triples, where there are several."""
-    lines = [{**row, "lights": ",".join(map(str, row["lights"]))} for row in rows]
-    triples = len({line["lights"] for line in lines})
-    return lines + [{**line, "lights": f"mean of {triples}"} for line in lines if triples > 1]
+    lines = [row.labelled(lights=",".join(map(str, row.labels["lights"]))) for row in rows]
+    triples = len({line.labels["lights"] for line in lines})
+    return lines + [line.labelled(lights=f"mean of {triples}") for line in lines if triples > 1]
+
+
+def _row(figure: DiligentFigure) -> Row:
+    labels = {"object": figure.object, "lights": figure.lights, "protocol": figure.protocol}
+    return Row({**labels, "model": f"paper: {figure.model}"}, 1, {"mae_deg": figure.mae_deg})
 
 
 def _text(path: Path) -> str:

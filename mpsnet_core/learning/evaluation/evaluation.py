@@ -9,9 +9,10 @@ from typing import Any
 from mpsnet_core.io.files import writable_path, write_json, written_together
 from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.confidence import GROUPS, ConfidencePool, calibration_lines
+from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
 from mpsnet_core.learning.evaluation.magnify import magnified_name
-from mpsnet_core.learning.evaluation.measure import Case, Result, chosen_models, measure
+from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, measure
+from mpsnet_core.learning.evaluation.measured import Measured
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.progress import Progress, silent
 
@@ -26,23 +27,23 @@ class Evaluation(ABC):
     cases: Sequence[Callable[[], Case]]
     always: tuple[str, ...] = ()
 
-    def rows(self, results: Sequence[Result]) -> list[dict[str, Any]]:
+    def rows(self, results: Sequence[Result]) -> list[Row]:
         """One case's results, one for each model, as rows. Called for the cases in their order."""
         return [result.row() for result in results]
 
     @abstractmethod
-    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+    def table(self, rows: Sequence[Row]) -> str:
         """All rows as text."""
 
-    def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-        """The paper's figures, to compare with these rows."""
+    def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
+        """The paper's figures as ``--json`` writes them, to compare with these rows."""
         return []
 
-    def charts(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def charts(self, rows: Sequence[Row]) -> list[str]:
         """SVG elements for the page."""
         return []
 
-    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def notes(self, rows: Sequence[Row]) -> list[str]:
         """Notes below the table, a sentence each."""
         return []
 
@@ -58,8 +59,8 @@ def evaluate(
     json: str | os.PathLike[str] | None = None,
     report: str | os.PathLike[str] | None = None,
     progress: Progress = silent,
-) -> dict[str, Any]:
-    """Run a test. Returns "rows", "published", "confidence", "skipped" (plain data), and "text" for the terminal.
+) -> Measured:
+    """Run a test.
 
     models: names or files, "all" for the whole shelf. json: a file for all but the text. report: an HTML page.
 
@@ -67,7 +68,7 @@ def evaluate(
     """
     if json:
         writable_path(json)
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     pool = ConfidencePool()
     with open_report(report) if report else nullcontext() as page:
         # One case at a time: the photos, normals and truths of all would be gigabytes.
@@ -80,44 +81,56 @@ def evaluate(
             if page:
                 page.add(results)
         confidence = pool.calibration()
-        data = {
-            "rows": rows,
-            "published": evaluation.published(rows),
-            "confidence": confidence,
-            "skipped": evaluation.skipped(),
-        }
-        named = [{**row, "model": magnified_name(row["model"], row["magnify"])} for row in rows]
+        named = [row.labelled(model=magnified_name(row.labels["model"], row.magnify)) for row in rows]
         table = "\n\n".join(
             ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(confidence)]
         )
-        notes = [*evaluation.notes(rows), *evaluation.skipped()]
+        skipped = evaluation.skipped()
+        notes = [*evaluation.notes(rows), *skipped]
+        measured = Measured(
+            rows=[row.to_json() for row in rows],
+            published=evaluation.published(rows),
+            confidence=[calibration.to_json() for calibration in confidence],
+            skipped=skipped,
+            text="\n".join([table, *notes]),
+        )
         with written_together():
             if json:
-                write_json(json, data)
+                write_json(json, measured.data())
             if page:
                 page.write(evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(confidence)])
-    return {**data, "text": "\n".join([table, *notes])}
+    return measured
 
 
-def table_of_measures(
-    rows: Sequence[dict[str, Any]], lines: Sequence[str], measures: Mapping[str, str], column: str
-) -> str:
-    """Means of several measures (their keys by their names in the table), a line for each; see
-    :func:`mpsnet_core.io.text_table.table_of_means`."""
-    values = [{**row, "measure": name, "value": row.get(key)} for row in rows for name, key in measures.items()]
-    return table_of_means(values, (*lines, "measure"), column, "value")
+def table_of_errors(rows: Sequence[Row], lines: Sequence[str], column: str, key: str = "mae_deg") -> str:
+    """Means of one figure of the rows: a line for each combination of the labels `lines`, a column for each `column`.
+
+    See :func:`mpsnet_core.io.text_table.table_of_means`.
+    """
+    return table_of_means(lines, [(row.line(*lines), str(row.labels[column]), row.figure(key)) for row in rows])
 
 
-def _confidence_table(confidence: Sequence[dict[str, Any]]) -> list[str]:
+def table_of_measures(rows: Sequence[Row], lines: Sequence[str], measures: Mapping[str, str], column: str) -> str:
+    """Means of several figures (their keys by their names in the table), a line for each; see
+    :func:`table_of_errors`."""
+    cells = [
+        ((*row.line(*lines), name), str(row.labels[column]), row.figure(key))
+        for row in rows
+        for name, key in measures.items()
+    ]
+    return table_of_means([*lines, "measure"], cells)
+
+
+def _confidence_table(confidence: Sequence[Calibration]) -> list[str]:
     if not confidence:
         return []
     header = ["model", "rank correlation", "", *(str(number + 1) for number in range(GROUPS))]
-    lines = [line for row in confidence for line in calibration_lines(row)]
+    lines = [line for calibration in confidence for line in calibration.lines()]
     return ["confidence against error: tenths of the pixels, the most trusted first\n" + text_table(header, lines, 3)]
 
 
-def _calibration_chart(confidence: Sequence[dict[str, Any]]) -> list[str]:
-    curves = [Curve(row["model"], row["expected_deg"], row["error_deg"]) for row in confidence if "expected_deg" in row]
+def _calibration_chart(confidence: Sequence[Calibration]) -> list[str]:
+    curves = [Curve(one.model, one.expected_deg, one.error_deg) for one in confidence if one.expected_deg]
     if not curves:
         return []
     title = "Calibration: tenths of the pixels by confidence"

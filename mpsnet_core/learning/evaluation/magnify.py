@@ -67,7 +67,7 @@ def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
     )
 
 
-def _magnified(values: NDArray[Any], times: int) -> NDArray[np.float32]:
+def _magnified(values: NDArray[np.floating[Any] | np.bool_], times: int) -> NDArray[np.float32]:
     """Values (h, w, ...) with times - 1 more between each two neighbours, both ways, linear."""
     for axis in (0, 1):
         lines = np.moveaxis(values.astype(np.float32), axis, 0)

@@ -1,8 +1,8 @@
 """Measuring: models against photos whose true normals are known."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,46 @@ class Case:
 
 
 @dataclass(frozen=True)
+class Row:
+    """One model's figures on a case, angles in degrees.
+
+    labels: the case's, and "model". errors: "mae_deg", "median_deg", and "NAME_deg" for each region that has pixels.
+    rank_correlation: Spearman's, of 1 - confidence and error, and decile_deg: the mean errors of ten equally large
+    groups of pixels, the most trusted first; None where the confidence does not vary. further: what only some tests
+    measure.
+    """
+
+    labels: Mapping[str, Any]
+    magnify: int
+    errors: Mapping[str, float]
+    rank_correlation: float | None = None
+    decile_deg: list[float] | None = None
+    further: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def mae_deg(self) -> float:
+        return self.errors["mae_deg"]
+
+    def figure(self, key: str) -> float | None:
+        """One of the errors or of the further figures, None where the row has none."""
+        return self.errors.get(key, self.further.get(key))
+
+    def line(self, *keys: str) -> tuple[str, ...]:
+        """The labels of these keys as text."""
+        return tuple(str(self.labels[key]) for key in keys)
+
+    def labelled(self, **labels: str) -> "Row":
+        """The same figures under other labels, or more."""
+        return replace(self, labels={**self.labels, **labels})
+
+    def to_json(self) -> dict[str, Any]:
+        """The row as ``--json`` writes it: all in one object."""
+        ranked = {"confidence_rank_correlation": self.rank_correlation, "confidence_decile_deg": self.decile_deg}
+        known = {} if self.rank_correlation is None else ranked
+        return {**self.labels, "magnify": self.magnify, **self.errors, **known, **self.further}
+
+
+@dataclass(frozen=True)
 class Result:
     """One model's answer to a case. error: (H, W) angular error in degrees, zero where nothing is scored."""
 
@@ -69,31 +109,20 @@ class Result:
         """Mean angular error over the scored pixels, in degrees."""
         return float(self.error[self.case.scored].mean(dtype=np.float64))
 
-    def row(self) -> dict[str, Any]:
-        """The result as a row of the table that ``--json`` writes.
-
-        Beside the case's labels, the model and "magnify": "mae_deg", "median_deg", "NAME_deg" for each region that has
-        pixels, and for models whose confidence varies "confidence_rank_correlation" (Spearman's, of 1 - confidence and
-        error) and "confidence_decile_deg", the mean errors of ten equally large groups of pixels, the most trusted
-        first.
-        """
+    def row(self) -> Row:
+        """The result's figures, rounded."""
         scored = self.case.scored
         error, confidence = self.error[scored], self.estimate.confidence[scored]
-        row = {
-            **self.case.labels,
-            "model": self.model,
-            "magnify": self.case.magnify,
-            "mae_deg": _rounded(error.mean(dtype=np.float64)),
-            "median_deg": _rounded(np.median(error)),
-        }
+        errors = {"mae_deg": _rounded(error.mean(dtype=np.float64)), "median_deg": _rounded(np.median(error))}
         for name, region in self.case.regions.items():
             if (region & scored).any():
-                row[f"{name}_deg"] = _rounded(self.error[region & scored].mean(dtype=np.float64))
+                errors[f"{name}_deg"] = _rounded(self.error[region & scored].mean(dtype=np.float64))
+        row = Row({**self.case.labels, "model": self.model}, self.case.magnify, errors)
         correlation = rank_correlation(1 - confidence, error)
-        if correlation is not None:
-            row["confidence_rank_correlation"] = _rounded(correlation)
-            row["confidence_decile_deg"] = [_rounded(mean) for mean in error_by_confidence(confidence, error)]
-        return row
+        if correlation is None:
+            return row
+        deciles = [_rounded(mean) for mean in error_by_confidence(confidence, error)]
+        return replace(row, rank_correlation=_rounded(correlation), decile_deg=deciles)
 
 
 def chosen_models(names: Sequence[str]) -> list[str]:
@@ -132,5 +161,5 @@ def _format(value: object) -> str:
     return "-".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
-def _rounded(value: Any) -> float:
+def _rounded(value: SupportsFloat) -> float:
     return round(float(value), 4)

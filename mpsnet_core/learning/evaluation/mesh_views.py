@@ -4,11 +4,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from mpsnet_core.errors import FileError
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, published_view
-from mpsnet_core.synthesis.recipe import Material, Recipe
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, NO_PATTERN, published_view
+from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
@@ -27,11 +26,13 @@ class MeshView:
     turn: float
 
     @property
-    def labels(self) -> dict[str, Any]:
+    def labels(self) -> dict[str, str | int]:
         """Mesh and view, for rows."""
         return {"object": self.file.stem, "view": self.number}
 
-    def recipe(self, materials: tuple[Material, ...], size: int, **changes: Any) -> Recipe:
+    def recipe(
+        self, materials: tuple[Material, ...], size: int, *, pattern: Pattern = NO_PATTERN, bounces: int = 0
+    ) -> Recipe:
         """The mesh's z upwards in the picture, seen from a little above; see :func:`published_view`."""
         standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
         shape = {
@@ -41,7 +42,7 @@ class MeshView:
             "files": [self.file.name],
             "deformed": False,
         }
-        return published_view(shape, materials, size, standing, **changes)
+        return published_view(shape, materials, size, standing, pattern=pattern, bounces=bounces)
 
     def sample(self, recipe: Recipe, merl: str = "") -> Sample:
         """The recipe's sample. merl: where measured materials are. Raises InputError where the mesh is broken."""

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
+from mpsnet_core.learning.evaluation.measured import Measured
 from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Operation, option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import MAX_BOUNCES
 
@@ -28,20 +29,6 @@ def picture_size(default: int) -> Any:
 def mesh_view_count() -> Any:
     """The option that sets how often each mesh is shown."""
     return option(default=MESH_VIEWS, low=1, high=360, help="of each mesh, from all around")
-
-
-@dataclass(frozen=True)
-class Measured(Result):
-    """What a test came to, as plain data.
-
-    rows: what was measured. published: what the paper found. confidence: how well the models' confidence predicts their
-    error. skipped: what was to be measured and is not there.
-    """
-
-    rows: list[dict[str, Any]]
-    published: list[dict[str, Any]]
-    confidence: list[dict[str, Any]] | None = None
-    skipped: list[str] | None = None
 
 
 @dataclass(frozen=True)
@@ -71,8 +58,7 @@ class MeasuresModels(Operation):
             writable_path(self.json)
         if self.output:
             page_path(self.output)
-        outcome = evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
-        return Measured(**outcome)
+        return evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
 
 
 @dataclass(frozen=True)
@@ -241,7 +227,7 @@ class EvaluatePatchSizes(Operation):
         """Train and measure the ten networks, and write rows and report where they are requested."""
         from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
-        outcome = evaluate_patch_sizes(
+        return evaluate_patch_sizes(
             [Path(folder) for folder in self.samples],
             [Path(folder) for folder in self.validation],
             self.runs,
@@ -252,4 +238,3 @@ class EvaluatePatchSizes(Operation):
             report=self.output,
             progress=progress,
         )
-        return Measured(**outcome)

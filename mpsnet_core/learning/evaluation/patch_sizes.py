@@ -8,24 +8,39 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
+from mpsnet_core.learning.evaluation.measured import Measured
 from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer
 from mpsnet_core.learning.training.recipe import TrainingRecipe
-from mpsnet_core.learning.training.validation import validate
+from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, part, silent
 
 SIDES = (1, 3, 5, 7, 9)
 INPUTS = {"image": False, "image and initial normals": True}
 PICTURES_A_STEP, PATCHES_A_PICTURE = 10, 50
+
+
+@dataclass(frozen=True)
+class PatchRow:
+    """One network, as ``--json`` writes it: its error in degrees, and how it was trained and measured."""
+
+    input: str
+    patch: int
+    mae_deg: float
+    highest_deg: float
+    minutes: float
+    width: float
+    steps: int
+    patches: int
 
 
 def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
@@ -55,8 +70,8 @@ def evaluate_patch_sizes(
     json: str | os.PathLike[str] | None = None,
     report: str | os.PathLike[str] | None = None,
     progress: Progress = silent,
-) -> dict[str, Any]:
-    """Train and measure the ten networks. Returns "rows", "published" (plain data), and "text" for the terminal.
+) -> Measured:
+    """Train and measure the ten networks.
 
     runs: a folder for their checkpoints; a cancelled run resumes from them. width: factor of the published numbers of
     maps. steps: of each training, of 500 patches. patches: how many are measured, or a few more: as many from each
@@ -75,41 +90,38 @@ def evaluate_patch_sizes(
         for number, (name, normals, side) in enumerate(variants):
             recipe = patch_size_recipe(side, normals, width, steps)
             share = part(progress, number / len(variants), (number + 1) / len(variants))
-            figures = _figures(recipe, list(samples), held_out, runs, a_picture, share)
-            facts = {"width": width, "steps": steps, "patches": a_picture * len(held_out)}
-            rows.append({"input": name, "patch": side, **figures, **facts})
+            found, seconds = _validated(recipe, list(samples), held_out, runs, a_picture, share)
+            errors = round(found.mae_deg, 4), round(found.highest_deg, 2)
+            patches_measured = a_picture * len(held_out)
+            rows.append(PatchRow(name, side, *errors, round(seconds / 60, 1), width, steps, patches_measured))
         published = [
             {"input": name, "patch": side, "mae_deg": error, "source": "Table 1"}
             for name, errors in TABLE_1.items()
             for side, error in errors.items()
         ]
         table = _table(rows)
+        measured = Measured(rows=[asdict(row) for row in rows], published=published, text=table)
         with written_together():
             if json:
-                write_json(json, {"rows": rows, "published": published})
+                write_json(json, measured.data())
             if page:
                 page.write("Patch sizes", table, [], [_chart(rows)])
-    return {"rows": rows, "published": published, "text": table}
+    return measured
 
 
-def _figures(
+def _validated(
     recipe: TrainingRecipe, samples: list[Path], held_out: PackedSamples, runs: Path, a_picture: int, progress: Progress
-) -> dict[str, float]:
-    """Train one network, or resume its training, and measure it."""
+) -> tuple[Figures, float]:
+    """Train one network, or resume its training, and measure it. Returns the seconds of the training as well."""
     checkpoint = runs / f"{recipe.name}.checkpoint"
     progress(0.0, recipe.title)
     places = Places(checkpoint, checkpoint if checkpoint.exists() else None)
     trained = train(recipe, samples, [], places=places, progress=progress)
     photographer = Photographer.of(trained.network, held_out, seed=VALIDATION_SEED, window=0, shuffled=False)
-    found = validate(trained.network, photographer, a_picture)
-    return {
-        "mae_deg": round(found.mae_deg, 4),
-        "highest_deg": round(found.highest_deg, 2),
-        "minutes": round(trained.seconds / 60, 1),
-    }
+    return validate(trained.network, photographer, a_picture), trained.seconds
 
 
-def _chart(rows: Sequence[dict[str, Any]]) -> str:
+def _chart(rows: Sequence[PatchRow]) -> str:
     curves = [
         Curve(f"{source}{name}", list(errors), list(errors.values()))
         for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
@@ -118,16 +130,19 @@ def _chart(rows: Sequence[dict[str, Any]]) -> str:
     return line_chart("Patch sizes", curves, "side of a patch", "mean error in degrees")
 
 
-def _by_input(rows: Sequence[dict[str, Any]], value: str = "mae_deg") -> dict[str, dict[int, float]]:
-    return {name: {row["patch"]: row[value] for row in rows if row["input"] == name} for name in INPUTS}
+def _by_input(rows: Sequence[PatchRow], largest: bool = False) -> dict[str, dict[int, float]]:
+    return {
+        name: {row.patch: row.highest_deg if largest else row.mae_deg for row in rows if row.input == name}
+        for name in INPUTS
+    }
 
 
-def _table(rows: Sequence[dict[str, Any]]) -> str:
-    measures = {"mean": _by_input(rows), "largest": _by_input(rows, "highest_deg"), "paper: mean": TABLE_1}
+def _table(rows: Sequence[PatchRow]) -> str:
+    measures = {"mean": _by_input(rows), "largest": _by_input(rows, largest=True), "paper: mean": TABLE_1}
     lines = [
         [name, measure, *(f"{errors[name][side]:.2f}" for side in SIDES)]
         for name in INPUTS
         for measure, errors in measures.items()
     ]
-    title = f"angular error in degrees over {rows[0]['patches']} patches, by the side of a patch\n"
+    title = f"angular error in degrees over {rows[0].patches} patches, by the side of a patch\n"
     return title + text_table(["input", "", *map(str, SIDES)], lines, 2)

@@ -4,7 +4,7 @@ Ju et al., "MPS-Net: Learning to Recover Surface Normal for Multispectral Photom
 angular errors in degrees.
 """
 
-from typing import Any
+from dataclasses import dataclass
 
 Lights = tuple[int, int, int]
 
@@ -45,21 +45,31 @@ FIGURE_8: dict[str, dict[str, float]] = {
 PUBLISHED_LIGHTS: tuple[Lights, ...] = tuple(TABLE_2)
 
 
-def diligent_figures(objects: list[str], lights: list[Lights]) -> list[dict[str, Any]]:
-    """Table 2 and figure 8 of these objects and lights, as rows; figure 8 names no lights.
+@dataclass(frozen=True)
+class DiligentFigure:
+    """An error on one of DiLiGenT's objects; figure 8 names no lights. The paper's images are multiplexed by its own
+    protocol."""
 
-    The paper's images are multiplexed by the protocol "published".
-    """
+    object: str
+    lights: list[int] | None
+    model: str
+    mae_deg: float
+    source: str
+    protocol: str = "published"
+
+
+def diligent_figures(objects: list[str], lights: list[Lights]) -> list[DiligentFigure]:
+    """Table 2 and figure 8 of these objects and lights."""
     table_2 = [
-        {"object": name, "lights": list(triple), "model": "MPS-Net", "mae_deg": errors[name], "source": "Table 2"}
+        DiligentFigure(name, list(triple), "MPS-Net", errors[name], "Table 2")
         for triple, errors in TABLE_2.items()
         for name in objects
         if triple in lights and name in errors
     ]
     figure_8 = [
-        {"object": name, "lights": None, "model": model, "mae_deg": errors[name], "source": "Figure 8"}
+        DiligentFigure(name, None, model, errors[name], "Figure 8")
         for model, errors in FIGURE_8.items()
         for name in objects
         if name in errors
     ]
-    return [{**row, "protocol": "published"} for row in table_2 + figure_8]
+    return table_2 + figure_8

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from mpsnet_core.defaults import MESH_VIEWS, SYNTHETIC_SIZE
-from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.evaluation import Evaluation
-from mpsnet_core.learning.evaluation.measure import Case
+from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
+from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.published import FIGURE_6
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, ideal_photograph
@@ -52,16 +51,16 @@ class Rendered(Evaluation):
             for protocol in protocols
         ]
 
-    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+    def table(self, rows: Sequence[Row]) -> str:
         """A line for each protocol and model, a column for each mesh with one and with several materials."""
-        named = [{**row, "picture": f"{row['object']}, {row['materials']}"} for row in rows]
-        return table_of_means(named, ("protocol", "model"), "picture")
+        named = [row.labelled(picture=", ".join(row.line("object", "materials"))) for row in rows]
+        return table_of_errors(named, ("protocol", "model"), "picture")
 
-    def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
         """Figure 6, which shows other meshes."""
         return [{"model": "MPS-Net", "mae_deg": error, "source": "Figure 6"} for error in FIGURE_6]
 
-    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def notes(self, rows: Sequence[Row]) -> list[str]:
         """The photographed materials, and the paper's figures on its own."""
         figure = ", ".join(f"{error:.2f}" for error in FIGURE_6)
         kind = "every fifth of the measured ones, or of fits to them" if self.measured else "principled materials"

@@ -7,13 +7,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.evaluation import Evaluation
-from mpsnet_core.learning.evaluation.measure import Case
+from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
+from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import photograph
 from mpsnet_core.synthesis.capture_model import CaptureModel
@@ -52,12 +50,12 @@ class Samples(Evaluation):
             for beside in ((False, True) if white else (False,))
         ]
 
-    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+    def table(self, rows: Sequence[Row]) -> str:
         """A line for each model, a column for each kind of shape, then for the number of colours; means last."""
-        lines = ("model", "photos") if any(row["photos"] > 1 for row in rows) else ("model",)
-        return "\n\n".join(table_of_means(rows, lines, column) for column in ("shape", "colours"))
+        lines = ("model", "photos") if any(row.labels["photos"] > 1 for row in rows) else ("model",)
+        return "\n\n".join(table_of_errors(rows, lines, column) for column in ("shape", "colours"))
 
-    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def notes(self, rows: Sequence[Row]) -> list[str]:
         """How the photographs are made."""
         return ["photographed by the default capture model, with crosstalk, noise, JPEG and errors of mask and lights"]
 

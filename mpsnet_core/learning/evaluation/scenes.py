@@ -15,12 +15,13 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
-from mpsnet_core.synthesis.recipe import Material, Recipe
+from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 HELD_OUT_SEED = 1 << 62
 HELD_OUT_BLOB = {"kind": "blobs", "seed": HELD_OUT_SEED, "pose": "any", "character": "smooth"}
+NO_PATTERN = Pattern()
 DISTANCE = 10.0
 HIGHLIGHTS = 0.01  # share of the pixels that are brighter than 1
 MARGIN = 1.02  # half the picture's width, in radii of the object's bounding sphere
@@ -37,12 +38,11 @@ def published_view(
     materials: tuple[Material, ...],
     size: int,
     rotation: NDArray[np.float64] | None = None,
-    **changes: Any,
+    *,
+    pattern: Pattern = NO_PATTERN,
+    bounces: int = 0,
 ) -> Recipe:
-    """The shape seen orthographically under the paper's rig: three point lights, slant 30°, tilts 120° apart.
-
-    changes: other fields of the :class:`Recipe`.
-    """
+    """The shape seen orthographically under the paper's rig: three point lights, slant 30°, tilts 120° apart."""
     pose = np.eye(4)
     pose[2, 3] = DISTANCE
     return Recipe(
@@ -54,7 +54,8 @@ def published_view(
         light_directions=published_rig().directions,
         light_sizes=np.zeros(3),
         materials=materials,
-        **changes,
+        pattern=pattern,
+        bounces=bounces,
     )
 
 

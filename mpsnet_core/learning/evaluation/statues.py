@@ -4,12 +4,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
 
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
-from mpsnet_core.learning.evaluation.measure import Case, Result
+from mpsnet_core.learning.evaluation.measure import Case, Result, Row
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.scenes import ideal_photograph
 from mpsnet_core.scene.rig import published_rig
@@ -55,17 +54,17 @@ class Statues(Evaluation):
             for times in magnify
         ]
 
-    def rows(self, results: Sequence[Result]) -> list[dict[str, Any]]:
+    def rows(self, results: Sequence[Result]) -> list[Row]:
         """Rows that also have "fine_relief" (:func:`.fine_relief.fine_relief`), where known."""
         rows = []
         for result, row in zip(results, super().rows(results), strict=True):
             case = result.case
             sigma = max(DETAIL * case.truth.shape[1], 1.0)
             relief = fine_relief(result.estimate.vectors, case.truth, case.scored, case.regions["lit_mae"], sigma)
-            rows.append(row if relief is None else {**row, "fine_relief": round(relief, 4)})
+            rows.append(row if relief is None else replace(row, further={"fine_relief": round(relief, 4)}))
         return rows
 
-    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+    def table(self, rows: Sequence[Row]) -> str:
         """A line for each model and measure, a column for each mesh: means over views and tilts."""
         measures = {
             "all pixels": "mae_deg",
@@ -75,9 +74,9 @@ class Statues(Evaluation):
         }
         return table_of_measures(rows, ("model",), measures, "object")
 
-    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+    def notes(self, rows: Sequence[Row]) -> list[str]:
         """The photographed scene."""
-        tilts = ", ".join(f"{tilt:g}°" for tilt in dict.fromkeys(row["tilt"] for row in rows))
+        tilts = ", ".join(f"{tilt:g}°" for tilt in dict.fromkeys(row.labels["tilt"] for row in rows))
         return [
             f"matt grey with cast shadows, no noise; the rig is exact; bounces of light: {self.bounces}; first light's "
             f"tilt: {tilts}"

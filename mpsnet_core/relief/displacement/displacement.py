@@ -121,26 +121,39 @@ def displacement(
     GeometryError
         Where the texture does not fit the mesh, or the base is another mesh.
     """
-    size = _checked_size(vectors, space, margin, scale, mean)
     progress(0.0, "laying out the UVs")
-    own, laid = _layouts(mesh, base, size)
+    own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
     covered = laid.triangle >= 0
     areas = laid.areas()[laid.triangle[covered]]
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
     wanted = chords(vectors, seen, space, own, laid, part(progress, 0.02, 0.2))
     seams = laid.seams()
-    met = seams.met
-    graph = graph_of(laid.island, seams.texels[met], _hold(own, areas, seen[covered], scale))
+    graph = graph_of(laid.island, seams.texels[seams.met], _hold(own, areas, seen[covered], scale))
     del own, laid
-    heights, trust, apart = _solved(graph, seams.offsets[met], wanted, areas, part(progress, 0.25, 0.85, "integrating"))
+    heights, trust, apart = _solved(graph, seams, wanted, areas, part(progress, 0.25, 0.85, "integrating"))
     if mean is not None or not scale:
         heights -= _means(graph, areas, heights - (wanted.outwards if mean is None else np.float32(mean)))
     progress(0.9, "growing the margin")
     values = _meeting(_with_margin(graph, heights, covered, margin), graph, heights, covered, seams)
     progress(1.0, "displaced")
-    contradicted = float(areas[trust < 0.5].sum() / areas.sum())
-    seam_step = float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0
-    return Displacement(values, covered, float(np.sqrt(areas.mean())), seam_step, contradicted)
+    return _measured(values, covered, areas, trust, apart)
+
+
+def _measured(
+    values: NDArray[np.float32],
+    covered: NDArray[np.bool_],
+    areas: NDArray[np.floating[Any]],
+    trust: NDArray[np.floating[Any]],
+    apart: NDArray[np.floating[Any]],
+) -> Displacement:
+    """The heights with their figures. areas, trust: of the covered texels. apart: the heights' differences at seams."""
+    return Displacement(
+        values,
+        covered,
+        texel=float(np.sqrt(areas.mean())),
+        seam_step=float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0,
+        contradicted=float(areas[trust < 0.5].sum() / areas.sum()),
+    )
 
 
 def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:
@@ -172,7 +185,7 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
 
 
 def _solved(
-    graph: Graph, offsets: NDArray[np.float64], wanted: Chords, areas: NDArray[np.float64], progress: Progress
+    graph: Graph, seams: Seams, wanted: Chords, areas: NDArray[np.float64], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """(N,) heights, (N,) how far the normals there are trusted, and (M,) the heights' steps at the ties."""
     solver = Solver(graph)
@@ -183,7 +196,7 @@ def _solved(
         if done:
             trust = _trust(graph, right, below, heights, steps)
         right, below = right * trust, below * trust
-        across = _gradient(graph, right, below, graph.ties, offsets)
+        across = _gradient(graph, right, below, graph.ties, seams.offsets[seams.met])
         known = across[:, 0] - across[:, 1]
         step = part(progress, done / PASSES, (done + 1) / PASSES)
         wanted_side = graph.right_side(right, below, known) + graph.hold * wanted.outwards

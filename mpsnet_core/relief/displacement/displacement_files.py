@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
-from mpsnet_core.bake.texture_sets import sheets
+from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_apart, writable_image, written_together
@@ -69,22 +69,14 @@ def write_displacement(
     space, which shade the displaced surface as these shade the mesh. bits: as :func:`write_height` takes them. The rest
     is as :func:`displacement` takes it.
 
-    Raises InputError where a file cannot be read or written, a number is out of range, or the texture does not fit the
-    mesh.
+    Raises InputError where a file cannot be read or written, a number is out of range, or texture and mesh do not fit.
     """
-    tiled = _tiled(normals, height)
-    if object_space and space == "object":
-        raise SettingsError(f"{normals} is in object space already; leave --object-space out")
+    tiled = _checked_names(normals, height, object_space, space)
     progress(0.0, "reading the mesh")
     mesh, base_mesh = read_mesh(uvs), read_mesh(base) if base else None
     chosen = sheets([mesh], tiles=tiled)
-    textures, outputs = (texture_files(name, chosen) if tiled else [Path(name)] for name in (normals, height))
-    taken = [*textures, *(Path(file) for file in (uvs, base) if file)]
-    files = _checked_outputs(outputs, bits, taken)
-    turned: list[Path] = []
-    if object_space and _tiled(normals, object_space) == tiled:
-        turned = texture_files(object_space, chosen) if tiled else [Path(object_space)]
-        check_apart([*taken, *files], map(writable_image, turned))
+    textures, outputs, turned = (_files(name, chosen, tiled) for name in (normals, height, object_space))
+    files = _checked_outputs(outputs, turned, bits, [*textures, *(Path(file) for file in (uvs, base) if file)])
     tiles = tiles_of(chosen)
     progress(0.05, f"reading {Path(normals).name}")
     vectors = tiles.joined(read_normals(texture, convention=convention).vectors for texture in textures)
@@ -103,18 +95,25 @@ def write_displacement(
     with written_together():
         means = _write_heights(dict(zip(outputs, tiles.parted(found.values), strict=True)), found, bits, unit)
         if turned:
-            for file, part_of in zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True):
-                write_image(file, encode(part_of))
+            _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True)))
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
     _warn_of_misfit(found, highest - lowest, mesh, unit, f"in {space} space and {convention}")
     return HeightsOnUVs(
-        [str(file) for file in [*files, *turned]],
+        [str(file) for file in files],
         [sheet.tile for sheet in chosen if sheet.tile],
         unit,
         means.facts(lowest, highest, found.seam_step),
         text=f"{height}: heights from {lowest:.4g} to {highest:.4g} {unit}; {means}; {means.displace_words}",
     )
+
+
+def _checked_names(normals: str, height: str, object_space: str | None, space: Space) -> bool:
+    """Whether all are of UDIM tiles. Raises SettingsError where some are, or where `object_space` is not needed."""
+    if object_space and space == "object":
+        raise SettingsError(f"{normals} is in object space already; leave --object-space out")
+    tiled = _tiled(normals, height)
+    return _tiled(normals, object_space) if object_space else tiled
 
 
 def _tiled(normals: str, height: str) -> bool:
@@ -131,6 +130,12 @@ def _tiled(normals: str, height: str) -> bool:
     return normals_tiled
 
 
+def _files(name: str | None, chosen: Sequence[TextureSet], tiled: bool) -> list[Path]:
+    if not name:
+        return []
+    return texture_files(name, chosen) if tiled else [Path(name)]
+
+
 def _write_heights(
     parts: Mapping[Path, NDArray[np.float32]], found: Displacement, bits: int | None, unit: str
 ) -> HeightScale:
@@ -142,14 +147,23 @@ def _write_heights(
     return means
 
 
-def _checked_outputs(outputs: Sequence[Path], bits: int | None, taken: Sequence[Path]) -> list[Path]:
-    """The heights' files and their scales. Raises InputError where they cannot be written, or are `taken`."""
-    files = []
+def _write_normals(parts: Mapping[Path, NDArray[np.float32]]) -> None:
+    for file, vectors in parts.items():
+        write_image(file, encode(vectors))
+
+
+def _checked_outputs(
+    outputs: Sequence[Path], turned: Sequence[Path], bits: int | None, taken: Sequence[Path]
+) -> list[Path]:
+    """The heights' files and their scales, and `turned`. Raises InputError where they cannot be written, or are
+    `taken`."""
+    files: list[Path] = []
     for output in outputs:
         written = height_files(output, bits)
         check_apart(taken, written)
         files += written[:2]
-    return files
+    check_apart([*taken, *files], map(writable_image, turned))
+    return [*files, *turned]
 
 
 def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, baked: str) -> None:

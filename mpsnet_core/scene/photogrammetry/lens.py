@@ -233,7 +233,7 @@ def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) ->
     return 1 + value
 
 
-def _check_size(image: NDArray[Any], camera: Camera) -> None:
+def _check_size(image: NDArray[np.generic], camera: Camera) -> None:
     if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
         found = " x ".join(map(str, image.shape[1::-1]))
         raise GeometryError(

@@ -41,10 +41,10 @@ class Reflectance(Protocol):
 
     def __call__(
         self,
-        normals: NDArray[Any],
-        lights: NDArray[Any],
-        views: NDArray[Any],
-        paint: NDArray[Any] | None = None,
+        normals: NDArray[np.floating[Any]],
+        lights: NDArray[np.floating[Any]],
+        views: NDArray[np.floating[Any]],
+        paint: NDArray[np.floating[Any]] | None = None,
     ) -> NDArray[np.float32]: ...
 
 

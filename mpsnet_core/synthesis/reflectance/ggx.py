@@ -8,10 +8,12 @@ Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 2014; light scattere
 """
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+Share = TypeVar("Share", float, NDArray[np.float32])
 
 # Below this alpha a highlight under a point light is narrower than float32 resolves directions.
 _MIN_ALPHA = 1e-4
@@ -41,7 +43,9 @@ def ggx(
     return reflected
 
 
-def fresnel_dielectric(cosine: NDArray[Any], ior: NDArray[Any] | float) -> NDArray[Any]:
+def fresnel_dielectric(
+    cosine: NDArray[np.floating[Any]], ior: NDArray[np.floating[Any]] | float
+) -> NDArray[np.floating[Any]]:
     """Share of unpolarised light that a smooth boundary of relative index `ior` reflects, 1 at total reflection."""
     inside = ior * ior - 1 + cosine * cosine
     g = np.sqrt(np.maximum(inside, 0))
@@ -78,7 +82,7 @@ def albedo(roughness: float, cosines: NDArray[np.float64]) -> tuple[NDArray[np.f
     return np.interp(cosines, np.linspace(0, 1, _ALBEDO_NODES), at_roughness), float(_between(average, roughness))
 
 
-def further_reflections(facets: Any, average: float) -> Any:
+def further_reflections(facets: Share, average: float) -> Share:
     """Share that more reflections let go of the light that the first does not, over the facets' own reflectance.
 
     facets: mean reflectance of the facets. average: mean albedo of mirror facets. Kulla and Conty's estimate.

@@ -1,7 +1,7 @@
 """Where a reflectance is evaluated: pairs of directions above the surface, a block of them at a time."""
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +9,18 @@ from numpy.typing import NDArray
 # Points worked on at once: what they need stays in a core's own cache, which is worth a factor of two.
 BLOCK = 1 << 14
 
+T = TypeVar("T", bound=np.floating[Any])
+
 
 class AboveSurface(ABC):
     """A ``Reflectance`` that is 0 unless both light and viewer are above the surface."""
 
     def __call__(
         self,
-        normals: NDArray[Any],
-        lights: NDArray[Any],
-        views: NDArray[Any],
-        paint: NDArray[Any] | None = None,
+        normals: NDArray[np.floating[Any]],
+        lights: NDArray[np.floating[Any]],
+        views: NDArray[np.floating[Any]],
+        paint: NDArray[np.floating[Any]] | None = None,
     ) -> NDArray[np.float32]:
         """(N, 3) reflectance where light and viewer are both above the surface, and 0 elsewhere.
 
@@ -48,7 +50,7 @@ class AboveSurface(ABC):
         """(n, 3) reflectance of a block of points (n, 3), all above the surface."""
 
 
-def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+def dot(a: NDArray[T], b: NDArray[T]) -> NDArray[T]:
     """Dot products (N,) of vectors (N, 3)."""
-    products: NDArray[Any] = np.einsum("ij,ij->i", a, b)
+    products: NDArray[T] = np.einsum("ij,ij->i", a, b)
     return products

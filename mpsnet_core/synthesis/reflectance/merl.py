@@ -64,7 +64,7 @@ class MerlTable(AboveSurface):
         return result if paint is None else result * paint
 
 
-def _between(position: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[Any]]:
+def _between(position: NDArray[np.floating[Any]], count: int) -> tuple[NDArray[np.intp], NDArray[np.floating[Any]]]:
     # The bin below a position and the share of the next one; outside the centres the outermost bins go on.
     position = np.clip(position, 0, count - 1)
     below = np.minimum(position.astype(np.intp), count - 2)

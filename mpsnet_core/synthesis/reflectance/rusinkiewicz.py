@@ -12,8 +12,8 @@ from mpsnet_core.synthesis.reflectance.hemisphere import dot
 
 
 def rusinkiewicz_angles(
-    normals: NDArray[Any], lights: NDArray[Any], views: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    normals: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]], views: NDArray[np.floating[Any]]
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
     """Half angle, difference angle and difference azimuth, (N,) radians each, of unit vectors (N, 3).
 
     theta_half: 0 to pi/2, between the normal and the half vector. theta_difference: 0 to pi/2, between the half vector

@@ -5,7 +5,6 @@ talks. Cycles looks the transform up in the authors' tables; here it is Material
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,11 +41,11 @@ def sheen_lobe(
     cos_light: NDArray[np.float32],
     cos_view: NDArray[np.float32],
     cos_between: NDArray[np.float32],
-) -> NDArray[Any]:
+) -> NDArray[np.float32]:
     """Reflectance (N,) in 1/sr of a sheen layer of albedo 1. cos_between: of the angle between light and viewer."""
     sine = np.sqrt(np.maximum(1 - cos_view * cos_view, 1e-12))
     towards_view = (cos_between - cos_light * cos_view) / sine
     length = spread * spread * (1 - cos_light * cos_light)
     length += cos_light * (2 * spread * shear * towards_view + (shear * shear + 1) * cos_light)
-    lobe: NDArray[Any] = (spread / np.maximum(length, 1e-6)) ** 2 / np.float32(np.pi)
+    lobe: NDArray[np.float32] = (spread / np.maximum(length, 1e-6)) ** 2 / np.float32(np.pi)
     return lobe

@@ -63,7 +63,7 @@ def reflected(
     normals: NDArray[np.float32],
     views: NDArray[np.float32],
     paint: NDArray[np.float32] | None,
-    turns: NDArray[Any],
+    turns: NDArray[np.integer[Any]],
 ) -> NDArray[np.float32]:
     """(N, 3) radiance of points in a light that nothing hides, for each unit of irradiance; 1 for a white matt surface.
 
@@ -118,13 +118,13 @@ Places = Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]
 """Point after point of a disc: where (N, 2), its rim the unit circle, and with which weight (N,) or () for all."""
 
 
-def _three(turns: NDArray[Any]) -> Places:
+def _three(turns: NDArray[np.integer[Any]]) -> Places:
     angles = 2 * np.pi * (np.arange(TURNS) / TURNS + np.arange(3)[:, None]) / 3
     for places in (np.stack([np.cos(angles), np.sin(angles)], axis=-1) / np.sqrt(2)).astype(np.float32):
         yield places[turns], np.array(1 / 3, np.float32)
 
 
-def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[Any]) -> Places:
+def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
     """Points spread over the disc, and points about the mirror direction, with the balance heuristic (Veach 1997).
 
     mirror: (N, 2) where the mirror direction meets the disc's plane. spread: width of the lobe about it.

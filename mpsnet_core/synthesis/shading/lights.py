@@ -64,7 +64,7 @@ def arrival(
     scene: RayScene,
     pixels: NDArray[np.int64],
     shape: tuple[int, int],
-    turns: NDArray[Any],
+    turns: NDArray[np.integer[Any]],
 ) -> Arrival:
     """What reaches the points, which pixels (N,) of an image of `shape` show.
 
@@ -101,7 +101,7 @@ def _cast_many(
     points: SurfacePoints,
     scene: RayScene,
     chosen: NDArray[np.int64],
-    turns: NDArray[Any],
+    turns: NDArray[np.integer[Any]],
     irradiance: NDArray[np.float32],
     lit: NDArray[np.float32],
 ) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise, voronoi
+from mpsnet_core.synthesis.noise import Points, fractal_noise, gradient_noise, voronoi
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.shading.directions import frames
 
@@ -25,7 +25,7 @@ DIRT_EDGE = 0.15  # half the width of dirt's soft edges, in units of its noise
 BUMP_STEP = 0.01  # of the length of a bump
 
 
-def material_weights(pattern: Pattern, count: int, points: NDArray[Any], parts: NDArray[Any]) -> NDArray[np.float32]:
+def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]) -> NDArray[np.float32]:
     """(N, count) share of each material at points (N, 3) in object space, which lie on parts (N,); rows sum to 1."""
     weights = np.zeros((len(points), count), np.float32)
     if count == 1:
@@ -44,8 +44,8 @@ def material_weights(pattern: Pattern, count: int, points: NDArray[Any], parts: 
 
 
 def _zones(
-    pattern: Pattern, count: int, points: NDArray[Any], parts: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]
+) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]], NDArray[np.floating[Any]]]:
     """(N,) the material at each point, that across the nearest border, and the distance there in widths of a zone."""
     if pattern.kind == "parts":
         own = parts % count
@@ -69,7 +69,7 @@ def _zones(
     return whole % count, beside % count, np.minimum(fraction, 1 - fraction)
 
 
-def paint_factors(paint: Paint, points: NDArray[Any]) -> NDArray[np.float32] | None:
+def paint_factors(paint: Paint, points: Points) -> NDArray[np.float32] | None:
     """(N, 3) factors above 0 for the materials' colours at points (N, 3) in object space; None where there is none."""
     if not paint.amount:
         return None
@@ -81,7 +81,7 @@ def paint_factors(paint: Paint, points: NDArray[Any]) -> NDArray[np.float32] | N
     return np.broadcast_to(np.maximum(factors, np.float32(DARKEST_PAINT)), (len(points), 3))
 
 
-def dirt_weight(dirt: Dirt, points: NDArray[Any]) -> NDArray[np.float32] | None:
+def dirt_weight(dirt: Dirt, points: Points) -> NDArray[np.float32] | None:
     """(N,) share of the surface that dirt hides at points (N, 3) in object space; None where there is none."""
     if not dirt.amount:
         return None
@@ -92,7 +92,7 @@ def dirt_weight(dirt: Dirt, points: NDArray[Any]) -> NDArray[np.float32] | None:
     return smooth
 
 
-def bumped(bump: Bump, points: NDArray[Any], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def bumped(bump: Bump, points: Points, normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """Unit `normals` (N, 3), turned by the relief at points (N, 3), both in object space.
 
     The normal of a surface that a height h raises is n - grad h, with the gradient along the surface (Blinn 1978).

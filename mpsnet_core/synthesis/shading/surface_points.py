@@ -40,7 +40,7 @@ class SurfacePoints:
     def __len__(self) -> int:
         return len(self.position)
 
-    def chosen(self, which: NDArray[Any]) -> "SurfacePoints":
+    def chosen(self, which: NDArray[np.integer[Any] | np.bool_]) -> "SurfacePoints":
         """Some of the points, by their numbers or a mask."""
         return SurfacePoints(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 

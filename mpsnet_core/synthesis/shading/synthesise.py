@@ -121,7 +121,7 @@ def _direct(
     points: SurfacePoints,
     colouring: _Colouring,
     irradiance: NDArray[np.float32],
-    turns: NDArray[Any],
+    turns: NDArray[np.integer[Any]],
 ) -> NDArray[np.float32]:
     """(N, 3) radiance that the points send to the viewer, straight from the light."""
     radiance = np.zeros((len(points), 3), np.float32)

@@ -120,7 +120,7 @@ def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
     return height
 
 
-def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[Any]]:
+def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[np.floating[Any]]]:
     """Fine relief: creases, grain, or rows like those of a thumb or a brain."""
     kind = picked(rng, ("creases", "grain", "rows"))
     seed = new_seed(rng)

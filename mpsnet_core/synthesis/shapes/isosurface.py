@@ -65,7 +65,7 @@ def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[
     return total
 
 
-def surface_nets(values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Vertices (3, V) in grid units, and quads (Q, 4), counter-clockwise from outside, of where values change sign.
 
     values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled.
@@ -103,7 +103,7 @@ def surface_nets(values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.
     return summed / crossings, np.concatenate(quads)
 
 
-def _chessboards(at: NDArray[Any]) -> NDArray[np.int64]:
+def _chessboards(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
     """(N, 2) corner and cell to fill where a cell's face has inside only across; at: (8, cells) values at the corners.
 
     Of the two outside corners the nearer one. Only faces at a cell's low side: the others belong to its neighbours.

@@ -34,7 +34,7 @@ class Shape:
 def smooth_shape(
     vertices: NDArray[np.float64],
     triangles: NDArray[np.int32],
-    normals: NDArray[Any] | None = None,
+    normals: NDArray[np.floating[Any]] | None = None,
 ) -> Shape:
     """A shape of one part with a normal (V, 3) a vertex: those of its triangles, weighted by area, unless given."""
     if normals is None:

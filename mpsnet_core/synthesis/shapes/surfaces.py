@@ -79,7 +79,7 @@ def sheet(front: Array, back: Array) -> Shape:
     return smooth_shape(np.concatenate([flat, back.reshape(-1, 3), *hems]), triangles)
 
 
-def displaced(shape: Shape, height: Callable[[Array], NDArray[Any]]) -> Shape:
+def displaced(shape: Shape, height: Callable[[Array], NDArray[np.floating[Any]]]) -> Shape:
     """A smooth shape of one part moved along its normals by a height field in space: points (N, 3) to (N,) heights.
 
     The normals tilt with the slope of the field along the surface.

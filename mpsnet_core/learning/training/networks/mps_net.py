@@ -58,8 +58,8 @@ class _Layers(Network):
         return result
 
 
-def _normed(channels: int, maps: int, **options: int) -> nn.Sequential:
-    return nn.Sequential(convolution(channels, maps, bias=False, **options), nn.BatchNorm2d(maps), nn.ELU())
+def _normed(channels: int, maps: int, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(convolution(channels, maps, bias=False, stride=stride), nn.BatchNorm2d(maps), nn.ELU())
 
 
 class MpsNet(_Layers):

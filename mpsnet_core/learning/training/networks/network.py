@@ -1,7 +1,7 @@
 """Network: what the loop, the validation and the export need of every network."""
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -79,7 +79,16 @@ def scaled(maps: tuple[int, ...], width: float) -> list[int]:
     return [max(1, round(count * width)) for count in maps]
 
 
-def convolution(channels: int, maps: int, side: int = 3, **options: Any) -> nn.Conv2d:
-    """A convolution that keeps the size, padded with zeros (the paper's SAME) unless the options say otherwise."""
-    options = {"padding": side // 2, **options}
-    return nn.Conv2d(channels, maps, side, **options)
+def convolution(
+    channels: int,
+    maps: int,
+    side: int = 3,
+    *,
+    stride: int = 1,
+    padding: int | None = None,
+    dilation: int = 1,
+    bias: bool = True,
+) -> nn.Conv2d:
+    """A convolution that keeps the size, padded with zeros (the paper's SAME) unless stride or padding differ."""
+    padding = side // 2 if padding is None else padding
+    return nn.Conv2d(channels, maps, side, stride, padding, dilation, bias=bias)
