@@ -11,7 +11,7 @@ import bpy
 from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
-from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, find_node
+from ..nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, find_node
 from ..operators import by_session_uid
 from ..outputs import image_file, tile_files
 from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
@@ -133,7 +133,8 @@ def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) ->
 def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
     """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between.
 
-    A baked one that has its texture counts where the shaders have none: a displacement took it off.
+    A baked one that has its texture counts where the shaders have none: a displacement took it off, or put the same
+    normals in object space in its place.
     """
     obj, material = part
     if obj not in (None, onto.name):
@@ -149,13 +150,14 @@ def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
 
 
 def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
+    displaced = find_node(tree, OBJECT_NORMAL_NODE)
     for shader in tree.nodes:
         if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
             continue
         node = _before(shader, "Normal")
         while node is not None and node.type == "BUMP":
             node = _before(node, "Normal")
-        if node is not None and node.type == "NORMAL_MAP":
+        if node is not None and node.type == "NORMAL_MAP" and node != displaced:
             yield node
 
 

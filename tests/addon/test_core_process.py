@@ -76,9 +76,9 @@ def test_result_and_progress():
 
 
 def test_bad_input_is_the_cores_own_sentence(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.json does not exist"):
-        rig, output = str(tmp_path / "nowhere.json"), str(tmp_path / "out.png")
-        run(Estimate(image=("photo.png",), rig=rig, output=output))
+    with pytest.raises(InputError, match=r"nowhere\.png does not exist"):
+        rig, output = str(tmp_path / "rig.json"), str(tmp_path / "out.png")
+        run(Estimate(image=(str(tmp_path / "nowhere.png"),), rig=rig, output=output))
 
 
 def test_cancelling_leaves_nothing_half_written(job):
