@@ -1,13 +1,11 @@
 """How Sphinx builds these pages: ``python -m sphinx -W -b html docs docs/_build``."""
 
-import sys
+import runpy
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import generated_pages
-
 import mpsnet_core
+
+HERE = Path(__file__).parent
 
 project = "MPS-Net for Blender"
 author = "The MPS-Net contributors"
@@ -33,4 +31,4 @@ html_copy_source = False
 
 def setup(app: object) -> None:
     """Write the pages that follow from the code before Sphinx looks which pages there are."""
-    generated_pages.write(Path(__file__).parent / "reference")
+    runpy.run_path(str(HERE / "generated_pages.py"))["write"](HERE / "reference")

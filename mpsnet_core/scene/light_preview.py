@@ -12,7 +12,7 @@ from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.rays import Hits, RayScene
+from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.visibility import OFFSET
 
@@ -107,10 +107,9 @@ def _surface(
     outwards = np.einsum("ni,ni->n", faces, view) * np.sign(np.linalg.det(object_from_world))
     at_corners[outwards < 0] *= -1
     normals = normalised((weights * at_corners).sum(axis=1))
-    # Rays start on the curved surface that the normals pretend, as those of `synthesis` do: a smooth ball of few faces
-    # has no shadow of its own neighbours.
-    below = np.minimum(np.einsum("nci,nci->nc", points[:, None] - corners, at_corners), 0)[..., None]
-    return normals, points + offset * normals - (weights * below * at_corners).sum(axis=1)
+    lift = offset * normals
+    lift_to_curve(lift, points, *(part.swapaxes(0, 1) for part in (weights, corners, at_corners)))
+    return normals, points + lift
 
 
 def _irradiance(

@@ -1,5 +1,6 @@
 """Ray casting against a triangle mesh in world space (embree)."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,3 +86,20 @@ class RayScene:
         middle = self.middle.astype(origins.dtype)
         start = np.ascontiguousarray((origins - middle) * origins.dtype.type(1 / self.size), np.float32)
         return self._scene.run(start, np.ascontiguousarray(directions, np.float32), query=query, **settings)
+
+
+def lift_to_curve(
+    lift: NDArray[np.floating[Any]],
+    points: NDArray[np.floating[Any]],
+    weights: Iterable[NDArray[np.floating[Any]]],
+    corners: Iterable[NDArray[np.floating[Any]]],
+    normals: Iterable[NDArray[np.floating[Any]]],
+) -> None:
+    """Add to `lift` (N, 3) what leads from points (N, 3) of triangles to the curved surface that the normals pretend.
+
+    Rays that start there, not on the flat triangle below, are not in the shadow of its own neighbours (Hanika, Hacking
+    the Shadow Terminator, 2021). weights (N, 1), corners (N, 3) and normals (N, 3): those of the three corners.
+    """
+    for weight, corner, normal in zip(weights, corners, normals, strict=True):
+        below = np.minimum(np.einsum("ij,ij->i", points - corner, normal), 0)
+        lift -= (weight[:, 0] * below)[:, None] * normal

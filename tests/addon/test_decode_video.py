@@ -83,3 +83,11 @@ def test_what_is_no_video_gets_one_sentence(header, tmp_path):
     (tmp_path / "x.mkv").write_text("no video")
     with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video.*is it a video file, and whole\?"):
         header(tmp_path / "x.mkv")
+
+
+@pytest.mark.parametrize("text", ["ffconcat version 1.0\nfile real.mkv\n", "#EXTM3U\n#EXTINF:1,\nreal.mkv\n"])
+def test_a_playlist_by_a_videos_name_opens_no_other_file(header, tmp_path, text):
+    clip(tmp_path / "real.mkv", [np.zeros((HEIGHT, WIDTH, 3), np.uint8)] * 4, "ffv1", "bgr0", 25)
+    (tmp_path / "list.mkv").write_text(text)
+    with pytest.raises(InputError, match=r"list\.mkv cannot be read as a video"):
+        header(tmp_path / "list.mkv")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rays import Hits, RayScene
+from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.pattern import bumped
@@ -60,12 +60,8 @@ class Surface:
     def seen(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float32], SurfacePoints]:
         """What the pixels' centres see: (N,) their numbers, row by row; (N,) depth along the axis; the points."""
         row, column = self._frame(camera)
-        origins, directions = camera.rays(np.stack([column, row], axis=1) + 0.5)
-        # An orthographic camera sees what is behind its plane as well, so its rays begin outside the object.
-        back = 0.0
-        if camera.projection == "orthographic":
-            back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - self.scene.middle)) + self.scene.size
-        hits = self.scene.hits(origins - back * directions, directions)
+        origins, directions, back = self.scene.rays_of(camera, np.stack([column, row], axis=1) + 0.5)
+        hits = self.scene.hits(origins, directions)
         found = np.flatnonzero(hits.triangle >= 0)
         view = -directions[found].astype(np.float32)
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
@@ -89,12 +85,8 @@ class Surface:
         place = _blend(weights, corners)
         smooth = normalised(_blend(weights, normals))
         self._face(smooth, normals, corners, view @ self.turn.T)
-        # Rays start on the curved surface that the normals pretend, not on the flat triangle below it, so that the
-        # shadow of its own neighbours does not fall on it (Hanika, Hacking the Shadow Terminator, 2021).
         lift = OFFSET * smooth
-        for weight, corner, normal in zip(weights, corners, normals, strict=True):
-            below = np.minimum(dot(place - corner, normal), 0)
-            lift -= (weight[:, 0] * below)[:, None] * normal
+        lift_to_curve(lift, place, weights, corners, normals)
         normal = bumped(self.bump, place, smooth) @ self.turn if bump else smooth @ self.turn
         position = place @ self.turn
         return SurfacePoints(
