@@ -18,7 +18,7 @@ from .estimate import error_map
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
-from .photo import align, check, drop, look_through, paint_mask
+from .photo import align, check, drop, look_through, paint_mask, pick_points
 from .photo import photo as photo_step
 from .rig import calibrate, light_preview, several_rigs
 from .rig import rig as rig_step
@@ -39,6 +39,7 @@ _MODULES = (
     photo_step,
     drop,
     align,
+    pick_points,
     check,
     look_through,
     paint_mask,
