@@ -9,7 +9,7 @@ import atexit
 
 import bpy
 
-from . import commands, menu, operators, panels, preferences, presets, settings, translations
+from . import commands, manual, menu, operators, panels, preferences, presets, settings, translations
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
@@ -57,6 +57,7 @@ _MODULES = (
     try_it,
     panels,
     menu,
+    manual,
     commands,
     translations,
 )
