@@ -107,15 +107,16 @@ class _Picking:
             self.handles.append((space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")))
         _running.append(self)
 
-    def leave(self) -> None:
-        """Take away what is drawn, and put the windows back as they were. Once is enough."""
+    def leave(self, *, put_back: bool = True) -> None:
+        """Take away what is drawn, and put the window back as it was, unless it goes itself. Once is enough."""
         if self not in _running:
             return
         _running.remove(self)
         for space, handle in self.handles:
             space.draw_handler_remove(handle, "WINDOW")
-        with suppress(ReferenceError):  # another file has other windows
-            self.window.workspace.status_text_set(None)
+        for workspace in bpy.data.workspaces:  # it may be another one by now
+            workspace.status_text_set(None)
+        if put_back:
             self._put_back()
             _redraw(self.window)
 
@@ -182,11 +183,11 @@ class _Picking:
         """What to do next, in words."""
         number = len(_pairs(context)) + 1
         if "pixel" in self.half:
-            text = f"Pair {number}: click the same place on the mesh"
+            text = f"Pair {number}: the same place on the mesh"
         elif "point" in self.half:
-            text = f"Pair {number}: click the same place in the photo"
+            text = f"Pair {number}: the same place in the photo"
         else:
-            text = f"Pair {number}: click a place in the photo, then the same place on the mesh"
+            text = f"Pair {number}: click in the photo, then on the mesh"
         return f"{self.hint}. {text}" if self.hint else text
 
     def show(self, context: Any) -> None:
@@ -471,8 +472,8 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         return True
 
     def cancel(self, context: Any) -> None:
-        """Also called by Blender, when another file is opened meanwhile."""
-        self._picking.leave()
+        """Also called by Blender, when another file is opened meanwhile, or the window is closed."""
+        self._picking.leave(put_back=False)
 
 
 def _beside_viewport(context: Any) -> Any:

@@ -100,3 +100,33 @@ def test_places_are_clicked_in_turn_moved_deleted_and_taken_back(picking, album,
     window.input("mousemove", *map(round, points[1][1]), "sleep", "0.3", "key", "x", "sleep", "0.5")
     assert stands()["pairs"] == [moved[0], moved[2]]
     assert "Cube" in window.state["objects"]
+
+
+EDITOR = """
+window = bpy.context.window_manager.windows[0]
+area = next(area for area in window.screen.areas if area.type in {"DOPESHEET_EDITOR", "IMAGE_EDITOR"})
+area.type = "IMAGE_EDITOR"
+"""
+LOOK = f"{EDITOR}\nimage = area.spaces.active.image\nopen(PATH, 'w').write(image.name if image else 'none')"
+
+
+def test_an_editor_that_is_there_shows_the_photo_meanwhile_and_another_file_ends_it(window, tmp_path):
+    write_image(tmp_path / "photo.png", np.full((*SIZE[::-1], 3), 0.3))
+
+    def shown():
+        window.ask("run", LOOK.replace("PATH", repr(str(tmp_path / "shown"))))
+        return (tmp_path / "shown").read_text()
+
+    window.ask("run", READY)
+    window.ask("photo", str(tmp_path / "photo.png"))
+    window.ask("run", f"{EDITOR}\narea.spaces.active.image = bpy.data.images.new('Mine', 8, 8)")
+    window.ask("invoke", "pick_points", {})
+    assert shown() == "photo"
+    window.ask("invoke", "pick_points", {})  # pressed again
+    assert shown() == "Mine"
+    window.ask("invoke", "pick_points", {})
+    assert shown() == "photo"
+    window.ask("run", "bpy.ops.wm.read_homefile()")
+    window.wait(lambda state: state["sidebar"] and "photo" not in state["images"], "another file")
+    window.input("mousemove", 300, 400, "click", 1, "sleep", "1", "mousemove", 310, 410)
+    assert shown() == "none"
