@@ -95,3 +95,17 @@ def test_the_online_manual_is_the_one_in_the_zip_where_it_has_one(blender, exten
     page = Path(url2pathname(address.path))
     assert address.scheme == "file" and page.is_relative_to(blender.user)
     assert f'id="{address.fragment}"' in page.read_text(encoding="utf-8")
+
+
+IN_GERMAN = """
+import bpy
+view = bpy.context.preferences.view
+view.language, view.use_translate_tooltips = "de_DE", True
+print("tip", bpy.app.translations.pgettext_tip(bpy.ops.mps.pick_points.get_rna_type().description))
+"""
+
+
+def test_tooltips_are_translated_whatever_breaks_their_lines(blender):
+    done = blender.run("-b", "--python-expr", IN_GERMAN)
+    (tip,) = (line for line in done.stdout.splitlines() if line.startswith("tip "))
+    assert tip.startswith("tip 4 bis 12 Stellen im Foto")
