@@ -477,14 +477,14 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
 
 
 def _beside_viewport(context: Any) -> Any:
-    """Half of the viewport, as an Image Editor. Raises InputError where there is no viewport, or no room."""
+    """A part of the viewport, as an Image Editor. Raises InputError where there is no viewport, or no room."""
     screen = context.window.screen
     views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]
     if not views:
         raise InputError("there is no 3D viewport in this window to click on the mesh in; open one beside the photo")
     before = {area.as_pointer() for area in screen.areas}
     with bpy.context.temp_override(window=context.window, area=views[0], region=_window_region(views[0])):
-        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
     made = next((area for area in screen.areas if area.as_pointer() not in before), None)
     if made is None:
         raise InputError("the viewport is too narrow for the photo beside it; make it wider, or open an Image Editor")
