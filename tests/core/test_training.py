@@ -123,6 +123,19 @@ def test_the_expected_error_is_learned_as_the_mean_and_teaches_the_normals_nothi
     assert torch.equal(slope, normals.grad)
 
 
+def test_equation_2_inside_learns_where_all_lights_reach_and_there_alone() -> None:
+    random = torch.Generator().manual_seed(0)
+    normals, formula, truth = (nn.functional.normalize(torch.randn(2, 3, 5, 5, generator=random)) for _ in range(3))
+    lit = (torch.rand(2, 3, 5, 5, generator=random) > 0.3).float()
+    formula.requires_grad_()
+    prediction = Prediction(normals, torch.zeros(2, 1, 5, 5), torch.zeros_like(lit), formula)
+    loss_of(prediction, truth, torch.ones(2, 5, 5), error_weight=1.0, lit=lit).total.backward()
+    assert formula.grad is not None
+    assert torch.equal(formula.grad.abs().sum(dim=1) > 0, lit.all(dim=1))
+    nearer = nn.functional.normalize(formula.detach() - 0.01 * formula.grad)
+    assert (angle_between(nearer, truth) <= angle_between(formula, truth) + 1e-6).all()
+
+
 # Patches
 
 

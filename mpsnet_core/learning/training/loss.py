@@ -32,6 +32,8 @@ def _length(vectors: Tensor) -> Tensor:
     return torch.sqrt((vectors * vectors).sum(dim=1) + 1e-12)
 
 
+FORMULA_WEIGHT = 0.3  # of the error of equation 2 alone where all lights reach, where the network has it inside
+FORMULA_REACH = 0.3  # radians: where equation 2 is further off, as on gloss, its error counts ever less
 LIT_WEIGHT = 0.05  # of the cross entropy of which lights reach, where the network predicts that
 
 
@@ -61,6 +63,10 @@ def loss_of(
     if prediction.lit is not None and lit is not None:
         entropy = functional.binary_cross_entropy_with_logits(prediction.lit, lit, reduction="none").mean(dim=1)
         total = total + LIT_WEIGHT * (entropy * weights).sum() / count
+        if prediction.formula is not None:
+            off = angle_between(prediction.formula, truth)
+            reached = weights * (lit > 0.5).all(dim=1)
+            total = total + FORMULA_WEIGHT * (off / (1 + off / FORMULA_REACH) * reached).sum() / count
     return Loss(total, mean.detach(), expected.detach())
 
 

@@ -179,7 +179,7 @@ def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.f
     capture = Capture(
         whole(shot.photo),
         whole(shot.mask)[..., 0] > 0,
-        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing),
+        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing, exact=draw.exact),
         clip=1.0 if draw.bits else np.inf,
         white=whole(shot.white) if draw.white else None,
         white_clipped=np.repeat(whole(shot.unclipped) == 0, 3, axis=2) if draw.white and draw.bits else None,
@@ -265,6 +265,7 @@ def _photographed(
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean[:, :3] / mean[:, :3].mean(dim=1, keepdim=True))[:, :, None, None],
                     "given": given[:, :, None, None],
+                    "exact": drawn.exact[:, None, None, None],
                 },
                 truth=unit(planes[:, 6:9]) * counts,
                 weights=counts[:, 0],
@@ -352,6 +353,7 @@ class _Draws(NamedTuple):
     mosaic: Tensor
     mask_error: Tensor
     white: Tensor
+    exact: Tensor
 
     @classmethod
     def of(cls, draws: Sequence[CaptureDraw], device: torch.device) -> "_Draws":

@@ -29,18 +29,22 @@ from mpsnet_core.learning.training.networks.network import Network, Prediction, 
 
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
-SEEN = 24  # maps that are made of the inputs
-FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
-ANSWER = 8  # normals, expected error, gains, weight of the formula
+SEEN = 30  # maps that are made of the inputs
+FINE_MAPS, JOINED = 8, 16
+ANSWER = 9  # normals, expected error, gains, weight of the formula, share of the local colour
 MAX_GAIN = 2.0  # of the gains' logarithms
 LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
-RIG = 14  # light directions, channel means, whether there are a coarser scale and a white photo
+RIG = 15  # light directions, channel means, whether there are a coarser scale and a white photo, and an exact rig
+CELL = 4  # pixels, and again as many: how finely the local colour is measured, and how smooth it is
+LEAST_EVIDENCE = 0.003  # of the local colour, below which it counts as grey
+SURE = 0.15  # radians of expected error, above which an answer tells little about the colour
+BRIGHT = 0.25  # of what a white surface would show: darker pixels may lie in shadow
 
 
 class Multiscale(Network):
     """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
 
-    inputs = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given")}
+    inputs = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given", "exact")}
     kind = "pyramid"
     frame = "canonical"
     multiple = 16
@@ -69,6 +73,7 @@ class Multiscale(Network):
         self.lit = convolution(JOINED, 3, 1)
         with torch.no_grad():
             self.answer.get_parameter("bias")[3] = -2.0  # 7 degrees by softplus: of the right size from the start
+            self.answer.get_parameter("bias")[8] = -2.0
 
     def forward(self, *inputs: Tensor) -> Prediction:
         pixels, rig = inputs
@@ -83,6 +88,8 @@ class Multiscale(Network):
         grey_world = unit(multiplied(solve / means.flatten(1)[:, None], photo))
         size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
         uncoloured = unit(multiplied(solve, photo / (white + DARKEST) * (white > 0))) * has_white
+        colour = _local_colour(photo, mask, previous, lights) * has_previous * mask
+        recoloured = unit(multiplied(solve, photo * torch.exp(-colour))) * has_previous
         features = [
             0.5 * mask * _logarithm(photo / means),
             grey_world,
@@ -93,6 +100,8 @@ class Multiscale(Network):
             previous,
             0.5 * mask * has_white * _logarithm(white),
             uncoloured,
+            0.5 * colour,
+            recoloured,
         ]
         seen = torch.cat(features, dim=1)
         rig_maps = self.rig(rig)
@@ -109,9 +118,34 @@ class Multiscale(Network):
         weight = torch.sigmoid(answer[:, 7:8])
         # A white photo takes the colour away; what gains are left belong to its light and camera.
         light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
-        normals = unit(weight * unit(multiplied(solve, light * gains)) + (1 - weight) * normals)
-        lit = self.lit(maps).float() if self.training else None
-        return Prediction(normals, _softplus(answer[:, 3:4]), lit)
+        gains = gains * torch.exp(-torch.sigmoid(answer[:, 8:9]) * torch.where(white > 0, 0, colour))
+        formula = unit(multiplied(solve, light * gains))
+        normals = unit(weight * formula + (1 - weight) * normals)
+        expected = _softplus(answer[:, 3:4])
+        return (
+            Prediction(normals, expected, self.lit(maps).float(), formula)
+            if self.training
+            else Prediction(normals, expected)
+        )
+
+
+def _local_colour(photo: Tensor, mask: Tensor, previous: Tensor, lights: Tensor) -> Tensor:
+    """(N, 3, H, W) logarithm of the surface's colour around each pixel, as the answer on the scale before explains it.
+
+    A least squares fit of each channel's brightness by the shading of the previous normals, over some 48 pixels,
+    weighed by how sure these are; the brightness of all channels together is taken out. Dark pixels count little: a
+    light may not reach them.
+    """
+    photo, mask, previous = (functional.avg_pool2d(values.float(), CELL) for values in (photo, mask, previous))
+    photo, previous = (photo / mask.clamp(min=1e-3)).clamp(min=0), previous / mask.clamp(min=1e-3)
+    shading = multiplied(lights.flatten(1).reshape(-1, 3, 3), previous[:, 0:3]).clamp(min=0)
+    sure = mask / (1 + (previous[:, 3:4] / SURE) ** 2)
+    weight = sure * photo / (photo + BRIGHT)
+    found = torch.cat([weight * photo * shading, weight * shading * shading], dim=1)
+    found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + LEAST_EVIDENCE
+    colour = torch.log(found[:, 0:3]) - torch.log(found[:, 3:6])
+    colour = (colour - colour.mean(dim=1, keepdim=True)).clamp(-2, 2)
+    return functional.interpolate(colour, scale_factor=CELL * CELL, mode="bilinear", align_corners=False)
 
 
 def _logarithm(values: Tensor) -> Tensor:

@@ -18,11 +18,14 @@ class Prediction(NamedTuple):
         (N, 1, H, W) angular error, in radians, that the network expects of itself; None where it predicts none.
     lit : Tensor or None
         (N, 3, H, W) logits of whether each light reaches a pixel; in training, where the network predicts them.
+    formula : Tensor or None
+        (N, 3, H, W) unit vectors of equation 2 alone; in training, where the network has it inside.
     """
 
     normals: Tensor
     expected_error: Tensor | None = None
     lit: Tensor | None = None
+    formula: Tensor | None = None
 
 
 class Network(nn.Module, ABC):
