@@ -112,6 +112,7 @@ class Photographer:
         cls,
         network: Network | ModelCard,
         samples: PackedSamples,
+        model: CaptureModel | None = None,
         *,
         seed: int,
         window: int,
@@ -122,7 +123,7 @@ class Photographer:
         finer = FINER_SHARES if network.kind == "pyramid" else ()
         canonical = network.frame == "canonical"
         return cls(
-            samples, seed=seed, window=window, finer=finer, canonical=canonical, shuffled=shuffled, device=device
+            samples, model, seed=seed, window=window, finer=finer, canonical=canonical, shuffled=shuffled, device=device
         )
 
     def batch(self, step: int, size: int) -> list[Scale]:
