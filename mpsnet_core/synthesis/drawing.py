@@ -5,6 +5,7 @@ perspective, soft shadows and painted, dirty, metallic surfaces are what its err
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -113,6 +114,9 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
     """A sample as the MPS-Net paper's: two to six measured materials side by side under sharp lights."""
     count, measured = picked(rng, range(2, 7), MATERIAL_COUNT_SHARES[1:]), _measured(job)
     chosen = [picked(rng, measured) for _ in range(count)]
+    pattern = _pattern(rng, count)
+    if pattern.kind == "parts":  # one part would have one material
+        pattern = replace(pattern, kind="noise")
     return Recipe(
         seed=job.seed,
         number=number,
@@ -122,7 +126,7 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
         light_directions=_published_directions(rng),
         light_sizes=np.zeros(3),
         materials=tuple(Material(kind=kind, source=source) for kind, source in chosen),
-        pattern=_pattern(rng, count),
+        pattern=pattern,
         bounces=min(job.bounces, picked(rng, range(4), BOUNCE_SHARES)),
     )
 

@@ -172,6 +172,7 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
     recipes = [draw_recipe(job, number) for number in range(300)]
     for recipe in recipes:
         assert len(recipe.materials) >= 2 and {material.kind for material in recipe.materials} == {"fit"}
+        assert recipe.pattern.kind != "parts"
         assert not (recipe.paint.amount or recipe.dirt.amount or recipe.bump.height or recipe.light_sizes.any())
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))
     assert slants.min() >= 18 - 1e-9 and slants.max() <= 45 + 1e-9
