@@ -25,7 +25,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, inverse, multiplied, unit
+from mpsnet_core.learning.training.networks.network import (
+    Inside,
+    Network,
+    Prediction,
+    convolution,
+    inverse,
+    multiplied,
+    unit,
+)
 
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
@@ -36,7 +44,7 @@ MAX_GAIN = 2.0  # of the gains' logarithms
 LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
 RIG = 15  # light directions, channel means, whether there are a coarser scale and a white photo, and an exact rig
 CELL = 4  # pixels, and again as many: how finely the local colour is measured, and how smooth it is
-LEAST_EVIDENCE = 0.003  # of the local colour, below which it counts as grey
+LEAST_EVIDENCE = 0.0003  # of the local colour, below which it counts as grey
 SURE = 0.15  # radians of expected error, above which an answer tells little about the colour
 BRIGHT = 0.25  # of what a white surface would show: darker pixels may lie in shadow
 
@@ -114,19 +122,16 @@ class Multiscale(Network):
         answer = self.answer(maps).float()
         start = previous[:, 0:3] * has_previous + grey_world * (1 - has_previous)
         normals = unit(start + answer[:, 0:3])
-        gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
-        weight = torch.sigmoid(answer[:, 7:8])
+        expected = _softplus(answer[:, 3:4])
         # A white photo takes the colour away; what gains are left belong to its light and camera.
         light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
-        gains = gains * torch.exp(-torch.sigmoid(answer[:, 8:9]) * torch.where(white > 0, 0, colour))
-        formula = unit(multiplied(solve, light * gains))
-        normals = unit(weight * formula + (1 - weight) * normals)
-        expected = _softplus(answer[:, 3:4])
-        return (
-            Prediction(normals, expected, self.lit(maps).float(), formula)
-            if self.training
-            else Prediction(normals, expected)
-        )
+        found = torch.cat([normals, expected], dim=1).detach() * mask
+        colour = _local_colour(light, mask, found, lights)
+        gains = MAX_GAIN * torch.tanh(answer[:, 4:7]) - torch.sigmoid(answer[:, 8:9]) * colour
+        formula, trust = unit(multiplied(solve, light * torch.exp(gains))), answer[:, 7:8]
+        mixed = unit(torch.sigmoid(trust) * (formula - normals) + normals)
+        inside = Inside(self.lit(maps).float(), formula, normals, trust) if self.training else None
+        return Prediction(mixed, expected, inside)
 
 
 def _local_colour(photo: Tensor, mask: Tensor, previous: Tensor, lights: Tensor) -> Tensor:
