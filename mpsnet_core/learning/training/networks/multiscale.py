@@ -11,9 +11,11 @@ On each scale it is a U-Net over five resolutions. What it stands on:
   the object's overall colour cannot change the answer; and the photo as it was calibrated, where equation 2 is exact
   on anything grey. A white photo, where there is one, gives a third: the photo divided by it has no colour left.
 * *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
-* *The formula inside*: the network predicts a gain for each channel, and a weight. By the weight its answer is equation
-  2 on the calibrated photo (divided by the white one) times the gains, which keeps the finest relief, and else what it
-  makes up itself.
+* *The formula inside*: the network's own normals explain a part of each channel's brightness, and what they leave, over
+  some 48 pixels, is the surface's colour. Equation 2 on the calibrated photo (divided by the white one), divided by
+  that colour as far as the network wants, and times gains that it predicts, keeps the finest relief. The answer is a
+  mean of this and of its own normals, by a weight that it learns from which of the two is better.
+* *Exact rigs*: an input says whether the rig is known exactly, as that of a render is; equation 2 is the better then.
 * *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
 * *Expected error*: a further output, learned as the mean of the angular error (squared loss).
 * *Which lights reach* a pixel: learned beside, in training alone.
@@ -37,8 +39,8 @@ from mpsnet_core.learning.training.networks.network import (
 
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
-SEEN = 30  # maps that are made of the inputs
-FINE_MAPS, JOINED = 8, 16
+SEEN = 24  # maps that are made of the inputs
+FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
 ANSWER = 9  # normals, expected error, gains, weight of the formula, share of the local colour
 MAX_GAIN = 2.0  # of the gains' logarithms
 LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
@@ -96,8 +98,6 @@ class Multiscale(Network):
         grey_world = unit(multiplied(solve / means.flatten(1)[:, None], photo))
         size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
         uncoloured = unit(multiplied(solve, photo / (white + DARKEST) * (white > 0))) * has_white
-        colour = _local_colour(photo, mask, previous, lights) * has_previous * mask
-        recoloured = unit(multiplied(solve, photo * torch.exp(-colour))) * has_previous
         features = [
             0.5 * mask * _logarithm(photo / means),
             grey_world,
@@ -108,8 +108,6 @@ class Multiscale(Network):
             previous,
             0.5 * mask * has_white * _logarithm(white),
             uncoloured,
-            0.5 * colour,
-            recoloured,
         ]
         seen = torch.cat(features, dim=1)
         rig_maps = self.rig(rig)
@@ -134,17 +132,17 @@ class Multiscale(Network):
         return Prediction(mixed, expected, inside)
 
 
-def _local_colour(photo: Tensor, mask: Tensor, previous: Tensor, lights: Tensor) -> Tensor:
-    """(N, 3, H, W) logarithm of the surface's colour around each pixel, as the answer on the scale before explains it.
+def _local_colour(photo: Tensor, mask: Tensor, answer: Tensor, lights: Tensor) -> Tensor:
+    """(N, 3, H, W) logarithm of the surface's colour around each pixel, as normals explain the photo.
 
-    A least squares fit of each channel's brightness by the shading of the previous normals, over some 48 pixels,
-    weighed by how sure these are; the brightness of all channels together is taken out. Dark pixels count little: a
-    light may not reach them.
+    A least squares fit of each channel's brightness by the normals' shading, over some 48 pixels, weighed by how sure
+    these are; the brightness of all channels together is taken out. Dark pixels count little: a light may not reach
+    them. answer: (N, 4, H, W) normals and expected error, zero outside the mask.
     """
-    photo, mask, previous = (functional.avg_pool2d(values.float(), CELL) for values in (photo, mask, previous))
-    photo, previous = (photo / mask.clamp(min=1e-3)).clamp(min=0), previous / mask.clamp(min=1e-3)
-    shading = multiplied(lights.flatten(1).reshape(-1, 3, 3), previous[:, 0:3]).clamp(min=0)
-    sure = mask / (1 + (previous[:, 3:4] / SURE) ** 2)
+    photo, mask, answer = (functional.avg_pool2d(values.float(), CELL) for values in (photo, mask, answer))
+    photo, answer = (photo / mask.clamp(min=1e-3)).clamp(min=0), answer / mask.clamp(min=1e-3)
+    shading = multiplied(lights.flatten(1).reshape(-1, 3, 3), answer[:, 0:3]).clamp(min=0)
+    sure = mask / (1 + (answer[:, 3:4] / SURE) ** 2)
     weight = sure * photo / (photo + BRIGHT)
     found = torch.cat([weight * photo * shading, weight * shading * shading], dim=1)
     found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + LEAST_EVIDENCE
