@@ -134,7 +134,9 @@ def wound(vertices: Array, faces: Faces) -> Faces:
     new = np.flatnonzero(np.diff(key[order], prepend=-1))
     shared = new[np.diff(new, append=len(order)) == 2]  # an edge of three faces decides nothing
     one, two = order[shared], order[shared + 1]
-    agree = (edges[one, 0] != edges[two, 0]).tolist()
+    agree = edges[one, 0] != edges[two, 0]
+    if agree.all():
+        return faces
     # Union-find with parity: whether a face is turned against the root of its patch.
     root, turned = list(range(len(faces))), [False] * len(faces)
 
@@ -148,7 +150,7 @@ def wound(vertices: Array, faces: Faces) -> Faces:
             root[node], turned[node] = face, odd
         return face, odd
 
-    for a, b, same in zip(owner[one].tolist(), owner[two].tolist(), agree, strict=True):
+    for a, b, same in zip(owner[one].tolist(), owner[two].tolist(), agree.tolist(), strict=True):
         (top_a, odd_a), (top_b, odd_b) = find(a), find(b)
         if top_a != top_b:
             root[top_b], turned[top_b] = top_a, odd_a ^ odd_b ^ (not same)
