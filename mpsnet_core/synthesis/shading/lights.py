@@ -76,7 +76,7 @@ def arrival(
     radius = light.radius
     irradiance, lit = np.zeros((2, len(points)), np.float32)
     facing = np.flatnonzero((cosine > -radius) & (above > -radius))
-    start = points.start[facing]
+    start = points.start.take(facing, axis=0)
     if not radius:
         free = ~scene.occluded(start, direction[None])
         irradiance[facing], lit[facing] = free * cosine[facing], free
@@ -84,7 +84,8 @@ def arrival(
 
     angle = 2 * np.pi * np.arange(_TILE**2) / _TILE**2
     rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
-    free = ~scene.occluded(start, rim[tiled(_TILE, shape).ravel()[pixels[facing]]])
+    places = tiled(_TILE, shape).take(pixels.take(facing))
+    free = ~scene.occluded(start, rim.take(places, axis=0))
     found = np.zeros(shape, np.uint8)
     found.ravel()[pixels[facing]] = np.where(free, _FREE, _HIDDEN)
     unsure = _around(found).ravel()[pixels[facing]] == _FREE | _HIDDEN
@@ -150,14 +151,15 @@ def _cast(
     x, y, z = (table[turn] for table in np.moveaxis(towards, 2, 0))
 
     def cosines(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        a, b, c = normals[chosen].T[..., None]
+        a, b, c = normals.take(chosen, axis=0).T[..., None]
         cosine: NDArray[np.float32] = a * x + b * y + c * z
         return cosine
 
     share = cosines(points.normal)
     up = (share > 0) & (cosines(points.smooth) > 0)
     owner, number = np.nonzero(up)
-    arrives = ~scene.occluded(points.start[chosen[owner]], towards[turn[owner], number])
+    headings = towards.reshape(-1, 3).take(turn[owner] * towards.shape[1] + number, axis=0)
+    arrives = ~scene.occluded(points.start.take(chosen[owner], axis=0), headings)
     share[~up] = 0
     share[up] *= arrives
     irradiance[chosen] += share.sum(axis=1)

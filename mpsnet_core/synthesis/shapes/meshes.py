@@ -245,11 +245,11 @@ def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     area = np.cross(b - a, c - a)
     flat = normalised(area)
-    owner = np.argsort(triangles.ravel(), kind="stable")
-    vertex = triangles.ravel()[owner]
+    order = np.argsort(triangles.ravel(), kind="stable")
+    vertex = triangles.ravel()[order]
     start = np.searchsorted(vertex, vertex, side="left")
     count = np.searchsorted(vertex, vertex, side="right") - start
-    owner = owner // 3
+    owner = order // 3
     total = np.zeros((len(owner), 3))
     least = np.cos(np.radians(CREASE))
     corner = np.arange(len(owner))
@@ -259,5 +259,5 @@ def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np
         smooth = np.einsum("ij,ij->i", flat[face], flat[other]) >= least
         total[corner[smooth]] += area[other[smooth]]
     normals = np.empty((len(triangles) * 3, 3), np.float32)
-    normals[np.argsort(triangles.ravel(), kind="stable")] = normalised(total)
+    normals[order] = normalised(total)
     return normals.reshape(-1, 3, 3)
