@@ -1,12 +1,12 @@
-"""How many times faster a pixel synthesis is than Cycles, for the same views without bounces, and whether they agree.
+"""How many times less processor time synthesis takes than Cycles for the same views without bounces, if they agree.
 
-    python tests/benchmarks/synthesis_against_cycles.py [--size 512] [--views 4] [--seed 1] [--processes 0] [--rounds 3]
+    python tests/benchmarks/synthesis_against_cycles.py [--size 512] [--views 3] [--seed 1] [--rounds 3]
 
-Needs pip's bpy. The views are drawn as a job's samples are, of one principled material. Both use the same number of
-cores: Cycles as threads of one render, synthesis as processes that each make whole samples. Counted are, for Cycles,
-the render from Blender's scene to pixels, for synthesis :func:`synthesise` from the shape to the sample; no shapes, no
-files and no process starts. Cycles takes two numbers of samples a pixel: a job's own, and the fewest (a power of two)
-whose noise is below the 2% by which the two renderers may differ, mean relative difference outside shadow edges.
+Needs pip's bpy. The views are drawn as a job's samples are, of one principled material. Processor time is that of all
+threads, so that what else the machine does counts little. Counted are, for Cycles, the render from Blender's scene to
+pixels, for synthesis :func:`synthesise` from the shape to the sample; no shapes, no files and no process starts. Cycles
+takes two numbers of samples a pixel: a job's own, and the fewest (a power of two) whose noise is below the 2% by which
+the two renderers may differ, mean relative difference outside shadow edges.
 
 Ends with 1 where they differ by more, or synthesis is less than 30 times as fast as Cycles with a job's own samples.
 """
@@ -17,9 +17,7 @@ import statistics
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -55,11 +53,6 @@ def synthesised(recipe: Recipe, shape: Shape, supersampling: int = 1) -> Sample:
     return synthesise(recipe, shape, [load_reflectance(one) for one in recipe.materials], supersampling)
 
 
-def make(recipe: Recipe, shape: Shape) -> None:
-    """A worker keeps its sample: carrying it from process to process is no part of the work."""
-    synthesised(recipe, shape)
-
-
 def grown(mask: np.ndarray) -> np.ndarray:
     padded = np.pad(mask, 1)
     height, width = mask.shape
@@ -78,37 +71,34 @@ def difference(sample: Sample, reference: Sample) -> float:
 
 
 class Cycles:
-    """Renders views and keeps the time of the last render."""
+    """Renders views and keeps the processor time of the last render."""
 
-    def __init__(self, threads: int, folder: Path) -> None:
+    def __init__(self, folder: Path) -> None:
         import bpy
 
-        from blender_addon.training.samples.render import THREADS_VARIABLE, render_sample
+        from blender_addon.training.samples.render import render_sample
 
-        os.environ[THREADS_VARIABLE] = str(threads)
         self.render_sample, self.folder, self.seconds = render_sample, folder, 0.0
         self.start = 0.0
         bpy.app.handlers.render_init.append(self._begin)
         bpy.app.handlers.render_complete.append(self._end)
 
     def _begin(self, *_: object) -> None:
-        self.start = time.perf_counter()
+        self.start = time.process_time()
 
     def _end(self, *_: object) -> None:
-        self.seconds = time.perf_counter() - self.start
+        self.seconds = time.process_time() - self.start
 
     def __call__(self, recipe: Recipe, shape: Shape, samples: int) -> Sample:
         with quiet():
             return self.render_sample(recipe, shape, samples, self.folder / "sample.exr")
 
 
-def seconds_each(pool: ProcessPoolExecutor, processes: int, recipe: Recipe, shape: Shape) -> float:
-    """Seconds a sample, all processes making them side by side."""
-    count = 3 * processes
-    start = time.perf_counter()
-    for done in [pool.submit(make, recipe, shape) for _ in range(count)]:
-        done.result()
-    return (time.perf_counter() - start) / count
+def seconds(recipe: Recipe, shape: Shape) -> float:
+    """Processor time of a sample."""
+    start = time.process_time()
+    synthesised(recipe, shape)
+    return time.process_time() - start
 
 
 def main() -> int:
@@ -116,20 +106,15 @@ def main() -> int:
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--views", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--processes", type=int, default=0)
     parser.add_argument("--rounds", type=int, default=3)
     arguments = parser.parse_args()
-    processes = arguments.processes or os.cpu_count() or 1
     own = SampleJob("cycles", 1).samples
-    print(f"{arguments.size} x {arguments.size} pixels, {processes} cores, no bounces")
+    print(f"{arguments.size} x {arguments.size} pixels, processor time, no bounces")
 
     ratios: dict[str, list[float]] = {"own": [], "noise": []}
     differences = []
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool,
-    ):
-        cycles = Cycles(processes, Path(folder))
+    with tempfile.TemporaryDirectory() as folder:
+        cycles = Cycles(Path(folder))
         for number in range(arguments.views):
             recipe, small = (drawn(arguments.seed, number, size) for size in (arguments.size, SMALL))
             shape = build_shape(recipe.shape)
@@ -141,7 +126,7 @@ def main() -> int:
             )
             times: dict[str, list[float]] = {"synthesis": [], "own": [], "noise": []}
             for turn in range(arguments.rounds + 1):
-                each = seconds_each(pool, processes, recipe, shape)
+                each = statistics.median(seconds(recipe, shape) for _ in range(3))
                 for name, samples in (("own", own), ("noise", enough)):
                     cycles(recipe, shape, samples)
                     if turn:  # the first round warms up

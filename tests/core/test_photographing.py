@@ -174,6 +174,20 @@ def test_photos_have_a_mean_of_one_over_the_whole_mask(spheres: PackedSamples) -
         torch.testing.assert_close(means, torch.ones(2), atol=1e-3, rtol=0)
 
 
+def test_white_photos_are_of_the_examples_that_have_one(spheres: PackedSamples) -> None:
+    """A white sphere in white light is grey, and bright where any light reaches it."""
+    photographer, seen = Photographer(spheres, replace(IDEAL, white=0.5), finer=EVERY_SCALE), set()
+    for step in range(3):
+        for scale in photographer.batch(step, 4):
+            given, white = scale.maps["given"][:, 1, 0, 0] > 0, scale.maps["white"]
+            seen |= set(given.tolist())
+            assert not white[~given].any() and float(white[given].std(dim=1).amax(dim=(1, 2)).sum()) < 1e-3
+            for photo, lit, weights in zip(white[given], scale.lit[given], scale.weights[given] > 0, strict=True):
+                bright, reached = photo.amax(dim=0) > 0, lit.amax(dim=0) > 0
+                assert float((bright == reached)[weights].float().mean()) > 0.95
+    assert seen == {False, True}
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU is here")
 @pytest.mark.parametrize("finer", [EVERY_SCALE, ()])
 def test_a_gpu_takes_the_same_photographs(spheres: PackedSamples, finer: tuple[float, ...]) -> None:

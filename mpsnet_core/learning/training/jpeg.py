@@ -38,23 +38,34 @@ def jpeg_losses(levels: Tensor, quality: Tensor, halved_chroma: Tensor) -> Tenso
     red, green, blue = levels.unbind(1)
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
     chroma = torch.stack([(blue - luma) / 1.772, (red - luma) / 1.402], dim=1)
-    full = _quantised(torch.round(chroma), _CHROMINANCE, quality)
-    half = _quantised(torch.round(functional.avg_pool2d(chroma, 2)), _CHROMINANCE, quality)
-    half = torch.round(functional.interpolate(half, scale_factor=2, mode="bilinear", align_corners=False))
-    chroma = torch.where(halved_chroma[:, None, None, None], half, full)
+    for which in (False, True):
+        some = torch.nonzero(halved_chroma == which).flatten()
+        if len(some):
+            chroma[some] = _halved(chroma[some], quality[some]) if which else _chroma(chroma[some], quality[some])
     luma = _quantised(torch.round(luma)[:, None] - 128, _LUMINANCE, quality)[:, 0] + 128
     red, blue = luma + 1.402 * chroma[:, 1], luma + 1.772 * chroma[:, 0]
     green = (luma - 0.299 * red - 0.114 * blue) / 0.587
     return torch.round(torch.stack([red, green, blue], dim=1)).clamp(0, 255)
 
 
+def _chroma(chroma: Tensor, quality: Tensor) -> Tensor:
+    return _quantised(torch.round(chroma), _CHROMINANCE, quality)
+
+
+def _halved(chroma: Tensor, quality: Tensor) -> Tensor:
+    half = _chroma(functional.avg_pool2d(chroma, 2), quality)
+    return torch.round(functional.interpolate(half, scale_factor=2, mode="bilinear", align_corners=False))
+
+
 def _quantised(planes: Tensor, table: Tensor, quality: Tensor) -> Tensor:
     """Planes (N, C, H, W) centred on 0 whose blocks of 8 x 8 went through the quantised cosine transform and back."""
     scale = torch.where(quality < 50, torch.floor(5000 / quality), 200 - 2 * quality)[:, None, None]
     table, transform = table.to(planes.device), _DCT.to(planes.device)
-    steps = torch.floor((table * scale + 50) / 100).clamp(1, 255)[:, None, None, None]
-    count, channels, height, width = planes.shape
-    blocks = planes.reshape(count, channels, height // 8, 8, width // 8, 8).permute(0, 1, 2, 4, 3, 5)
-    coefficients = torch.round(transform @ blocks @ transform.T / steps) * steps
-    restored = (transform.T @ coefficients @ transform).permute(0, 1, 2, 4, 3, 5).reshape(planes.shape)
-    return torch.round(restored).clamp(-128, 127)
+    steps = torch.floor((table * scale + 50) / 100).clamp(1, 255)[:, None, :, None]
+    # The eight rows of a block, and then its columns, without bringing it together in memory.
+    rows = (len(planes), -1, 8, planes.shape[3])
+    columns = (*rows[:3], planes.shape[3] // 8, 8)
+    coefficients = (transform @ planes.reshape(rows)).reshape(columns) @ transform.T
+    coefficients = torch.round(coefficients / steps) * steps
+    restored = transform.T @ (coefficients @ transform).reshape(rows)
+    return torch.round(restored).reshape(planes.shape).clamp(-128, 127)

@@ -13,6 +13,7 @@ from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints
 RAYS = 8
 STRIDE = 2
 _TILE = 4
+_BLOCK = 1 << 11  # points whose paths are followed at once
 # Smoothing reaches this many gathering pixels each way, and ends where normals or the surface's planes part.
 REACH = 2
 _PLANE_REACH = 3.0  # gathering pixels
@@ -60,10 +61,13 @@ def _gathered(
     """(N, 3 lights) mean radiance that comes in along a few cosine-distributed paths."""
     total = np.zeros((len(points), len(lights), 3), np.float32)
     places = disc(RAYS, _TILE**2).astype(np.float32)
-    for ray in range(RAYS):
-        owner, here = np.arange(len(points)), points
-        colour = np.ones((len(points), 3), np.float32)
+    for start in range(0, len(points), _BLOCK):
+        # A point's paths follow one another: near it they meet the same triangles, which are in the cache then.
+        first = np.repeat(np.arange(start, min(start + _BLOCK, len(points))), RAYS)
+        brought = np.zeros((len(first), len(lights), 3), np.float32)
+        path, here, colour = np.arange(len(first)), points.chosen(first), np.ones((len(first), 3), np.float32)
         for bounce in range(bounces):
+            owner, ray = first[path], path % RAYS
             # A ray's number determines how steep it is, and steep rays leave a hollow for good. Over a tile each
             # number is followed by each equally often, or else some ways through a hollow would count for others.
             chosen = (2 * bounce + 1) * tile[owner] + bounce
@@ -74,14 +78,15 @@ def _gathered(
             found = np.flatnonzero(hits.triangle >= 0)
             if not len(found):
                 break
-            owner, here = owner[found], surface.points(hits.chosen(found), -heading[found], bump=False)
-            colour = colour[found] * albedo(here)
-            for light, brought in zip(lights, total.swapaxes(0, 1), strict=True):
+            here = surface.points(hits.chosen(found), -heading.take(found, axis=0), bump=False)
+            path, colour = path[found], colour.take(found, axis=0) * albedo(here)
+            for number, light in enumerate(lights):
                 direction = light.direction.astype(np.float32)
                 cosine = here.smooth @ direction
                 facing = np.flatnonzero(cosine > 0)
-                free = facing[~surface.scene.occluded(here.start[facing], direction[None])]
-                brought[owner[free]] += cosine[free, None] * colour[free]
+                free = facing[~surface.scene.occluded(here.start.take(facing, axis=0), direction[None])]
+                brought[path[free], number] += cosine[free, None] * colour.take(free, axis=0)
+        total[start : start + _BLOCK] = brought.reshape(-1, RAYS, len(lights), 3).sum(axis=1)
     total /= RAYS
     return total.reshape(len(points), -1)
 

@@ -39,6 +39,5 @@ def tiled(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
     matrix = np.zeros((1, 1), np.int64)
     while len(matrix) < side:
         matrix = np.block([[4 * matrix, 4 * matrix + 2], [4 * matrix + 3, 4 * matrix + 1]])
-    rows, columns = (np.arange(length) % side for length in shape)
-    tiles: NDArray[np.int64] = matrix[rows[:, None], columns]
-    return tiles
+    height, width = shape
+    return np.tile(matrix, (-(-height // side), -(-width // side)))[:height, :width]

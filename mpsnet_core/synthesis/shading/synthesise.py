@@ -128,12 +128,15 @@ def _direct(
     for number, (reflectance, one) in enumerate(zip(reflectances, lobes, strict=True)):
         weights = colouring.weights[:, number]
         used = np.flatnonzero((weights > 0) & (irradiance > 0))
-        paint = None if colouring.paint is None else colouring.paint[used]
-        shade = reflected(reflectance, one.width, light, points.normal[used], points.view[used], paint, turns[used])
-        radiance[used] += weights[used, None] * shade
+        normals, views = points.normal.take(used, axis=0), points.view.take(used, axis=0)
+        paint = None if colouring.paint is None else colouring.paint.take(used, axis=0)
+        shade = reflected(reflectance, one.width, light, normals, views, paint, turns[used])
+        shade *= (weights * irradiance).take(used)[:, None]
+        radiance[used] = radiance.take(used, axis=0) + shade
     if colouring.dirt is not None:
-        radiance += colouring.dirt[:, None] * (np.array(recipe.dirt.color, np.float32) - radiance)
-    return radiance * irradiance[:, None]
+        soiled = irradiance[:, None] * np.array(recipe.dirt.color, np.float32)
+        radiance += colouring.dirt[:, None] * (soiled - radiance)
+    return radiance
 
 
 class _Image:

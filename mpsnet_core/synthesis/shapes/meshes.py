@@ -134,7 +134,9 @@ def wound(vertices: Array, faces: Faces) -> Faces:
     new = np.flatnonzero(np.diff(key[order], prepend=-1))
     shared = new[np.diff(new, append=len(order)) == 2]  # an edge of three faces decides nothing
     one, two = order[shared], order[shared + 1]
-    agree = (edges[one, 0] != edges[two, 0]).tolist()
+    agree = edges[one, 0] != edges[two, 0]
+    if agree.all():
+        return faces
     # Union-find with parity: whether a face is turned against the root of its patch.
     root, turned = list(range(len(faces))), [False] * len(faces)
 
@@ -148,7 +150,7 @@ def wound(vertices: Array, faces: Faces) -> Faces:
             root[node], turned[node] = face, odd
         return face, odd
 
-    for a, b, same in zip(owner[one].tolist(), owner[two].tolist(), agree, strict=True):
+    for a, b, same in zip(owner[one].tolist(), owner[two].tolist(), agree.tolist(), strict=True):
         (top_a, odd_a), (top_b, odd_b) = find(a), find(b)
         if top_a != top_b:
             root[top_b], turned[top_b] = top_a, odd_a ^ odd_b ^ (not same)
@@ -243,11 +245,11 @@ def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     area = np.cross(b - a, c - a)
     flat = normalised(area)
-    owner = np.argsort(triangles.ravel(), kind="stable")
-    vertex = triangles.ravel()[owner]
+    order = np.argsort(triangles.ravel(), kind="stable")
+    vertex = triangles.ravel()[order]
     start = np.searchsorted(vertex, vertex, side="left")
     count = np.searchsorted(vertex, vertex, side="right") - start
-    owner = owner // 3
+    owner = order // 3
     total = np.zeros((len(owner), 3))
     least = np.cos(np.radians(CREASE))
     corner = np.arange(len(owner))
@@ -257,5 +259,5 @@ def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np
         smooth = np.einsum("ij,ij->i", flat[face], flat[other]) >= least
         total[corner[smooth]] += area[other[smooth]]
     normals = np.empty((len(triangles) * 3, 3), np.float32)
-    normals[np.argsort(triangles.ravel(), kind="stable")] = normalised(total)
+    normals[order] = normalised(total)
     return normals.reshape(-1, 3, 3)
