@@ -32,9 +32,8 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.generic)
 
-# Points that a core rasterises at once, and those that it works on at once: few enough to stay in its cache.
-POINTS_AT_ONCE = 1 << 18
-POINTS_IN_CACHE = 1 << 15
+# Points that a core works on at once: few enough to stay in its cache, and many enough for NumPy.
+POINTS_AT_ONCE = 1 << 17
 # Points of texels that have several of them that are held at once; about 20 bytes each.
 POINTS_HELD = 1 << 22
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
@@ -270,24 +269,19 @@ class _Bake:
                 here = points.rows(band)
                 np.greater_equal(laid, 0, out=here.covered)
                 for surface, triangle, texels in under.patches(laid):
-                    for start in range(0, len(texels), POINTS_IN_CACHE):
-                        chunk = texels[start : start + POINTS_IN_CACHE]
-                        row, column = np.divmod(chunk, width)
-                        place = surface.place(
-                            triangle[start : start + POINTS_IN_CACHE], column, row + (rows.start + band.start)
-                        )
-                        sums = (
-                            ViewAccumulator.none(len(chunk), self.projectors.values)
-                            if first
-                            else ViewAccumulator.kept(here, chunk)
-                        )
-                        position, normal = surface.points(place)
-                        for projector in batch:
-                            sums.add(*projector.look(position, normal))
-                        if last:
-                            self._finish(here, chunk, surface, place, normal, sums)
-                        else:
-                            sums.keep(here, chunk)
+                    row, column = np.divmod(texels, width)
+                    place = surface.place(triangle, column, row + (rows.start + band.start))
+                    if first:
+                        sums = ViewAccumulator.none(len(texels), self.projectors.values)
+                    else:
+                        sums = ViewAccumulator.kept(here, texels)
+                    position, normal = surface.points(place)
+                    for projector in batch:
+                        sums.add(*projector.look(position, normal))
+                    if last:
+                        self._finish(here, texels, surface, place, normal, sums)
+                    else:
+                        sums.keep(here, texels)
                 if last:
                     here.seen[...] = here.views != 0
                     # The surface's own normal, or none, is straight up.

@@ -45,12 +45,17 @@ class Projectors:
                     "some views have colours and others none; give colours for all of them, or for none"
                 )
             self.values = values
-            held += _held_bytes(batch[-1])
+            size = _held_bytes(batch[-1])
+            held += size
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
-            if held >= HELD_BYTES or number + 1 == len(self.views):
+            # To read one more takes about as much as it holds.
+            if held + size >= HELD_BYTES or number + 1 == len(self.views):
                 yield batch
-                batch, held = [], 0
+                if batch is self.all:
+                    return
+                batch.clear()  # whoever still has the list has no view in it
+                held = 0
 
 
 def _held_bytes(projector: Projector) -> int:
@@ -99,7 +104,7 @@ class ViewAccumulator:
         samples[:, 3] = np.sqrt(x * x + y * y + z * z)
         samples += self.sums.take(seen, axis=0)
         self.sums[seen] = samples
-        self.views[seen] += 1
+        self.views[seen] = self.views.take(seen) + np.uint16(1)
 
     def spread(self) -> NDArray[np.float32]:
         """(N,) degrees: the angle whose cosine is the weighted mean cosine between the views' normals and their mean.
@@ -126,6 +131,7 @@ def seen_triangles(
         progress(0.0, "laying out the UVs")
         for projector in batch:
             seen[projector.look(middles, outwards)[0]] = True
+            del projector
     return np.split(seen, np.cumsum([len(mesh.triangles) for mesh in meshes])[:-1])
 
 

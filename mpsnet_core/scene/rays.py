@@ -108,7 +108,9 @@ class RayScene:
                     share = start / self.size
                     first = eye[axis] / self.size + share * (steps + ahead[axis])
                     np.add(share * sideways, first, out=origins[..., axis], casting="same_kind")
-            found = self._nearest(origins.reshape(-1, 3), directions.reshape(-1, 3))
+            found = self._scene.run(origins.reshape(-1, 3), directions.reshape(-1, 3), query="DISTANCE")
+            found[found > _NO_HIT] = np.inf
+            found *= np.float32(self.size)
             np.add(found.reshape(-1, len(x)), np.float32(start - away), out=depth[rows])
 
         on_all_cores(trace, bands(len(y)))
@@ -121,17 +123,15 @@ class RayScene:
         found = np.asarray(self._run(origins, directions, "DISTANCE"), np.float64)
         return np.where(found > _NO_HIT, np.inf, found * self.size)
 
-    def distances_within(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """:meth:`distances` of rays whose origins are relative to the mesh's middle."""
-        start = np.multiply(origins, np.float32(1 / self.size), order="C")
-        return self._nearest(start, np.ascontiguousarray(directions))
-
-    def _nearest(self, starts: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N,) how many of its direction's lengths each ray goes to the first hit. starts: as embree knows them."""
-        found: NDArray[np.float32] = self._scene.run(starts, directions, query="DISTANCE")
-        found[found > _NO_HIT] = np.inf
-        found *= np.float32(self.size)
-        return found
+    def occluded_within(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], reach: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """(N,) whether rays (N, 3), from origins relative to the mesh's middle, hit anything within `reach` (N,)."""
+        scale = np.float32(1 / self.size)
+        start, farthest = np.multiply(origins, scale, order="C"), reach * scale
+        found = self._scene.run(start, np.ascontiguousarray(directions), dists=farthest, query="OCCLUDED")
+        occluded: NDArray[np.bool_] = found >= 0
+        return occluded
 
     def hits(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
         """Where rays (N, 3), with unit directions (N, 3), first meet the mesh."""

@@ -105,6 +105,4 @@ class Visibility:
             towards = np.broadcast_to(self.camera.rotation[:, 2:].astype(np.float32), points.shape)
             reach = np.full(points.shape[1], np.inf, np.float32)
         start = points + np.float32(self.offset) * towards
-        reach -= np.float32(2 * self.offset)
-        hidden: NDArray[np.bool_] = self.scene.distances_within(start.T, towards.T) < reach
-        return hidden
+        return self.scene.occluded_within(start.T, towards.T, reach - np.float32(2 * self.offset))
