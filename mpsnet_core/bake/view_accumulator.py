@@ -15,7 +15,7 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
 # Views beyond about this much memory are not held at once, but read again in each pass.
-HELD_BYTES = 1 << 30
+HELD_BYTES = 1 << 29
 
 
 class Projectors:

@@ -119,9 +119,8 @@ def main() -> int:
     arrays = core_arrays(simple)
     views = [view_from(azimuth) for azimuth in np.arange(arguments.views) * 2 * np.pi / arguments.views]
     print(f"{mesh_file or 'a bumpy sphere'}: {len(detailed.data.polygons)} faces onto {len(simple.data.polygons)},")
-    print(
-        f"{arguments.size} x {arguments.size} texels, margin {arguments.margin}, {len(views)} view(s), {threads} threads"
-    )
+    size, margin = arguments.size, arguments.margin
+    print(f"{size} x {size} texels, margin {margin}, {len(views)} view(s), {threads} threads")
 
     def cycles() -> None:
         with quiet():
