@@ -138,17 +138,16 @@ class Projector:
         kept = _unless_all(inside)
         if kept is not None:
             seen, points, x, y, depth = _some(kept, seen, points, x, y, depth)
+        kept = _unless_all(self.visibility.seen(points, x, y, depth))
+        if kept is not None:
+            seen, x, y = _some(kept, seen, x, y)
         sampled = self._sample(x, y)
         kept = _unless_all(sampled[:, 3] > 0)
         if kept is not None:
-            seen, points, x, y, depth = _some(kept, seen, points, x, y, depth)
-            sampled = sampled.take(kept, axis=0)
-        kept = _unless_all(self.visibility.seen(points, x, y, depth))
-        if kept is not None:
             seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
         facing = facing.take(seen)
-        facing *= facing
-        facing *= facing
+        for _ in range(2):  # to FACING_POWER
+            facing *= facing
         sampled *= _repeated(facing, sampled.shape[1])
         return seen, sampled
 
