@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import ROWS, bands, on_all_cores
+
 # Triangles of a smaller area, in texels, are degenerate.
 NO_AREA = 1e-9
 # Texels, and rows of triangles, that are rasterised at once; a hundred bytes each.
@@ -23,50 +25,63 @@ def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     return doubled / 2
 
 
-def triangle_of_texel(corners: NDArray[np.float64], size: int, rows: slice | None = None) -> NDArray[np.int32]:
+def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int32]:
     """(size, size) index of the triangle that covers each texel's centre, -1 where none does.
 
-    corners: (T, 3, 2) texel coordinates. rows: only these, from a start to a stop. Where triangles overlap, the highest
-    index wins; degenerate ones cover nothing. Memory stays bounded, however many overlap.
+    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the highest index wins; degenerate ones cover
+    nothing. Memory stays bounded, however many overlap.
     """
-    y = corners[..., 1]
-    above, below = (0, size) if rows is None else (rows.start, rows.stop)
-    top = np.clip(np.ceil(y.min(axis=1)), above, below).astype(np.int64)
-    bottom = np.clip(np.floor(y.max(axis=1)) + 1, top, below).astype(np.int64)
-    height = np.where(texel_areas(corners) > NO_AREA, bottom - top, 0)
-    owner = np.full((below - above) * size, -1, np.int32)
-    end = len(corners)
-    while end and (owner < 0).any():
-        begin = _last_few(height[:end])
-        triangle = np.repeat(np.arange(begin, end, dtype=np.int32), height[begin:end])
-        row = _counted(top[begin:end], height[begin:end])
-        start, stop = _span(corners, triangle, row, size)
-        _fill(owner, triangle, (row - above) * np.int64(size) + start, stop - start)
-        end = begin
-    return owner.reshape(below - above, size)
+    return Raster(corners, size).rows(slice(0, size))
 
 
-def _span(
-    corners: NDArray[np.float64], triangle: NDArray[np.int32], row: NDArray[np.int32], size: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For triangles in rows, each (N,): the first column whose texel centre is covered, and the one after the last."""
-    x, y = corners[..., 0], corners[..., 1]
-    # Where each of the three edges crosses the row; edges that do not reach it are ignored.
-    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        x0, y0, x1, y1 = x[triangle, first], y[triangle, first], x[triangle, second], y[triangle, second]
-        reaches = (np.minimum(y0, y1) <= row) & (np.maximum(y0, y1) >= row)
-        level = y1 == y0
-        along = np.where(level, 0.0, (row - y0) / np.where(level, 1.0, y1 - y0))
-        crossing = x0 + along * (x1 - x0)
-        left = np.where(reaches, np.minimum(left, np.where(level, np.minimum(x0, x1), crossing)), left)
-        right = np.where(reaches, np.maximum(right, np.where(level, np.maximum(x0, x1), crossing)), right)
-    start = np.clip(np.ceil(left), 0, size).astype(np.int64)
-    return start, np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, size).astype(np.int64)
+class Raster:
+    """What :func:`triangle_of_texel` finds, a few rows at a time."""
+
+    def __init__(self, corners: NDArray[np.float64], size: int) -> None:
+        self.size = size
+        y = corners[..., 1]
+        self.top = np.clip(np.ceil(y.min(axis=1)), 0, size).astype(np.int32)
+        self.bottom = np.clip(np.floor(y.max(axis=1)) + 1, self.top, size).astype(np.int32)
+        self.bottom[texel_areas(corners) <= NO_AREA] = 0
+        # A number for each corner's x and y: (2, 3, T), where neighbouring triangles are neighbours in memory.
+        self.x, self.y = np.ascontiguousarray(corners.T)
+
+    def rows(self, rows: slice) -> NDArray[np.int32]:
+        """(R, size) index of the triangle that covers each texel's centre in rows from a start to a stop."""
+        near = np.flatnonzero((self.bottom > rows.start) & (self.top < rows.stop))
+        top = np.maximum(self.top[near], rows.start).astype(np.int64)
+        height = np.minimum(self.bottom[near], rows.stop) - top
+        owner = np.full((rows.stop - rows.start) * self.size, -1, np.int32)
+        end = len(near)
+        while end and (owner < 0).any():
+            begin = _last_few(height[:end])
+            triangle = np.repeat(near[begin:end], height[begin:end])
+            row = _counted(top[begin:end], height[begin:end])
+            start, stop = self._span(triangle, row)
+            _fill(owner, triangle, (row - rows.start) * self.size + start, stop - start)
+            end = begin
+        return owner.reshape(rows.stop - rows.start, self.size)
+
+    def _span(self, triangle: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """For triangles in rows, each (N,): the first column whose texel centre is covered, and the one after the
+        last."""
+        x, y = self.x.take(triangle, axis=1), self.y.take(triangle, axis=1)
+        # Where each of the three edges crosses the row; edges that do not reach it are ignored.
+        left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+        for first, second in ((0, 1), (1, 2), (2, 0)):
+            x0, y0, x1, y1 = x[first], y[first], x[second], y[second]
+            reaches = (np.minimum(y0, y1) <= row) & (np.maximum(y0, y1) >= row)
+            level = y1 == y0
+            along = np.where(level, 0.0, (row - y0) / np.where(level, 1.0, y1 - y0))
+            crossing = x0 + along * (x1 - x0)
+            np.minimum(left, np.where(level, np.minimum(x0, x1), crossing), out=left, where=reaches)
+            np.maximum(right, np.where(level, np.maximum(x0, x1), crossing), out=right, where=reaches)
+        start = np.clip(np.ceil(left), 0, self.size).astype(np.int64)
+        return start, np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, self.size).astype(np.int64)
 
 
 def _fill(
-    owner: NDArray[np.int32], triangle: NDArray[np.int32], first: NDArray[np.int64], count: NDArray[np.int64]
+    owner: NDArray[np.int32], triangle: NDArray[np.int64], first: NDArray[np.int64], count: NDArray[np.int64]
 ) -> None:
     """Write triangles, (N,) ascending, to their spans of `count` texels from `first` on, where `owner` is still -1."""
     while len(triangle):
@@ -75,9 +90,12 @@ def _fill(
             visible = free[first + count] > free[first]
             triangle, first, count = triangle[visible], first[visible], count[visible]
         begin = _last_few(count)
-        texel, new = _counted(first[begin:], count[begin:]), np.repeat(triangle[begin:], count[begin:])
-        free = owner[texel] < 0
-        owner[texel[free]] = new[free]
+        texel = _counted(first[begin:], count[begin:])
+        new = np.repeat(triangle[begin:].astype(np.int32), count[begin:])
+        free = np.flatnonzero(owner.take(texel) < 0)
+        if len(free) < len(texel):
+            texel, new = texel.take(free), new.take(free)
+        owner[texel] = new  # of several the last is written last
         triangle, first, count = triangle[:begin], first[:begin], count[:begin]
 
 
@@ -87,11 +105,11 @@ def _last_few(counts: NDArray[np.int64]) -> int:
     return max(len(counts) - max(int(few), 1), 0)
 
 
-def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int32]:
+def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
     """start[0], start[0] + 1, ... (count[0] of them), start[1], ..."""
     before = np.cumsum(count) - count
-    # 16384 x 16384 texels can be numbered in 31 bits.
-    return np.arange(int(count.sum()), dtype=np.int32) + np.repeat((start - before).astype(np.int32), count)
+    counted: NDArray[np.int64] = np.arange(int(count.sum())) + np.repeat(start - before, count)
+    return counted
 
 
 def extend_to_nearest(
@@ -101,30 +119,52 @@ def extend_to_nearest(
 
     Without such a margin, filtering and mipmaps bleed the background into the UV islands.
     """
+    out = np.require(values if in_place else values.copy(), requirements="C")
+    (height, width), channels = filled.shape, values.shape[2]
+    flat = out.reshape(-1)
+
+    def extend(rows: slice) -> None:
+        top, bottom = max(rows.start - distance, 0), min(rows.stop + distance, height)
+        texel, source, row = _nearest(filled[top:bottom], distance)
+        own = np.flatnonzero((row >= rows.start - top) & (row < rows.stop - top))
+        texel, source = ((number.take(own) + top * width) * channels for number in (texel, source))
+        # Only what is filled is read, and only what is not is written: bands do not depend on one another.
+        for channel in range(channels):
+            flat[texel + channel] = flat.take(source + channel)
+
+    on_all_cores(extend, bands(height, max(ROWS, 4 * distance)))
+    return out
+
+
+def _nearest(
+    filled: NDArray[np.bool_], distance: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The texels, by their numbers, within `distance` of the filled ones, the filled one nearest to each, and the
+    row of each."""
     # A border that counts as done, so that steps never leave the texture.
     done = np.pad(filled, 1, constant_values=True)
     stride = done.shape[1]
-    steps = np.array([-stride, stride, -1, 1, -stride - 1, -stride + 1, stride - 1, stride + 1])
     across = done[:, :-2] & done[:, 1:-1] & done[:, 2:]
     surrounded = across[:-2] & across[1:-1] & across[2:]
     front = np.flatnonzero(np.pad(filled & ~surrounded, 1))
-    del across, surrounded
     source = front  # the filled texel nearest to each texel of the front
     flat = done.ravel()
     reached, origins = [front[:0]], [front[:0]]
     for _ in range(distance):
+        ahead, sources = [], []
+        for step in (-stride, stride, -1, 1, -stride - 1, -stride + 1, stride - 1, stride + 1):
+            beside = front + step
+            new = np.flatnonzero(~flat.take(beside))
+            beside = beside.take(new)
+            flat[beside] = True
+            ahead.append(beside)
+            sources.append(source.take(new))
+        front, source = np.concatenate(ahead), np.concatenate(sources)
         if not len(front):
             break
-        neighbours = (front[:, None] + steps).T.ravel()
-        new = ~flat[neighbours]
-        source = np.tile(source, len(steps))[new]
-        front, first = np.unique(neighbours[new], return_index=True)
-        source = source[first]
-        flat[front] = True
         reached.append(front)
         origins.append(source)
-    out = values if in_place else values.copy()
-    rows, columns = np.divmod(np.concatenate(reached), stride)
-    from_rows, from_columns = np.divmod(np.concatenate(origins), stride)
-    out[rows - 1, columns - 1] = values[from_rows - 1, from_columns - 1]
-    return out
+    texel, source = np.concatenate(reached), np.concatenate(origins)
+    row, from_row = texel // stride, source // stride
+    # The border is no part of the numbers.
+    return texel - 2 * row - (stride - 1), source - 2 * from_row - (stride - 1), row - 1

@@ -1,4 +1,11 @@
-"""Bands of rows, which keep intermediate arrays small for images of any size."""
+"""Bands of rows, which keep intermediate arrays small for images of any size, and let all cores work on one."""
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Job = TypeVar("Job")
 
 # A multiple of what TIFF and EXR files compress together.
 ROWS = 256
@@ -7,3 +14,18 @@ ROWS = 256
 def bands(height: int, rows: int = ROWS) -> list[slice]:
     """Slices of `rows` rows that cover an image of `height` rows from top to bottom."""
     return [slice(top, min(top + rows, height)) for top in range(0, height, rows)]
+
+
+def on_all_cores(work: Callable[[Job], None], jobs: Iterable[Job], after: Callable[[], None] = lambda: None) -> None:
+    """Do `work` for every job, in threads; call `after` in this thread once for each. What raises ends all of it."""
+    with ThreadPoolExecutor(_usable_cores()) as pool:
+        try:
+            for _ in pool.map(work, jobs):
+                after()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _usable_cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

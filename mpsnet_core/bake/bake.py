@@ -1,9 +1,7 @@
 """Baking: camera-space normals of one or more views onto the UVs of one or more meshes."""
 
 import logging
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -11,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rasterize import texel_areas, triangle_of_texel
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.rasterize import Raster, texel_areas
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.fill import fill_unseen
 from mpsnet_core.bake.padding import Padding, padded
@@ -34,9 +32,9 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.generic)
 
-# Points worked on at once: small enough to stay in a core's cache.
-POINTS_AT_ONCE = 1 << 16
-# Points of a texture whose looks are held at once; about 70 bytes each.
+# Points that a core works on at once: few enough to stay in its cache, and many enough for NumPy.
+POINTS_AT_ONCE = 1 << 17
+# Points of texels that have several of them that are held at once; about 20 bytes each.
 POINTS_HELD = 1 << 22
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
 FADE = 1e-3
@@ -199,28 +197,40 @@ class _Bake:
         # Where UVs overlap (as mirrored halves do), the triangle that a view sees wins: the last one laid down.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
-        # A few rows at once. Views that memory does not hold are read again for each time: then as many as texels.
+        under = _Under(surfaces, order, Raster(corners[order], size * samples))
+        texture = _blank((size, size), self.baking.space, colours=self.projectors.values > 4)
+        island_of = self._islands(sheet)
+        filled = (0, 0) if island_of is None else (size, size)
+        islands, known = np.full(filled, -1, np.int32), np.zeros(filled, bool)
+        # Of a texel's several points a few rows at once. Views that memory does not hold are read again for each time:
+        # then as many points as texels.
         held = POINTS_HELD if self.projectors.all else size**2
-        rows = list(bands(size, max(1, held // (size * samples**2))))
-        texture = _blank(size, self.baking.space, colours=self.projectors.values > 4)
-        island_of, islands = self._islands(sheet), np.full((size, size), -1, np.int32)
-        known = np.zeros((size, size), bool)
+        groups = [slice(0, size)] if samples == 1 else bands(size, max(1, held // (size * samples**2)))
         sampled = 0.9 if island_of is None else 0.6  # the share of the work
-        for number, band in enumerate(rows):
-            step = part(progress, sampled * number / len(rows), sampled * (number + 1) / len(rows))
-            fine = slice(band.start * samples, band.stop * samples)
-            laid = triangle_of_texel(corners[order], size * samples, fine)
-            patches = _patches(surfaces, order, laid, self.projectors.values)
-            points = self._points(patches, laid >= 0, fine.start, step)
+        for number, rows in enumerate(groups):
+            step = part(progress, sampled * number / len(groups), sampled * (number + 1) / len(groups))
+            fine = slice(rows.start * samples, rows.stop * samples)
+            points = texture
+            if samples > 1:
+                points = _blank(
+                    (fine.stop - fine.start, size * samples), self.baking.space, colours=texture.colours is not None
+                )
+            self._sample(points, under, fine, step)
+            if samples > 1:
+                averaged = _averaged(points, samples)
+                for name, values in vars(averaged).items():
+                    if isinstance(values, np.ndarray):
+                        getattr(texture, name)[rows] = values
             if island_of is not None:
-                under = np.where(laid >= 0, island_of[order[laid]], np.int32(-1))
-                islands[band] = under.reshape(-1, samples, size, samples).max(axis=(1, 3))
-                known[band] = (points.seen | (laid < 0)).reshape(-1, samples, size, samples).all(axis=(1, 3))
-            averaged = _averaged(points, samples)
-            for name, values in vars(averaged).items():
-                if isinstance(values, np.ndarray):
-                    getattr(texture, name)[band] = values
-            del laid, patches, points, averaged
+                for band in bands(rows.stop - rows.start):
+                    fine_band = slice(band.start * samples, band.stop * samples)
+                    laid = under.raster.rows(slice(fine.start + fine_band.start, fine.start + fine_band.stop))
+                    shape = band.stop - band.start, samples, size, samples
+                    own = np.where(laid >= 0, island_of[order[laid]], np.int32(-1))
+                    place = slice(rows.start + band.start, rows.start + band.stop)
+                    islands[place] = own.reshape(shape).max(axis=(1, 3))
+                    known[place] = (points.seen[fine_band] | (laid < 0)).reshape(shape).all(axis=(1, 3))
+            del points
         if not texture.covered.any():
             return None
         inside = ((corners > -1) & (corners < size * samples)).all(axis=(1, 2))
@@ -244,90 +254,95 @@ class _Bake:
         together: NDArray[np.int32] = np.concatenate(numbers)
         return together
 
-    def _points(
-        self, patches: "Sequence[_Patch]", covered: NDArray[np.bool_], first: int, progress: Progress
-    ) -> Texture:
-        """The views' samples at points in rows from `first` on, (R, C), as a texture of R rows and C columns."""
-        width = covered.shape[1]
-        vectors = np.zeros((covered.size, 3), np.float32)
-        vectors[:, 2] = 1
-        spread = np.zeros(covered.size, np.float32)
-        colours = np.zeros((covered.size, 4), np.float32) if self.projectors.values > 4 else None
-        chunks = [(patch, start) for patch in patches for start in range(0, len(patch.texels), POINTS_AT_ONCE)]
+    def _sample(self, points: Texture, under: "_Under", rows: slice, progress: Progress) -> None:
+        """Write the views' samples at the texture's rows into `points`, which has no others, (R, C)."""
+        width = points.covered.shape[1]
+        jobs = bands(rows.stop - rows.start, max(1, POINTS_AT_ONCE // width))
         views, done = len(self.projectors.views), 0
+        begun = 0
+        for batch in self.projectors.batches():
+            first, last = begun == 0, begun + len(batch) == views
+            begun += len(batch)
+
+            def work(band: slice, batch: list[Projector] = batch, first: bool = first, last: bool = last) -> None:
+                laid = under.raster.rows(slice(rows.start + band.start, rows.start + band.stop))
+                here = points.rows(band)
+                np.greater_equal(laid, 0, out=here.covered)
+                for surface, triangle, texels in under.patches(laid):
+                    row, column = np.divmod(texels, width)
+                    place = surface.place(triangle, column, row + (rows.start + band.start))
+                    if first:
+                        sums = ViewAccumulator.none(len(texels), self.projectors.values)
+                    else:
+                        sums = ViewAccumulator.kept(here, texels)
+                    position, normal = surface.points(place)
+                    for projector in batch:
+                        sums.add(*projector.look(position, normal))
+                    if last:
+                        self._finish(here, texels, surface, place, normal, sums)
+                    else:
+                        sums.keep(here, texels)
+                if last:
+                    here.seen[...] = here.views != 0
+                    # The surface's own normal, or none, is straight up.
+                    flat = ~here.covered if self.baking.space == "object" else ~here.seen
+                    here.vectors.reshape(-1)[3 * np.flatnonzero(flat) + 2] = 1
+
+            def after(count: int = len(batch)) -> None:
+                nonlocal done
+                progress(done / (views * len(jobs)), "baking")
+                done += count
+
+            on_all_cores(work, jobs, after)
+
+    def _finish(
+        self,
+        points: Texture,
+        texels: NDArray[np.int64],
+        surface: UnderTexels,
+        place: Place,
+        normal: NDArray[np.float32],
+        sums: ViewAccumulator,
+    ) -> None:
+        """Write what the sums come to at texels, by their numbers. normal: (3, N) the surface's, in the world."""
+        assert points.spread is not None and points.views is not None
+        points.views.ravel()[texels] = sums.views
+        # In tangent space the surface's own normal need not be computed.
+        some = np.flatnonzero(sums.views) if self.baking.space == "tangent" else np.arange(len(texels))
         fade = np.float32(FADE * (self.projectors.feather > 0))
-        with ThreadPoolExecutor(_usable_cores()) as pool:
-            try:
-                for batch in self.projectors.batches() if chunks else ():
-                    last = done + len(batch) * len(chunks) == views * len(chunks)
-
-                    def work(job: tuple[_Patch, int], batch: list[Projector] = batch, last: bool = last) -> None:
-                        patch, start = job
-                        chunk = slice(start, start + POINTS_AT_ONCE)
-                        texels = patch.texels[chunk]
-                        row, column = np.divmod(texels, width)
-                        place = Place(patch.triangle[chunk], column, row + first)
-                        point, normal = patch.surface.points(place)
-                        looked = patch.looks.of(chunk)
-                        for projector in batch:
-                            looked.add(*projector.look(point, normal))
-                        if last:
-                            vectors[texels] = patch.surface.encoded(
-                                place, looked.sums[:, :3] + normal * fade, self.baking.space, self.baking.strength
-                            )
-                            spread[texels] = looked.spread()
-                            if colours is not None:
-                                weight = looked.sums[:, 7:]
-                                colours[texels] = looked.sums[:, 4:] / np.where(weight > 0, weight, 1)
-
-                    for _ in pool.map(work, chunks):
-                        progress(done / (views * len(chunks)), "baking")
-                        done += len(batch)
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
-        count = np.zeros(covered.size, np.uint16)
-        for patch in patches:
-            count[patch.texels] = patch.looks.views
-        shape = covered.shape
-        counts = count.reshape(shape)
-        return Texture(
-            vectors.reshape(*shape, 3),
-            counts > 0,
-            covered,
-            self.baking.space,
-            counts,
-            spread.reshape(shape),
-            None if colours is None else colours.reshape(*shape, 4),
-        )
+        mean = np.stack([sums.sums[:, axis].take(some) + normal[axis].take(some) * fade for axis in range(3)])
+        vectors, first = points.vectors.reshape(-1), 3 * texels.take(some)
+        for axis, values in enumerate(surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)):
+            vectors[first + axis] = values
+        if len(self.projectors.views) > 1:
+            points.spread.ravel()[texels.take(some)] = sums.spread().take(some)
+        if points.colours is not None:
+            weight = sums.sums[:, 7:]
+            points.colours.reshape(-1, 4)[texels] = sums.sums[:, 4:] / np.where(weight > 0, weight, 1)
 
 
 @dataclass(frozen=True)
-class _Patch:
-    """Points of a texture that lie on one mesh. triangle, texels: (N,) what lies under which of them, row by row."""
+class _Under:
+    """What lies under a texture's points. raster: of the surfaces' triangles, one surface's behind the other's, in an
+    `order` of their own."""
 
-    surface: UnderTexels
-    triangle: NDArray[np.int64]
-    texels: NDArray[np.int64]
-    looks: ViewAccumulator
+    surfaces: Sequence[UnderTexels]
+    order: NDArray[np.int64]
+    raster: Raster
 
-
-def _patches(
-    surfaces: Sequence[UnderTexels], order: NDArray[np.int64], laid: NDArray[np.int32], values: int
-) -> list[_Patch]:
-    """laid: (R, C) what of the `order` lies under each point, -1 for nothing. values: of :meth:`Looks.none`."""
-    texels = np.flatnonzero(laid >= 0)
-    triangle = order[laid.ravel()[texels]]
-    if len(surfaces) == 1:
-        return [_Patch(surfaces[0], triangle, texels, ViewAccumulator.none(len(texels), values))]
-    ends = np.cumsum([len(surface.corners) for surface in surfaces])
-    owner = np.searchsorted(ends, triangle, side="right")
-    patches = []
-    for number, surface in enumerate(surfaces):
-        mine = np.flatnonzero(owner == number)
-        of_surface = triangle[mine] - (ends[number] - len(surface.corners))
-        patches.append(_Patch(surface, of_surface, texels[mine], ViewAccumulator.none(len(mine), values)))
-    return patches
+    def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[UnderTexels, NDArray[np.int64], NDArray[np.int64]]]:
+        """Each surface, and, (N,), its triangles and the points that they lie under, row by row. laid: (R, C) of the
+        raster."""
+        texels = np.flatnonzero(laid >= 0)
+        triangle = self.order.take(laid.ravel().take(texels))
+        if len(self.surfaces) == 1:
+            yield self.surfaces[0], triangle, texels
+            return
+        ends = np.cumsum([len(surface.corners) for surface in self.surfaces])
+        owner = np.searchsorted(ends, triangle, side="right")
+        for number, surface in enumerate(self.surfaces):
+            mine = np.flatnonzero(owner == number)
+            yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
 
 
 def _averaged(points: Texture, samples: int) -> Texture:
@@ -359,18 +374,14 @@ def _averaged(points: Texture, samples: int) -> Texture:
     )
 
 
-def _blank(size: int, space: Space, colours: bool) -> Texture:
+def _blank(shape: tuple[int, int], space: Space, colours: bool) -> Texture:
     """A texture of zeros, to be filled in."""
     return Texture(
-        np.zeros((size, size, 3), np.float32),
-        np.zeros((size, size), bool),
-        np.zeros((size, size), bool),
+        np.zeros((*shape, 3), np.float32),
+        np.zeros(shape, bool),
+        np.zeros(shape, bool),
         space,
-        np.zeros((size, size), np.uint16),
-        np.zeros((size, size), np.float32),
-        np.zeros((size, size, 4), np.float32) if colours else None,
+        np.zeros(shape, np.uint16),
+        np.zeros(shape, np.float32),
+        np.zeros((*shape, 4), np.float32) if colours else None,
     )
-
-
-def _usable_cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

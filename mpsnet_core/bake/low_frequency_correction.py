@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
 from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
@@ -136,10 +136,17 @@ def levelling(
 
 def turned(normals: NormalMap, by: Levelling) -> NormalMap:
     """The normals turned by a levelling of their own view."""
-    vectors = np.empty_like(normals.vectors)
-    for rows in bands(len(vectors)):
-        vectors[rows] = rotated(normals.vectors[rows], upsampled(by.turns, normals.mask.shape, rows))
-    return replace(normals, vectors=vectors)
+    vectors = np.zeros_like(normals.vectors)
+
+    def turn(rows: slice) -> None:
+        inside = np.flatnonzero(normals.mask[rows])
+        if len(inside):
+            own, turns = normals.vectors[rows], upsampled(by.turns, normals.mask.shape, rows)
+            own, turns = (one.reshape(-1, 3).take(inside, axis=0) for one in (own, turns))
+            vectors[rows].reshape(-1, 3)[inside] = rotated(own, turns)
+
+    on_all_cores(turn, bands(len(vectors)))
+    return replace(normals, vectors=vectors, in_place=True)
 
 
 def rotated(vectors: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:

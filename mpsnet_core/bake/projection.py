@@ -1,11 +1,12 @@
 """One view against the surface: what it sees at given points, and how much that counts."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
 from mpsnet_core.errors import GeometryError
@@ -64,71 +65,129 @@ class Projector:
     """
 
     def __init__(self, view: View, scene: RayScene, feather: float = 0.0) -> None:
-        self.camera, self.middle = view.camera, scene.middle
-        self.visibility = Visibility(view.camera, scene)
-        self.projection = view.camera.projection_rows()
-        self.depth = view.camera.depth_row()
-        normals = view.normals
-        # A little weight where the confidence is zero: a doubtful normal is better than none.
-        weight = np.where(normals.mask, np.maximum(normals.confidence, 0.01), 0).astype(np.float32)
+        self.camera = camera = view.camera
+        self.visibility = Visibility(camera, scene)
+        away = camera.rotation.T @ (scene.middle - camera.world_from_camera[:3, 3])
+        # The scene's middle in camera space, and the turn from the world's axes to the camera's.
+        self.middle, self.turn = away.astype(np.float32), camera.rotation.T.astype(np.float32)
+        self.eye = (camera.world_from_camera[:3, 3] - scene.middle).astype(np.float32)
+        # Only the part of the image in which the mesh may be seen.
+        self.rows, self.columns = rows, columns = scene.extent(camera)
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        normals, colours = view.normals, view.colours
+        share = None
         if feather > 0:
             share = feathered(self.visibility, normals.mask, feather * scene.size)
-            for rows in bands(len(weight)):
-                weight[rows] *= upsampled(share, weight.shape, rows) ** FACING_POWER
-        world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
-        layers = [world, np.ones_like(world[..., :1])]
-        if view.colours is not None:
-            known = np.all(np.isfinite(view.colours), axis=-1, keepdims=True)
-            layers += [np.where(known, view.colours, 0), known.astype(np.float32)]
-        # (H + 2, W + 2, 4): world normals and a 1, times their weight; with colours (..., 8), these and a 1 likewise.
+        # (h + 2, w + 2, 4): world normals and a 1, times their weight; with colours (..., 8), these and a 1 likewise.
         # The border of nothing spares sampling at the image's edge a special case.
-        self.samples = np.pad(
-            np.concatenate(layers, axis=-1, dtype=np.float32) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
-        )
+        self.samples = np.zeros((shape[0] + 2, shape[1] + 2, 4 if colours is None else 8), np.float32)
+
+        def fill(band: slice) -> None:
+            within = slice(rows.start + band.start, rows.start + band.stop)
+            out = self.samples[1 + band.start : 1 + band.stop, 1:-1]
+            # A little weight where the confidence is zero: a doubtful normal is better than none.
+            weight = np.maximum(normals.confidence[within, columns], np.float32(0.01), dtype=np.float32)
+            weight *= normals.mask[within, columns]
+            if share is not None:
+                weight *= upsampled(share, normals.mask.shape, within)[:, columns] ** FACING_POWER
+            world = normals.vectors[within, columns].astype(np.float32, copy=False) @ self.turn
+            for axis in range(3):
+                np.multiply(world[..., axis], weight, out=out[..., axis])
+            out[..., 3] = weight
+            if colours is not None:
+                known = np.all(np.isfinite(colours[within, columns]), axis=-1)
+                for axis in range(3):
+                    out[..., 4 + axis] = np.where(known, colours[within, columns, axis], 0) * weight
+                out[..., 7] = known * weight
+
+        on_all_cores(fill, bands(shape[0]))
 
     def look(
         self, points: NDArray[np.float32], normals: NDArray[np.float32]
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Which of the surface's points (N, 3), of unit normals (N, 3), the view sees: (M,) their numbers.
+        """Which of the surface's points (3, N), of unit normals (3, N), the view sees: (M,) their numbers.
 
         And (M, 4) what it sees there: the weighted normal in world space and its weight; (M, 8) of views with colours,
         the weighted colour and its weight behind them. The points are relative to the scene's middle, the normals in
         world space.
         """
-        if self.camera.projection == "orthographic":
-            facing = normals @ self.camera.rotation[:, 2].astype(np.float32)
+        flat = self.camera.projection == "orthographic"
+        if flat:
+            facing = self.turn[2] @ normals
         else:
-            towards = (self.camera.world_from_camera[:3, 3] - self.middle).astype(np.float32) - points
-            facing = np.einsum("ni,ni->n", normals, towards) / np.linalg.norm(towards, axis=1)
-        candidate = np.flatnonzero(facing > MIN_FACING)
-        world = points[candidate] + self.middle
-        depth = world @ self.depth[:3] + self.depth[3]
-        projected = world @ self.projection[:, :3].T + self.projection[:, 3]
-        ahead = (depth > 0) | (self.camera.projection == "orthographic")
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pixels = projected[:, :2] / projected[:, 2:]
-        inside = (
-            ahead
-            & (pixels > -0.5).all(axis=1)
-            & (pixels < [self.camera.width + 0.5, self.camera.height + 0.5]).all(axis=1)
-        )
-        candidate, world, pixels, depth = candidate[inside], world[inside], pixels[inside], depth[inside]
-        sampled = self._sample(pixels)
-        hit = sampled[:, 3] > 0
-        candidate, sampled = candidate[hit], sampled[hit]
-        visible = self.visibility.seen(world[hit], pixels[hit], depth[hit])
-        seen = candidate[visible]
-        return seen, sampled[visible] * (facing[seen] ** FACING_POWER)[:, None]
+            towards = self.eye[:, None] - points
+            facing = np.einsum("in,in->n", normals, towards)
+            facing /= np.sqrt(np.einsum("in,in->n", towards, towards))
+        seen = np.flatnonzero(facing > MIN_FACING)
+        points = points.take(seen, axis=1)
+        x, y, z = self.turn @ points
+        x += self.middle[0]
+        y += self.middle[1]
+        depth = -z
+        x *= np.float32(self.camera.focal[0])
+        y *= np.float32(-self.camera.focal[1])
+        if not flat:
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                x /= depth - self.middle[2]
+                y /= depth - self.middle[2]
+        x += np.float32(self.camera.centre[0])
+        y += np.float32(self.camera.centre[1])
+        inside = (x > -0.5) & (x < self.camera.width + 0.5) & (y > -0.5) & (y < self.camera.height + 0.5)
+        if not flat:
+            inside &= depth > self.middle[2]
+        kept = _unless_all(inside)
+        if kept is not None:
+            seen, points, x, y, depth = _some(kept, seen, points, x, y, depth)
+        kept = _unless_all(self.visibility.seen(points, x, y, depth))
+        if kept is not None:
+            seen, x, y = _some(kept, seen, x, y)
+        sampled = self._sample(x, y)
+        kept = _unless_all(sampled[:, 3] > 0)
+        if kept is not None:
+            seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
+        facing = facing.take(seen)
+        for _ in range(2):  # to FACING_POWER
+            facing *= facing
+        sampled *= _repeated(facing, sampled.shape[1])
+        return seen, sampled
 
-    def _sample(self, pixels: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _sample(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
         """Bilinear, between pixel centres; pixels outside the mask take no part."""
-        place = pixels + 0.5  # the border adds one pixel, pixel centres stand at one half
-        corner = np.floor(place).astype(np.int64)
-        x, y = (place - corner).astype(np.float32).T[..., None]
-        stride = self.samples.shape[1]
-        index = corner[:, 1] * stride + corner[:, 0]
-        flat = self.samples.reshape(-1, self.samples.shape[2])
-        above = flat[index] * (1 - x) + flat[index + 1] * x
-        below = flat[index + stride] * (1 - x) + flat[index + stride + 1] * x
-        result: NDArray[np.float32] = above * (1 - y) + below * y
-        return result
+        height, stride, count = self.samples.shape
+        # The border adds one pixel, pixel centres stand at one half.
+        x, y = x - np.float32(self.columns.start - 0.5), y - np.float32(self.rows.start - 0.5)
+        column, row = x.astype(np.int32), y.astype(np.int32)
+        np.clip(column, 0, stride - 2, out=column)
+        np.clip(row, 0, height - 2, out=row)
+        x -= column
+        y -= row
+        across, down = _repeated(x, count), _repeated(y, count)
+        flat, corner = self.samples.reshape(-1, count), row.astype(np.int64) * stride + column
+        above, beside = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
+        beside -= above
+        beside *= across
+        above += beside
+        corner += stride
+        below, beside = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
+        beside -= below
+        beside *= across
+        below += beside
+        below -= above
+        below *= down
+        above += below
+        return above
+
+
+def _repeated(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    """(N, count) of values (N,): NumPy's own broadcasting is slow along so short an axis."""
+    return np.repeat(values, count).reshape(-1, count)
+
+
+def _unless_all(chosen: NDArray[np.bool_]) -> NDArray[np.int64] | None:
+    """The numbers of what is chosen, None where that is everything."""
+    return None if chosen.all() else np.flatnonzero(chosen)
+
+
+def _some(which: NDArray[np.int64], *values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Some of values (N,) or (3, N), by their numbers."""
+    return [value.take(which, axis=-1) for value in values]

@@ -6,17 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import SHORTEST
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.scene.mesh import Mesh
 
 
 class Place(NamedTuple):
-    """Points of a texture, each (N,): the triangle under it, and its column and row."""
+    """Points of a texture, each (N,): the triangle under it, and how far it is from that one's first corner along
+    columns and rows."""
 
     triangle: NDArray[np.int64]
-    column: NDArray[np.int64]
-    row: NDArray[np.int64]
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+
+    def some(self, which: NDArray[np.int64]) -> "Place":
+        return Place(self.triangle.take(which), self.x.take(which), self.y.take(which))
 
 
 class UnderTexels:
@@ -26,8 +30,8 @@ class UnderTexels:
     texture, in points on a side. middle: what positions are relative to, because far from the origin float32 would be
     too coarse.
 
-    corners: (T, 3, 2) texel coordinates. normal, tangent, position: (T, 3, 3), see :meth:`linear`; positions in the
-    world, the others in object space.
+    corners: (T, 3, 2) texel coordinates. normal, tangent, position: (9, T), see :meth:`linear`; positions in the world,
+    the others in object space.
     """
 
     def __init__(
@@ -41,7 +45,7 @@ class UnderTexels:
         chosen = slice(None) if triangles is None else triangles
         uvs = mesh.uvs[chosen]
         self.corners = corners = texel_coordinates(uvs - np.array(corner, float) if any(corner) else uvs, size)
-        self.origin = corners[:, 0].astype(np.float32)
+        self.origin = np.ascontiguousarray(corners[:, 0].T, np.float32)
         e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
         inverse = np.where(np.abs(area) > 1e-12, 1 / np.where(area == 0, 1, area), 0)
@@ -59,40 +63,65 @@ class UnderTexels:
         self.world_from_object_normals = np.linalg.inv(mesh.world_from_object[:3, :3]).T.astype(np.float32)
 
     def linear(self, at_corners: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        """(T, 3, K) corner values as (T, 3, K): the value at the first corner, its step along x, along y."""
+        """(T, 3, 3) corner values as (9, T): the value at the first corner, its step along x, along y."""
         first = at_corners[:, 0]
         differences = np.stack([at_corners[:, 1] - first, at_corners[:, 2] - first], axis=1)
-        return np.concatenate(
-            [first[:, None], np.einsum("tbk,tba->tak", differences, self.steps)], axis=1, dtype=np.float32
-        )
+        steps = np.einsum("tbk,tba->akt", differences, self.steps).reshape(6, -1)
+        return np.concatenate([first.T, steps], dtype=np.float32)
 
-    def at(self, place: Place, *layers: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """(N, K) values of :meth:`linear`'s layers at some points."""
-        origin = self.origin[place.triangle]
-        x = (place.column - origin[:, 0]).astype(np.float32)[:, None]
-        y = (place.row - origin[:, 1]).astype(np.float32)[:, None]
-        values = (layer[place.triangle] for layer in layers)
-        return [value[:, 0] + value[:, 1] * x + value[:, 2] * y for value in values]
+    def place(self, triangle: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]) -> Place:
+        """Points of the texture, each (N,), by the triangle under them, column and row."""
+        x, y = column.astype(np.float32), row.astype(np.float32)
+        x -= self.origin[0].take(triangle)
+        y -= self.origin[1].take(triangle)
+        return Place(triangle, x, y)
+
+    def at(self, place: Place, layer: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(3, N) values of one of :meth:`linear`'s layers at some points."""
+        values = layer.take(place.triangle, axis=1)
+        values[3:6] *= place.x
+        values[6:] *= place.y
+        values[:3] += values[3:6]
+        values[:3] += values[6:]
+        return values[:3]
 
     def points(self, place: Place) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(N, 3) points, and (N, 3) unit shading normals in world space."""
-        position, normal = self.at(place, self.position, self.normal)
-        return position, normalised(normal @ self.world_from_object_normals.T)
+        """(3, N) points, and (3, N) unit shading normals in world space."""
+        normal = self.world_from_object_normals @ self.at(place, self.normal)
+        return self.at(place, self.position), _scaled_to_unit(normal)
 
     def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
-        """(N, 3) unit normals in `space` from vectors (N, 3) in world space; the surface's own where those are zero.
+        """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
         strength: what the gradients against the surface's own normals are multiplied by.
         """
-        normal, tangent = self.at(place, self.normal, self.tangent)
-        baked = np.where(np.any(vectors, axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
+        normal = self.at(place, self.normal)
+        baked = self.object_from_world_normals @ vectors
+        missing = np.flatnonzero(~vectors.any(axis=0))
+        baked[:, missing] = normal[:, missing]
         if strength != 1:
-            own = normalised(normal)
-            along = np.einsum("ni,ni->n", baked, own)[:, None] * own
+            own = _scaled_to_unit(normal.copy())
+            along = own * _dot(baked, own)
             baked = along + np.float32(strength) * (baked - along)
         if space == "tangent":
-            baked = _to_tangent_space(baked, normal, tangent, self.sign[place.triangle])
-        return normalised(baked)
+            baked = _to_tangent_space(baked, normal, self.at(place, self.tangent), self.sign.take(place.triangle))
+        return _scaled_to_unit(baked)
+
+
+def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N,) of vectors (3, N)."""
+    product: NDArray[np.float32] = np.einsum("in,in->n", one, other)
+    return product
+
+
+def _scaled_to_unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Vectors (3, N), scaled in place; zero vectors become +z."""
+    length = np.sqrt(_dot(vectors, vectors))
+    none = np.flatnonzero(length <= SHORTEST)
+    length[none] = 1
+    vectors[:, none] = [[0], [0], [1]]
+    vectors /= length
+    return vectors
 
 
 def _to_tangent_space(
@@ -103,10 +132,18 @@ def _to_tangent_space(
 ) -> NDArray[np.float32]:
     """Solve ``v = x T + y B + z N`` up to scale, with the interpolated T and N as they are and B = sign N x T.
 
-    Renderers interpolate T and N without making them perpendicular again; the inverse of what they do is exact.
+    Renderers interpolate T and N without making them perpendicular again; the inverse of what they do is exact. By
+    Cramer's rule x is v · (B x N) over the volume T · (B x N), and so on; B x N = sign (N·N T - N·T N), and so on.
     """
-    bitangent = np.cross(normal, tangent) * sign[:, None]
-    volume = np.einsum("ni,ni->n", tangent, np.cross(bitangent, normal))
-    inverse = np.stack([np.cross(bitangent, normal), np.cross(normal, tangent), np.cross(tangent, bitangent)], axis=1)
-    solved: NDArray[np.float32] = np.einsum("nij,nj->ni", inverse, vectors) * np.sign(volume)[:, None]
+    along_normal, along_tangent = _dot(vectors, normal), _dot(vectors, tangent)
+    across = _dot(normal, tangent)
+    (x, y, z), (u, v, w) = normal, tangent
+    bitangent = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+    solved: NDArray[np.float32] = np.stack(
+        [
+            along_tangent * _dot(normal, normal) - along_normal * across,
+            _dot(vectors, bitangent) * sign,
+            along_normal * _dot(tangent, tangent) - along_tangent * across,
+        ]
+    )
     return solved

@@ -1,8 +1,8 @@
 """Texture: baked normals on a mesh's UVs, ready for artists."""
 
 import os
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,13 @@ class Texture:
     spread: NDArray[np.float32] | None = None
     colours: NDArray[np.float32] | None = None
     filled: NDArray[np.bool_] | None = None
+
+    def rows(self, rows: slice) -> "Texture":
+        """Some of its rows; what is written there is written here."""
+        arrays: dict[str, Any] = {
+            name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+        }
+        return replace(self, **arrays)
 
     @property
     def seen_fraction(self) -> float:

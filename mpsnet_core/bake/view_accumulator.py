@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.projection import Projector, View
+from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
 # Views beyond about this much memory are not held at once, but read again in each pass.
-HELD_BYTES = 1 << 30
+HELD_BYTES = 1 << 29
 
 
 class Projectors:
@@ -44,12 +45,17 @@ class Projectors:
                     "some views have colours and others none; give colours for all of them, or for none"
                 )
             self.values = values
-            held += _held_bytes(batch[-1])
+            size = _held_bytes(batch[-1])
+            held += size
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
-            if held >= HELD_BYTES or number + 1 == len(self.views):
+            # To read one more takes about as much as it holds.
+            if held + size >= HELD_BYTES or number + 1 == len(self.views):
                 yield batch
-                batch, held = [], 0
+                if batch is self.all:
+                    return
+                batch.clear()  # whoever still has the list has no view in it
+                held = 0
 
 
 def _held_bytes(projector: Projector) -> int:
@@ -74,15 +80,31 @@ class ViewAccumulator:
         """values: of a view at a texel."""
         return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
 
-    def of(self, chunk: slice) -> "ViewAccumulator":
-        """Some of the texels; what is added to them is added here."""
-        return ViewAccumulator(self.sums[chunk], self.views[chunk])
+    @classmethod
+    def kept(cls, texture: Texture, texels: NDArray[np.int64]) -> "ViewAccumulator":
+        """What :meth:`keep` left in a texture, at texels by their numbers."""
+        assert texture.spread is not None and texture.views is not None
+        sums = [texture.vectors.reshape(-1, 3).take(texels, axis=0), texture.spread.reshape(-1, 1).take(texels, axis=0)]
+        if texture.colours is not None:
+            sums.append(texture.colours.reshape(-1, 4).take(texels, axis=0))
+        return cls(np.concatenate(sums, axis=1), texture.views.ravel().take(texels))
+
+    def keep(self, texture: Texture, texels: NDArray[np.int64]) -> None:
+        """Leave the sums in a texture that is to be made of them: memory has no room for both."""
+        assert texture.spread is not None and texture.views is not None
+        texture.vectors.reshape(-1, 3)[texels] = self.sums[:, :3]
+        texture.spread.ravel()[texels] = self.sums[:, 3]
+        texture.views.ravel()[texels] = self.views
+        if texture.colours is not None:
+            texture.colours.reshape(-1, 4)[texels] = self.sums[:, 4:]
 
     def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
         """Add one more view's samples, see :meth:`Projector.look`."""
-        samples[:, 3] = np.sqrt(np.einsum("ni,ni->n", samples[:, :3], samples[:, :3]))
-        self.sums[seen] += samples
-        self.views[seen] += 1
+        x, y, z = samples[:, 0], samples[:, 1], samples[:, 2]
+        samples[:, 3] = np.sqrt(x * x + y * y + z * z)
+        samples += self.sums.take(seen, axis=0)
+        self.sums[seen] = samples
+        self.views[seen] = self.views.take(seen) + np.uint16(1)
 
     def spread(self) -> NDArray[np.float32]:
         """(N,) degrees: the angle whose cosine is the weighted mean cosine between the views' normals and their mean.
@@ -91,8 +113,8 @@ class ViewAccumulator:
         """
         spread = np.zeros(len(self.views), np.float32)
         several = np.flatnonzero(self.views > 1)
-        sums = self.sums[several].astype(np.float64)
-        cosine = np.linalg.norm(sums[:, :3], axis=1) / sums[:, 3]
+        x, y, z, length = self.sums.take(several, axis=0)[:, :4].astype(np.float64).T
+        cosine = np.sqrt(x * x + y * y + z * z) / length
         spread[several] = np.degrees(np.arccos(np.minimum(cosine, 1)))
         return spread
 
@@ -102,20 +124,21 @@ def seen_triangles(
 ) -> list[NDArray[np.bool_]]:
     """For each mesh, (T,) whether any view sees the triangle's middle."""
     middles, outwards = (
-        np.concatenate(parts) for parts in zip(*(_faces(m, scene.middle) for m in meshes), strict=True)
+        np.concatenate(parts, axis=1) for parts in zip(*(_faces(m, scene.middle) for m in meshes), strict=True)
     )
-    seen = np.zeros(len(middles), bool)
+    seen = np.zeros(middles.shape[1], bool)
     for batch in projectors.batches():
         progress(0.0, "laying out the UVs")
         for projector in batch:
             seen[projector.look(middles, outwards)[0]] = True
+            del projector
     return np.split(seen, np.cumsum([len(mesh.triangles) for mesh in meshes])[:-1])
 
 
 def _faces(mesh: Mesh, middle: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(T, 3) the triangles' middles in the world, relative to `middle`, and (T, 3) their unit normals."""
+    """(3, T) the triangles' middles in the world, relative to `middle`, and (3, T) their unit normals."""
     corners = mesh.world_vertices[mesh.triangles] - middle
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
         outwards = -outwards
-    return corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)
+    return corners.mean(axis=1).T.astype(np.float32, order="C"), normalised(outwards).T.astype(np.float32, order="C")

@@ -69,7 +69,7 @@ class Agreement:
     def _look(self, view: View) -> NDArray[np.float32]:
         projector = Projector(view, self.scene, self.feather)
         look = np.zeros((len(self.points), projector.samples.shape[2]), np.float32)
-        seen, samples = projector.look(self.points, self.normals)
+        seen, samples = projector.look(self.points.T.copy(), self.normals.T.copy())
         look[seen] = samples
         return look
 

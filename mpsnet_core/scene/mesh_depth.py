@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
@@ -35,14 +34,9 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
     >>> depth_of_mesh(Camera("perspective", 4, 1, np.array([5.0, 5.0])), scene).tolist()
     [[inf, 5.0, 5.0, inf]]
     """
-    depth = np.full((camera.height, camera.width), np.inf, np.float32)
-    x = np.arange(camera.width) + 0.5
-    for rows in bands(camera.height):
-        y = np.arange(rows.start, rows.stop) + 0.5
-        points = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
-        origins, directions = camera.rays(points)
-        along = directions @ -camera.rotation[:, 2]
-        depth[rows] = (scene.distances(origins, directions) * along).reshape(-1, camera.width)
+    x, y = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
+    depth = scene.depths(camera, x, y)
+    depth += np.float32(scene.depth_of_middle(camera))
     if not np.isfinite(depth).any():
         raise GeometryError(
             "the camera does not see the mesh; check that both are of one world, and that it looks at it"

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import Choices, FormatError, GeometryError
 from mpsnet_core.io.images import read_channel, read_data, write_bands
@@ -65,9 +65,12 @@ class NormalMap:
         if not in_place:
             unit, trust = np.empty_like(vectors), np.empty(mask.shape, vectors.dtype)
         confidence = np.broadcast_to(confidence, mask.shape)
-        for rows in bands(len(mask)):
+
+        def write(rows: slice) -> None:
             unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows].astype(np.float32)), 0)
             trust[rows] = np.where(mask[rows], np.clip(confidence[rows], 0, 1), 0)
+
+        on_all_cores(write, bands(len(mask)))
         object.__setattr__(self, "vectors", unit)
         object.__setattr__(self, "mask", mask)
         object.__setattr__(self, "confidence", trust)
@@ -147,15 +150,26 @@ def read_normals(
         If the confidence is of another size.
     """
     colours, alpha = read_data(path)
-    length = np.linalg.norm(colours * 2 - 1, axis=-1)
-    unit = np.abs(length - 1) < 0.1
+    signs, unit, finite = _signs(convention), np.empty(colours.shape[:2], bool), np.empty(colours.shape[:2], bool)
+
+    def decoded(rows: slice) -> None:
+        """In place: a copy of a large photo's normals takes much memory."""
+        band = colours[rows]
+        band *= 2
+        band -= 1
+        x, y, z = np.moveaxis(band, -1, 0)
+        squared = x * x + y * y + z * z
+        finite[rows] = np.isfinite(squared)
+        unit[rows] = np.abs(np.sqrt(squared) - 1) < 0.1
+        band *= signs
+
+    on_all_cores(decoded, bands(len(colours)))
     mask = unit if alpha is None else alpha > 0.5
-    if not np.isfinite(colours[mask]).all():
+    if not finite[mask].all():
         raise FormatError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
     if alpha is not None and not mask.any():
         raise FormatError(f"{path} holds no normals: its mask is empty; estimate them again")
     if not mask.any() or unit[mask].mean() < 0.5:
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
-    if confidence is None:
-        return NormalMap(decode(colours, convention), mask)
-    return NormalMap(decode(colours, convention), mask, read_channel(confidence))
+    trust = np.ones(mask.shape, np.float32) if confidence is None else read_channel(confidence)
+    return NormalMap(colours, mask, trust, in_place=True)

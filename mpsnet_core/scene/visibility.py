@@ -1,7 +1,6 @@
 """Which points of a mesh a camera sees."""
 
 import logging
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +34,17 @@ class Visibility:
         self.camera, self.scene = camera, scene
         self.offset = OFFSET * scene.size
         self.shape = height, width = reduced_shape(camera.height, camera.width, DEPTH_PIXELS)
-        y, x = np.mgrid[:height, :width].reshape(2, -1) + 0.5
-        points = np.stack([x * camera.width / width, y * camera.height / height], axis=1)
-        origins, directions, back = scene.rays_of(camera, points)
-        distance = scene.distances(origins, directions) - back
-        # Distance along the ray to depth along the camera's axis.
-        depth = (distance * (directions @ -camera.rotation[:, 2])).reshape(height, width)
-        apart = max(camera.height, camera.width) / (max(height, width) * float(camera.focal.min()))
-        pixel = np.full_like(depth, apart) if camera.projection == "orthographic" else apart * depth
+        self.scale = np.float32(width / camera.width), np.float32(height / camera.height)
+        # Only where the mesh may be seen; all around it is nothing.
+        self.rows, self.columns = rows, columns = scene.extent(camera.resized(width, height))
+        x, y = (np.arange(part.start, part.stop) + 0.5 for part in (columns, rows))
+        depth = scene.depths(camera, x * (camera.width / width), y * (camera.height / height))
+        distance = np.float32(scene.depth_of_middle(camera))
+        apart = np.float32(max(camera.height, camera.width) / (max(height, width) * float(camera.focal.min())))
+        pixel = np.full_like(depth, apart) if camera.projection == "orthographic" else apart * (depth + distance)
         seen = np.isfinite(depth)
-        if seen.any() and depth[seen].max() < -self.offset:  # an orthographic camera's rays begin behind its plane
+        # An orthographic camera's rays begin behind its plane.
+        if seen.any() and depth[seen].max() + distance < -self.offset:
             log.warning(
                 "an orthographic camera looks away from the mesh: all that it sees of it lies behind it, and is baked "
                 "as if it stood before it; is the camera's pose given in the right axes (it looks along -z, y is up)?"
@@ -54,36 +54,55 @@ class Visibility:
         left, right, above, below = padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]
         with np.errstate(invalid="ignore"):
             bend = np.maximum(np.abs(left + right - 2 * depth), np.abs(above + below - 2 * depth))
-            self.smooth = np.isfinite(bend) & (bend <= SHARPEST_BEND * pixel)
-            self.unbroken = np.isfinite(bend) & (bend <= BREAK * pixel)
-            planes = [depth + SHARPEST_BEND * pixel + 2 * self.offset, (right - left) / 2, (below - above) / 2]
-        # The plane's depth at the pixel's middle, with a tolerance, and its gradient per pixel to the right and down.
-        self.planes = np.where(self.smooth[..., None], np.stack(planes, axis=-1), 0)
+            smooth = bend <= SHARPEST_BEND * pixel
+            self.unbroken = np.zeros((height, width), bool)
+            self.unbroken[rows, columns] = np.isfinite(bend) & (bend <= BREAK * pixel)
+            # The plane's depth at the pixel's middle, with a tolerance, and its gradient per pixel to the right and
+            # down; not a number where it is not smooth. A fourth value lets a row be fetched at once.
+            self.planes = np.zeros((*depth.shape, 4), np.float32)
+            self.planes[..., 0] = np.where(
+                smooth, depth + SHARPEST_BEND * pixel + np.float32(2 * self.offset), np.float32(np.nan)
+            )
+            self.planes[..., 1] = (right - left) / 2
+            self.planes[..., 2] = (below - above) / 2
 
     def seen(
-        self, points: NDArray[np.floating[Any]], pixels: NDArray[np.floating[Any]], depth: NDArray[np.floating[Any]]
+        self,
+        points: NDArray[np.float32],
+        x: NDArray[np.float32],
+        y: NDArray[np.float32],
+        depth: NDArray[np.float32],
     ) -> NDArray[np.bool_]:
-        """(N,) bool for points (N, 3) in world space at `pixels` (N, 2) of the camera's image and `depth` (N,).
+        """(N,) bool for points (3, N), relative to the scene's middle, at pixels x and y (N,) of the camera's image.
 
-        The points must face the camera.
+        depth: (N,) along the camera's axis, from the scene's middle on. The points must face the camera.
         """
-        height, width = self.shape
-        x, y = (pixels * (width / self.camera.width, height / self.camera.height)).T
-        column = np.clip(x.astype(np.int32), 0, width - 1)
-        row = np.clip(y.astype(np.int32), 0, height - 1)
-        index = row * width + column
-        unsure = np.flatnonzero(~self.smooth.ravel()[index])
-        middle, right, down = self.planes.reshape(-1, 3)[index].T
-        seen: NDArray[np.bool_] = depth <= middle + right * (x - column - 0.5) + down * (y - row - 0.5)
+        height, width = self.planes.shape[:2]
+        x, y = x * self.scale[0] - np.float32(self.columns.start), y * self.scale[1] - np.float32(self.rows.start)
+        column, row = x.astype(np.int32), y.astype(np.int32)
+        np.clip(column, 0, width - 1, out=column)
+        np.clip(row, 0, height - 1, out=row)
+        plane = self.planes.reshape(-1, 4).take(row * width + column, axis=0)
+        x -= column
+        y -= row
+        x -= np.float32(0.5)
+        y -= np.float32(0.5)
+        with np.errstate(invalid="ignore"):
+            seen: NDArray[np.bool_] = depth <= plane[:, 0] + plane[:, 1] * x + plane[:, 2] * y
+        unsure = np.flatnonzero(np.isnan(plane[:, 0]))
         if len(unsure):
-            seen[unsure] = ~self._hidden(points[unsure])
+            seen[unsure] = ~self._hidden(points[:, unsure])
         return seen
 
-    def _hidden(self, points: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-        towards = np.broadcast_to(self.camera.rotation[:, 2], points.shape)
-        reach = np.full(len(points), np.inf)
+    def _hidden(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(N,) whether something stands between points (3, N) and the camera."""
         if self.camera.projection == "perspective":
-            towards = self.camera.world_from_camera[:3, 3] - points
-            reach = np.linalg.norm(towards, axis=1)
-            towards = towards / reach[:, None]
-        return self.scene.distances(points + self.offset * towards, towards) < reach - 2 * self.offset
+            eye = self.camera.world_from_camera[:3, 3] - self.scene.middle
+            towards = eye.astype(np.float32)[:, None] - points
+            reach = np.sqrt(np.einsum("in,in->n", towards, towards))
+            towards /= reach
+        else:
+            towards = np.broadcast_to(self.camera.rotation[:, 2:].astype(np.float32), points.shape)
+            reach = np.full(points.shape[1], np.inf, np.float32)
+        start = points + np.float32(self.offset) * towards
+        return self.scene.occluded_within(start.T, towards.T, reach - np.float32(2 * self.offset))

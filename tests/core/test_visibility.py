@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, towards_camera
 
+from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.visibility import Visibility
@@ -53,6 +54,14 @@ def nearest_hit(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> np.n
     return nearest
 
 
+def seen_by(camera: Camera, mesh: Mesh, points: np.ndarray, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """(N,) whether the camera sees points (N, 3) of the world, at `pixels` (N, 2) and `depth` (N,) of its image."""
+    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    x, y = pixels.T.astype(np.float32)
+    depth = (depth - scene.depth_of_middle(camera)).astype(np.float32)
+    return Visibility(camera, scene).seen((points - scene.middle).T.astype(np.float32), x, y, depth)
+
+
 @pytest.fixture(scope="module")
 def mesh() -> Mesh:
     return hidden_ring()
@@ -77,7 +86,7 @@ def test_what_is_seen_is_what_no_triangle_hides(
     scale = camera.focal[0] / (-in_camera[:, 2:] if projection == "perspective" else 1)
     pixels = size / 2 + in_camera[:, :2] * scale * (1, -1)
     assert (pixels > 0).all() and (pixels < size).all()
-    seen = Visibility(camera, RayScene(mesh.world_vertices, mesh.triangles)).seen(points, pixels, -in_camera[:, 2])
+    seen = seen_by(camera, mesh, points, pixels, -in_camera[:, 2])
 
     # Rays that pass a silhouette by less than the ray's own offset may go either way.
     side = np.cross(towards, [0.3, 0.5, 0.8])
@@ -117,7 +126,7 @@ def test_it_does_not_matter_how_large_or_how_far_away_the_object_is() -> None:
         pixels = camera.width / 2 + in_camera[:, :2] * camera.focal * (1, -1)
         # Seen or not, off the limb: the surface there faces the camera, or turns away.
         height = (in_camera[:, 2] + 4 * scale) / scale
-        seen = Visibility(camera, RayScene(mesh.world_vertices, mesh.triangles)).seen(points, pixels, -in_camera[:, 2])
+        seen = seen_by(camera, mesh, points, pixels, -in_camera[:, 2])
         assert (seen == (height > 0))[np.abs(height) > 0.2].all()
         counts.append(seen.sum())
     assert np.ptp(counts) <= 0.02 * counts[0]
