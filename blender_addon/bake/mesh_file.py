@@ -32,7 +32,12 @@ _SHOWN_AND_RENDERED = (
 )
 # What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
 SUBDIVISION, DISPLACE, TRIAL, FACES = "MPS Subdivision", "MPS Displace", "MPS Trial", "MPS Faces"
-MODIFIERS = {SUBDIVISION: "SUBSURF", DISPLACE: "DISPLACE", TRIAL: "SUBSURF", FACES: "SUBSURF"}
+SMOOTHNESS = "MPS Smoothness"
+MODIFIERS = {
+    **dict.fromkeys((SUBDIVISION, TRIAL, FACES), "SUBSURF"),
+    DISPLACE: "DISPLACE",
+    SMOOTHNESS: "WEIGHTED_NORMAL",
+}
 
 # Types of objects whose surface is a mesh once it is evaluated.
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
@@ -186,7 +191,7 @@ def as_rendered(obj: Any) -> Iterator[None]:
     changed = []
     try:
         for modifier in obj.modifiers:
-            if modifier in (find_modifier(obj, SUBDIVISION), find_modifier(obj, DISPLACE)):
+            if modifier in [find_modifier(obj, name) for name in (SMOOTHNESS, SUBDIVISION, DISPLACE)]:
                 wanted = {"show_viewport": False}
             else:
                 wanted = {

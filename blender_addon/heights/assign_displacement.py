@@ -8,7 +8,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..bake.mesh_file import DISPLACE, MODIFIERS, SUBDIVISION, TRIAL, find_modifier
+from ..bake.mesh_file import DISPLACE, MODIFIERS, SMOOTHNESS, SUBDIVISION, TRIAL, find_modifier
 from ..nodes import (
     BEFORE_NODE,
     DISPLACEMENT_NODE,
@@ -47,6 +47,25 @@ def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SU
     # The texture was baked onto the UVs as they are.
     modifier.uv_smooth = "NONE"
     modifier.use_custom_normals = False
+
+
+def keep_smoothness(target: Any, kept: bool) -> None:
+    """Have the object's subdivision keep the shading normals that the mesh has before it, or make new ones.
+
+    Cycles shows no light from behind the shading normals, whatever the normal map says: on facets that are shaded flat
+    their edges are black near the terminator.
+    """
+    subdivision = find_modifier(target, SUBDIVISION)
+    if subdivision is not None:
+        subdivision.use_custom_normals = kept
+    # Only normals of its own pass through a subdivision. These are as Blender makes them without.
+    if subdivision is None or not kept or target.data.has_custom_normals:
+        remove_modifier(target, SMOOTHNESS)
+        return
+    modifier = find_modifier(target, SMOOTHNESS) or _new_modifier(target, SMOOTHNESS)
+    modifier.mode, modifier.weight, modifier.keep_sharp = "CORNER_ANGLE", 50, True
+    own, after = target.modifiers.find(SMOOTHNESS), target.modifiers.find(SUBDIVISION)
+    target.modifiers.move(own, after - (own < after))
 
 
 @contextmanager
@@ -158,7 +177,7 @@ def remove_displacement(target: Any) -> bool:
     displacing = [material for material in materials if find_node(material.node_tree, DISPLACEMENT_NODE)]
     if not find_modifier(target, DISPLACE) and not displacing:
         return False
-    for name in (DISPLACE, SUBDIVISION):
+    for name in (DISPLACE, SUBDIVISION, SMOOTHNESS):
         remove_modifier(target, name)
     for material in displacing:
         remove_heights(material)
@@ -187,6 +206,11 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
     _link_normal(tree, normal, True)
+    leave_normals_uncorrected(material)
+
+
+def leave_normals_uncorrected(material: Any) -> None:
+    """Switch off Cycles' bump map correction, until :func:`remove_object_normals`."""
     if hasattr(material, "cycles"):
         # It darkens where normals and surface differ, for a surface that the relief is not on; this one it is on.
         if _CORRECTION_BEFORE not in material:
@@ -195,7 +219,7 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
 
 
 def remove_object_normals(material: Any) -> None:
-    """Take off what :func:`show_object_normals` gave a material."""
+    """Take off what :func:`show_object_normals` and :func:`leave_normals_uncorrected` gave a material."""
     for name in (OBJECT_TEXTURE_NODE, OBJECT_NORMAL_NODE):
         node = find_node(material.node_tree, name)
         if node is not None:

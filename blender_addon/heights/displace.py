@@ -31,6 +31,8 @@ from ..settings.declared import take_given
 from ..settings.displace import DisplaceSettings
 from .assign_displacement import (
     assign_displacement,
+    keep_smoothness,
+    leave_normals_uncorrected,
     move_by_modifier,
     remove_heights,
     remove_modifier,
@@ -86,10 +88,14 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
         }
         self._space = known["space"]
-        if self.keep_normals and self._space == "TANGENT":
+        # A subdivided mesh has other tangents. Without, the map that there is shows the same, also where UVs overlap,
+        # which one in object space cannot.
+        if self.keep_normals and self._space == "TANGENT" and self.levels:
             self._normals = with_tokens(path.with_name(f"{path.stem}_normal{path.suffix}"), "ONE", tiled)
-        base = folder / "base.npz"
-        if self.levels:
+        # Catmull-Clark is another surface. Facets stay what the mesh's own normals make of them, unless all is kept.
+        self._smooth = self.subdivision == "SIMPLE" and as_typed(self.scale) > 0
+        base = folder / "base.npz" if self.levels and not self._smooth else None
+        if base:
             with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
                 depsgraph = context.evaluated_depsgraph_get()
                 self.later(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
@@ -97,7 +103,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             normals=str(texture),
             height=str(self._output),
             uvs=str(folder / "mesh.npz"),
-            base=str(base) if self.levels else None,
+            base=str(base) if base else None,
             object_space=str(self._normals) if self._normals else None,
             space=known["space"].lower(),
             convention=known["convention"].lower(),
@@ -139,6 +145,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         normals: the image of those in object space, None where there is none.
         """
         subdivide(target, self.subdivision, self.levels, self.levels)
+        keep_smoothness(target, self._smooth)
         by_material = self.method == "MATERIAL"
         if by_material:
             remove_modifier(target, DISPLACE)
@@ -158,7 +165,10 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
                 show_object_normals(material, normals, self._uv_map)
             else:
                 remove_object_normals(material)
-                normals_off |= show_normals(material, self._space == "OBJECT")
+                kept = self.keep_normals and not self.levels
+                normals_off |= show_normals(material, kept or self._space == "OBJECT")
+                if kept:
+                    leave_normals_uncorrected(material)
         return normals_off
 
 

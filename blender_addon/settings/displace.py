@@ -32,9 +32,10 @@ class DisplaceSettings:
     )
     levels: IntSetting(
         name="Subdivisions",
-        description="How often the mesh is subdivided first: each makes four times as many faces. "
-        "0: it is fine enough as it is",
-        default=4,
+        description="How often the mesh is subdivided first: each makes four times as many faces, which take more of "
+        "the relief's shape. But a low poly's facets show more in its shadows, as Cycles softens those of large faces. "
+        "0: its own vertices move, and the normal map shows the rest",
+        default=0,
         min=0,
         max=8,
     )
@@ -47,17 +48,18 @@ class DisplaceSettings:
                 "Catmull-Clark",
                 "The mesh becomes round, edges with a crease apart: for one that is made for it",
             ),
-            ("SIMPLE", "Simple", "The mesh keeps its shape, and the heights make its facets round"),
+            ("SIMPLE", "Simple", "The mesh keeps its shape, its smooth shading and its sharp edges"),
         ],
         default="SIMPLE",
     )
     # The core's default keeps all, for any normals. Here they are estimated, which err most in broad shapes; and those
     # are in a low poly of some thousand faces already.
-    scale: from_option(Integrate, "scale", name="Broadest", default=0.02)
+    scale: from_option(Integrate, "scale", name="Broadest", default=0.01)
     keep_normals: BoolSetting(
         name="Keep the Normals",
-        description="Shade the displaced surface by the baked normals, as a texture in object space: the relief shows "
-        "once, with what is finer than the mesh. Off, for objects that bend: by the displaced surface alone",
+        description="Shade the displaced surface by the baked normals, subdivided as a texture in object space: the "
+        "relief shows once, with what is finer than the mesh. Off, for objects that bend: by the displaced surface "
+        "alone",
         default=True,
     )
     file_format: format_setting(

@@ -153,7 +153,7 @@ def test_again_and_again_it_takes_what_it_made(worn, scene, tmp_path):
     for _ in range(2):
         bpy.ops.mps.displace(levels=1, keep_normals=False, output=str(tmp_path / "h.exr"))
     material, displacement, heights, modifiers = nodes_and_modifiers(worn)
-    assert len(displacement) == len(heights) == 1 and modifiers == ["SUBSURF"]
+    assert len(displacement) == len(heights) == 1 and modifiers == ["WEIGHTED_NORMAL", "SUBSURF"]
     assert material.displacement_method == "BOTH" and worn_normal(material) is None
     assert heights[0].image == scene.mps.displace.image and heights[0].image.colorspace_settings.is_data
     assert displacement[0].outputs[0].links[0].to_socket.name == "Displacement"
@@ -163,11 +163,42 @@ def test_again_and_again_it_takes_what_it_made(worn, scene, tmp_path):
     normal = material.node_tree.nodes[worn_normal(material)]
     assert normal.name == "MPS Object Normal" and normal.space == "OBJECT"
     assert Path(normal.inputs["Color"].links[0].from_node.image.filepath).name == "h_normal.exr"
-    assert not displacement and not heights and modifiers == ["SUBSURF", "DISPLACE"]
+    assert not displacement and not heights and modifiers == ["WEIGHTED_NORMAL", "SUBSURF", "DISPLACE"]
     assert worn.modifiers["MPS Subdivision"].levels == worn.modifiers["MPS Subdivision"].render_levels == 2
     bpy.ops.mps.displace(method="MATERIAL", levels=0, keep_normals=False, output=str(tmp_path / "h.exr"))
     material, displacement, heights, modifiers = nodes_and_modifiers(worn)
     assert len(displacement) == len(heights) == 1 and not modifiers and worn_normal(material) is None
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["Blender's", "of its own"])
+def test_the_subdivided_faces_are_shaded_as_the_mesh_is(worn, scene, tmp_path, own):
+    """Else Cycles cuts the normal map's light off at every facet that looks away from the lamp. Sharp edges and flat
+    faces stay."""
+    mesh, rng = worn.data, np.random.default_rng(3)
+    mesh.edges[3].use_edge_sharp = True
+    mesh.polygons[7].use_smooth = False
+    if own:
+        tilted = array_of(mesh.corner_normals, "vector", 3) + rng.normal(0, 0.1, (len(mesh.loops), 3))
+        mesh.normals_split_custom_set((tilted / np.linalg.norm(tilted, axis=1, keepdims=True)).tolist())
+    corners = array_of(mesh.corner_normals, "vector", 3)
+    for _ in range(2):
+        bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"))
+    assert [one.type for one in worn.modifiers] == ["WEIGHTED_NORMAL", "SUBSURF"][own:]
+    shown = worn.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    normals = array_of(shown.corner_normals, "vector", 3).reshape(-1, 4, 3)  # of a quad for each corner
+    middles = [corners[list(face.loop_indices)].mean(axis=0) for face in mesh.polygons for _ in face.loop_indices]
+    assert len(normals) == len(middles)
+    expected = np.array(middles) / np.linalg.norm(middles, axis=1, keepdims=True)
+    assert np.abs(normals - expected[:, None]).max(axis=-1).min(axis=1).max() < 0.02  # one of its corners is there
+
+
+def test_without_a_subdivision_the_normal_map_stays_as_it_is(worn, scene, tmp_path):
+    (slot,) = worn.material_slots
+    bpy.ops.mps.displace(levels=0, output=str(tmp_path / "h.exr"))
+    assert worn_normal(slot.material) == "MPS Normal" and not (tmp_path / "h_normal.exr").exists()
+    assert not slot.material.cycles.use_bump_map_correction
+    bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
+    assert slot.material.cycles.use_bump_map_correction
 
 
 def test_the_subdivision_comes_before_the_displacement(worn, scene, tmp_path):
@@ -177,7 +208,7 @@ def test_the_subdivision_comes_before_the_displacement(worn, scene, tmp_path):
     worn.modifiers.clear()
     for levels in (0, 1):
         bpy.ops.mps.displace(method="MODIFIER", levels=levels, output=str(tmp_path / "h.exr"))
-    assert [modifier.type for modifier in worn.modifiers] == ["SUBSURF", "DISPLACE"]
+    assert [modifier.type for modifier in worn.modifiers] == ["WEIGHTED_NORMAL", "SUBSURF", "DISPLACE"]
     assert np.allclose(world_points(worn), straight, atol=1e-6)
 
 
@@ -288,7 +319,8 @@ def test_a_displacement_stays_under_a_bake_in_object_space(worn, scene, tmp_path
     bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"))
     bpy.ops.mps.bake(space="OBJECT", output=str(tmp_path / "again.png"))
     material, displacement, _, modifiers = nodes_and_modifiers(worn)
-    assert worn_normal(material) == "MPS Normal" and len(displacement) == 1 and modifiers == ["SUBSURF"]
+    assert worn_normal(material) == "MPS Normal" and len(displacement) == 1
+    assert modifiers == ["WEIGHTED_NORMAL", "SUBSURF"]
 
 
 def test_the_texture_that_counts_is_the_one_that_the_target_wears(worn, scene, tmp_path):
@@ -352,7 +384,7 @@ def test_what_cannot_be_displaced_is_told(worn, scene, tmp_path):
 def test_it_can_be_called_from_the_command_line(worn, scene, tmp_path, capsys):
     assert main(["displace", "--method", "modifier", "--levels", "1", "--output", str(tmp_path / "h.exr")]) == 0
     assert str(tmp_path / "h.exr") in capsys.readouterr().out
-    assert [modifier.type for modifier in worn.modifiers] == ["SUBSURF", "DISPLACE"]
+    assert [modifier.type for modifier in worn.modifiers] == ["WEIGHTED_NORMAL", "SUBSURF", "DISPLACE"]
 
 
 def test_the_photos_heights_stand_where_the_object_stands(estimated, scene, tmp_path):

@@ -102,7 +102,8 @@ def displacement(
         The mesh to be displaced, where that is `mesh` subdivided; with the same UVs.
     scale : float
         Share of the diagonal of the mesh's bounding box. Bumps wider than about this are left to the mesh, because
-        estimated normals err smoothly: one degree all over is a height of 2 % of the size. 0 keeps all.
+        estimated normals err smoothly: one degree all over is a height of 2 % of the size. So are smooth facets, unless
+        there is a base: the heights are what shading lacks. 0 keeps all, and makes facets round.
     mean : float, optional
         Mean height by area of each connected part, in world units. By default the surface stays where `mesh` is.
     margin : int
@@ -126,7 +127,7 @@ def displacement(
     covered = laid.triangle >= 0
     areas = laid.areas()[laid.triangle[covered]]
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
-    wanted = chords(vectors, seen, space, own, laid, part(progress, 0.02, 0.2))
+    wanted = chords(vectors, seen, space, own, laid, bool(scale) and base is None, part(progress, 0.02, 0.2))
     seams = laid.seams()
     graph = graph_of(laid.island, seams.texels[seams.met], _hold(own, areas, seen[covered], scale))
     del own, laid

@@ -57,11 +57,13 @@ def chords(
     space: Space,
     own: Layout,
     base: Layout,
+    shaded: bool,
     progress: Progress,
 ) -> Chords:
     """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, require of heights on the mesh of `base`.
 
-    seen: (S, S) from 0, the mesh's own smooth normals instead, to 1.
+    seen: (S, S) from 0, the mesh's own smooth normals instead, to 1. shaded: the heights are over a surface that has
+    the mesh's shading normals, so that smooth facets stay what they are; else over its facets.
 
     The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
     to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
@@ -82,7 +84,9 @@ def chords(
         more = slice(rows.start, min(rows.stop + 1, size))
         point, normal = base.at(more, *surface)
         normal = normalised(normal)
-        wanted = _wanted(vectors[more], seen[more], space, own, shading, more)
+        tangent, upright, sign = own.at(more, *shading)
+        wanted = _wanted(vectors[more], seen[more], space, own, (tangent, upright, sign))
+        upright = _to_world(own, upright)
         if own is not base:
             wanted = np.where((own.triangle[more] >= 0)[..., None], wanted, normal)
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
@@ -90,7 +94,11 @@ def chords(
         for number, axis in enumerate((1, 0)):
             # Beyond the last column and row stands what is at the other end; there is no neighbour there.
             towards = wanted + np.roll(wanted, -1, axis)
-            step = _dot(towards, np.roll(point, -1, axis) - point)
+            chord = np.roll(point, -1, axis) - point
+            if shaded:
+                mean = normalised(upright + np.roll(upright, -1, axis))
+                chord -= _dot(chord, mean)[..., None] * mean
+            step = _dot(towards, chord)
             first, second = _dot(towards, normal), _dot(towards, np.roll(normal, -1, axis))
             least = np.maximum(LEAST_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
             facing = np.maximum((first + second) / 2, least)
@@ -129,17 +137,21 @@ def _wanted(
     seen: NDArray[np.float32],
     space: Space,
     own: Layout,
-    shading: list[NDArray[np.floating[Any]]],
-    rows: slice,
+    shading: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """(h, S, 3) unit normals in the world for some rows of the texture."""
-    tangent, normal, sign = own.at(rows, *shading)
+    """(h, S, 3) unit normals in the world for some rows of the texture, where `shading` is what :func:`_shading`
+    names."""
+    tangent, normal, sign = shading
     wanted = vectors.astype(np.float64)
     if space == "tangent":
         wanted = _from_tangent_space(wanted, tangent, normal, sign)
     weight = seen[..., None]
     mixed = weight * normalised(wanted) + (1 - weight) * normalised(normal)
-    return normalised(mixed @ np.linalg.inv(own.mesh.world_from_object[:3, :3]))
+    return _to_world(own, mixed)
+
+
+def _to_world(own: Layout, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    return normalised(normals @ np.linalg.inv(own.mesh.world_from_object[:3, :3]))
 
 
 def _from_tangent_space(
