@@ -36,6 +36,12 @@ def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArra
     return labels, np.concatenate([[mask.size - sizes.sum()], sizes])
 
 
+def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The rows and columns that a mask, which is not empty, lies in."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
 def without_specks(mask: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
     """The mask's connected regions of at least `least` pixels."""
     labels, sizes = labelled(mask)

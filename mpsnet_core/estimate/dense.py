@@ -6,6 +6,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
@@ -87,8 +88,7 @@ class _Photo:
     """The box around the object, seen on any scale."""
 
     def __init__(self, capture: Capture) -> None:
-        rows, columns = np.flatnonzero(capture.mask.any(axis=1)), np.flatnonzero(capture.mask.any(axis=0))
-        self.box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        self.box = bounding_box(capture.mask)
         self.capture = capture
         self._means, self._white_means = mean_light(capture), white_means(capture)
 

@@ -57,6 +57,16 @@ def test_curved_surfaces_are_right_to_a_part_of_a_pixel(surface: Surface, most: 
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_what_lies_around_the_object_changes_nothing(method: Method) -> None:
+    cap = spheres(square_camera(256), (0, 0, 0, 1.0), rim=0.3)
+    border = (32, 150), (64, 0)
+    alone = NormalMap(cap.normals.vectors, cap.mask)
+    wide = NormalMap(np.pad(cap.normals.vectors, (*border, (0, 0))), np.pad(cap.mask, border))
+    heights = [integrate(normals, method=method).values for normals in (alone, wide)]
+    assert np.array_equal(np.pad(heights[0], border), heights[1])
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_errors_fall_with_the_pixels_size(method: Method) -> None:
     """Of a cap up to 60°, in the unit of the world: half the pixel, a quarter of the error or so."""
     coarse, fine = (spheres(square_camera(size), (0, 0, 0, 1.0), rim=0.5) for size in (48, 96))

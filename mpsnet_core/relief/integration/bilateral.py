@@ -25,7 +25,7 @@ CUT, BESIDE, SEARCHING = np.float32(0.1), 2, 24
 # In it a link counts half where the changes that its two pixels require differ by so many pixels, times `facing`.
 APART = np.float32(0.1)
 # The longest side of a picture that is begun without a smaller one.
-SMALL = 256
+SMALL = 200
 # Passes on the smallest picture, which has the longest way to go, and on each larger one; iterations of the solver.
 FIRST_PASSES, PASSES, ITERATIONS = 24, 12, 6
 # The share of a picture's work that is done before its own passes.

@@ -5,13 +5,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import labelled
+from mpsnet_core.arrays.mask_regions import bounding_box, labelled
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap, pixel_camera
 from mpsnet_core.relief.integration.bilateral import bilateral
 from mpsnet_core.relief.integration.fast import fast
-from mpsnet_core.relief.integration.gradients import gradients, pixels_per_unit
+from mpsnet_core.relief.integration.gradients import Gradients, gradients, pixels_per_unit
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -19,6 +19,9 @@ from mpsnet_core.scene.normal_map import NormalMap
 Method = Literal["fast", "bilateral"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
+# The part of a picture that holds the object begins and ends on a multiple of so many pixels, so that the solver's
+# coarse grids have the same blocks wherever the object stands.
+GRAIN = 32
 # What the logarithm of depth is kept within, so that depth stays finite whatever the normals are.
 MOST_LOG = 40.0
 
@@ -70,8 +73,13 @@ def integrate(
     _check(normals, camera, method, distance)
     progress(0.0, "integrating")
     solve = fast if method == "fast" else bilateral
-    depth = solve(gradients(normals, camera), part(progress, 0.0, 0.98))
-    values = _in_unit(depth, normals.mask, camera, distance or 1.0)
+    wanted = gradients(normals, camera)
+    rows, columns = (slice(side.start & -GRAIN, side.stop + GRAIN - 1 & -GRAIN) for side in bounding_box(normals.mask))
+    box = rows, columns
+    wanted = Gradients(wanted.facing[box], wanted.right[box], wanted.down[box], wanted.mask[box])
+    depth = solve(wanted, part(progress, 0.0, 0.98))
+    values = np.zeros(normals.mask.shape, np.float32)
+    values[box] = _in_unit(depth, wanted.mask, camera, distance or 1.0)
     progress(1.0, "integrated")
     return HeightMap(values, normals.mask, camera)
 
