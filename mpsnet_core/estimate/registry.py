@@ -47,7 +47,7 @@ class RegisteredModel:
         assert self.file is not None
         return (
             f"put {self.file.name} (sha256 {self.sha256}) from the repository's mpsnet_core/estimate/models/comparison "
-            f"into {COMPARISON_FOLDER}, or train one by mpsnet train --recipe {self.name} and give its file"
+            f"into {COMPARISON_FOLDER}, or give its path, or that of one made by mpsnet train --recipe {self.name}"
         )
 
 
