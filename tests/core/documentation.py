@@ -26,9 +26,10 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path, program: str) -> list[list[str]]:
-    """The arguments of each call of a program in the page's shell blocks, without the program's name."""
+    """The arguments of a program's calls, without its name, in a page's shell blocks and its tables' last columns."""
     found = []
-    for block in blocks(page, "bash"):
+    rows = re.findall(r"^\|.*\| `([^`]+)`[^|]*\|$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    for block in (*blocks(page, "bash"), *rows):
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(re.sub(r"(^|\s)#\s.*", "", line))
             if words and words[0] == program:
@@ -97,5 +98,5 @@ def run_page(page: Path, folder: Path, programs: Mapping[str, str] | None = None
     environment = {**os.environ, "PATH": path, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
     shutil.copytree(PROJECT / "examples", folder / "examples", ignore=shutil.ignore_patterns("output", "__pycache__"))
     bash = ["bash", "-c", f"set -euxo pipefail\n{script(page)}"]
-    done = subprocess.run(bash, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(bash, cwd=folder, env=environment, capture_output=True, text=True, timeout=550)
     assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
