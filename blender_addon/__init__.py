@@ -9,7 +9,7 @@ import atexit
 
 import bpy
 
-from . import commands, menu, operators, panels, preferences, presets, settings, translations
+from . import commands, manual, menu, operators, panels, preferences, presets, settings, translations
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
@@ -18,7 +18,7 @@ from .estimate import error_map
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
-from .photo import align, check, drop, look_through, paint_mask
+from .photo import align, check, drop, look_through, paint_mask, pick_points
 from .photo import photo as photo_step
 from .rig import calibrate, light_preview, several_rigs
 from .rig import rig as rig_step
@@ -39,6 +39,7 @@ _MODULES = (
     photo_step,
     drop,
     align,
+    pick_points,
     check,
     look_through,
     paint_mask,
@@ -56,6 +57,7 @@ _MODULES = (
     try_it,
     panels,
     menu,
+    manual,
     commands,
     translations,
 )

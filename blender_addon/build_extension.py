@@ -9,6 +9,7 @@ Blender decodes them.
 
 import argparse
 import email
+import importlib.metadata
 import importlib.util
 import json
 import re
@@ -204,13 +205,43 @@ def _is_notice(name: str) -> bool:
     return not inside and bool(named or ".dist-info/licenses/" in name)
 
 
-def stage(core: Path, wheels: Sequence[Path], platform: str) -> Path:
-    """Lay out the extension's source with its wheels and their notices, and name the wheels in its manifest."""
+def build_manual(folder: Path) -> bool:
+    """Make the documentation's pages in `folder`, for Blender's Online Manual; False where Sphinx is not installed."""
+    if importlib.util.find_spec("sphinx") is None:
+        print("without the manual: pip install -e '.[docs]', and the zips have it")
+        return False
+    shutil.rmtree(folder, ignore_errors=True)
+    options = ["-q", "-b", "html", f"-d{WORK / 'doctrees'}"]
+    run([sys.executable, "-m", "sphinx", *options, PROJECT / "docs", folder], "the manual cannot be built")
+    return True
+
+
+def manual_notices() -> str:
+    """The licences of what draws the manual's pages and so is in them."""
+    parts = []
+    for package in map(importlib.metadata.distribution, ("sphinx", "furo")):
+        name = f"{package.metadata['Name']} {package.version}: {_licence(str(package.metadata))}"
+        parts.append(f"{'=' * 100}\n{name}\n")
+        for file in filter(lambda file: _is_notice(str(file)), package.files or ()):
+            parts.append(f"--- {file}\n\n{file.read_text(encoding='utf-8').strip()}\n")
+    return "\n".join(parts)
+
+
+def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None) -> Path:
+    """Lay out the extension's source with its wheels and their notices, and name the wheels in its manifest.
+
+    manual: the folder of the documentation's pages, None for none.
+    """
     source = WORK / "source"
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy2(PROJECT / "LICENSE", source)
-    (source / NOTICES).write_text(notices(wheels), encoding="utf-8")
+    words = notices(wheels)
+    if manual is not None:
+        left_out = shutil.ignore_patterns(".*", "*.map", "objects.inv", "_sources")
+        shutil.copytree(manual, source / "manual", ignore=left_out)
+        words = f"{words}\n{manual_notices()}"
+    (source / NOTICES).write_text(words, encoding="utf-8")
     (source / "wheels").mkdir()
     names = sorted(Path(shutil.copy2(wheel, source / "wheels")).name for wheel in (core, *wheels))
     manifest = source / "blender_manifest.toml"
@@ -244,12 +275,13 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
     core = build_core_wheel(WORK / "core")
+    manual = WORK / "manual" if build_manual(WORK / "manual") else None
     output.mkdir(parents=True, exist_ok=True)
     packager = [sys.executable, str(blender_ext)]
     for target in (Target(python, platform) for platform in platforms for python in pythons):
         pins = resolve(requirements, target)
         print(f"{target}: {', '.join(pins)}", flush=True)
-        source = stage(core, download(pins, target), target.platform)
+        source = stage(core, download(pins, target), target.platform, manual)
         path = output / f"{manifest['id']}-{manifest['version']}-{target.platform}-python{target.python}.zip"
         run([*packager, "validate", str(source)], "Blender refuses the extension")
         build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]

@@ -28,6 +28,7 @@ VERBS = (
     "render_photo",
     "open_photo",
     "superpose",
+    "check_photo",
     "align_photo",
     "show_mask",
     "render_truth",
@@ -102,7 +103,7 @@ def _do(verb: str, options: dict[str, Any]) -> None:
     if save:
         bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
         print(f"{COMMAND}: scene saved as {save}")  # noqa: T201
-    elif verb != "render_samples":
+    elif verb not in {"render_samples", "check_photo"}:
         print(f"{COMMAND}: the scene is not saved; --save FILE.blend keeps what the next step needs")  # noqa: T201
 
 

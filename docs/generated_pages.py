@@ -132,31 +132,40 @@ def blender() -> Iterator[str]:
         yield from ("", "This copy of the page was built without `bpy`, so the lists are missing.")
         return
     import blender_addon
+    from blender_addon import manual
 
-    blender_addon.register()
+    alone = not hasattr(bpy.types.Scene, "mps")
+    if alone:
+        blender_addon.register()
     yield from ("", "## Operators")
-    for name in sorted(dir(bpy.ops.mps)):
-        facts = getattr(bpy.ops.mps, name).get_rna_type()
+    for name, facts in manual.operators():
         words = f"**{facts.name}.** {' '.join(facts.description.split())}"
-        yield from ("", f"### bpy.ops.mps.{name}", "", words if words.endswith(".") else words + ".")
-        yield from _properties(facts)
+        # The add-on looks for these anchors, see `blender_addon.manual`.
+        yield from (
+            "",
+            f'<span id="{name}"></span>',
+            "",
+            f"### {name}",
+            "",
+            words if words.endswith(".") else words + ".",
+        )
+        for one in manual.shown(facts):
+            yield from _property(one)
     yield from ("", "## Settings")
-    for group in bpy.types.Scene.bl_rna.properties["mps"].fixed_type.properties:
-        if group.type == "POINTER" and group.identifier != "rna_type":
-            yield from ("", f"### scene.mps.{group.identifier}")
-            yield from _properties(group.fixed_type)
-    blender_addon.unregister()
+    for name, facts in manual.groups():
+        yield from ("", f"### {name}")
+        for one in manual.shown(facts):
+            yield from _property(one, f'<span id="{manual.anchor(facts, one.identifier)}"></span>')
+    if alone:
+        blender_addon.unregister()
 
 
-def _properties(facts: Any) -> Iterator[str]:
-    for one in facts.properties:
-        if one.identifier in {"rna_type", "name"} or one.is_hidden:
-            continue
-        yield from ("", f"`{one.identifier}`")
-        words = [f"**{one.name}.**", *([f"{one.description}."] if one.description else [])]
-        if one.type == "ENUM" and 0 < len(one.enum_items) < 20:
-            words.append("One of " + ", ".join(f"`{item.identifier}`" for item in one.enum_items) + ".")
-        yield ": " + " ".join(" ".join(words).split())
+def _property(one: Any, anchor: str = "") -> Iterator[str]:
+    yield from ("", f"{anchor}`{one.identifier}`")
+    words = [f"**{one.name}.**", *([f"{one.description}."] if one.description else [])]
+    if one.type == "ENUM" and 0 < len(one.enum_items) < 20:
+        words.append("One of " + ", ".join(f"`{item.identifier}`" for item in one.enum_items) + ".")
+    yield ": " + " ".join(" ".join(words).split())
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """The normal maps that objects wear already, for detail to go on top of, run after run of the same."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Sized
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 
@@ -15,6 +15,8 @@ from ..nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, f
 from ..operators import by_session_uid
 from ..outputs import image_file, tile_files
 from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
+
+Worn = TypeVar("Worn", bound=Sized)
 
 # Stored with a baked image: what the object wore before it, and which way that one's green points.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
@@ -61,17 +63,12 @@ def present_map(
 
     Raises InputError where it wears several, or one that detail cannot be laid onto.
     """
-    found = _worn_map(targets, onto, part)
+    found = _usable_map(targets, onto, part, tiles)
     if found is None:
         return None
     image, convention = found
-    if image.is_dirty:
-        raise InputError(f'the normal map "{image.name}" has changes that are not in its file; save it first')
-    if image.source != "TILED":
-        return PresentMap(image.session_uid, convention, image_file(image, "normal map", _BY_FILE))
-    if not tiles:
-        raise InputError(f'the present normal map "{image.name}" has UDIM tiles; switch UDIM Tiles on')
-    return PresentMap(image.session_uid, convention, tile_files(image, "normal map", _BY_FILE))
+    read = tile_files if image.source == "TILED" else image_file
+    return PresentMap(image.session_uid, convention, read(image, "normal map", _BY_FILE))
 
 
 def store_base_map(image: Any, base: WornMap | None) -> None:
@@ -102,11 +99,32 @@ def present_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path)
     Raises InputError where no part has one, or as :func:`present_map` does.
     """
     found = {part: present_map(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
-    worn = {part: one for part, one in found.items() if one is not None}
+    return _some(targets, {part: one for part, one in found.items() if one is not None})
+
+
+def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[Any]:
+    """The images that :func:`present_maps` would read, whether or not they have a file.
+
+    Raises InputError as that does, but for their files.
+    """
+    found = [_usable_map(targets, onto, part, TILE in file.name) for part in parts_of(onto, file)]
+    return [image for image, _ in _some(targets, [one for one in found if one is not None])]
+
+
+def _some(targets: Sequence[Any], worn: Worn) -> Worn:
     if not worn:
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
     return worn
+
+
+def _usable_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, tiles: bool) -> tuple[Any, str] | None:
+    found = _worn_map(targets, onto, part)
+    if found is not None and found[0].is_dirty:
+        raise InputError(f'the normal map "{found[0].name}" has changes that are not in its file; save it first')
+    if found is not None and found[0].source == "TILED" and not tiles:
+        raise InputError(f'the present normal map "{found[0].name}" has UDIM tiles; switch UDIM Tiles on')
+    return found
 
 
 def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:

@@ -54,6 +54,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             "Photo": stamp(context.scene.mps.photo.image),
             **chosen(EstimateSettings, settings, without=("output", "confidence", "albedo")),
             "White Photo": file_stamp(settings.white),
+            **_painted(settings),
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
             **_lens_of_camera(context.scene),
         }
@@ -140,6 +141,14 @@ def _lens_of_camera(scene: Any) -> Provenance:
     return {"Camera's lens": rounded([camera.data.lens, camera.data.ortho_scale], 4)} if camera else {}
 
 
+def _painted(settings: Any) -> Provenance:
+    """The mask as it is painted, where that counts. Its paint is packed when it is used, see :func:`.painted_mask`."""
+    image = settings.painted_mask
+    if settings.mask != "PAINTED" or image is None:
+        return {}
+    return {"Painted Mask": f"{stamp(image)} {'painted on' if image.is_dirty else 'packed'}"}
+
+
 class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
     """Show which pixels of the photo count as the object, before they are used. The mask is written as a file, too"""
 
@@ -151,7 +160,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         only = ("encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
         shaping = chosen(EstimateSettings, context.scene.mps.estimate, only=only)
-        return {"Photo": stamp(context.scene.mps.photo.image), **shaping}
+        return {"Photo": stamp(context.scene.mps.photo.image), **shaping, **_painted(context.scene.mps.estimate)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene

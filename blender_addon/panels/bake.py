@@ -1,15 +1,18 @@
 """Step 4: the bake."""
 
+from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import InputError
 
 from ..bake.bake import NO_CAMERA
+from ..bake.existing_maps import usable_maps
+from ..bake.texture_sets import BakeTarget, slot_labels, with_tokens
 from ..outputs import remembered
 from ..photo.camera import chosen_camera
 from ..rig.rig import rig_camera
 from .step import Step
-from .what_counts import lacks_file
+from .what_counts import lacks_file, lacks_named
 
 
 class MPS_PT_bake(Step):
@@ -22,7 +25,7 @@ class MPS_PT_bake(Step):
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        return super().lacks(context) or _lacks_view(context.scene) or lacks_targets(context)
+        return super().lacks(context) or _lacks_view(context.scene) or lacks_targets(context) or lacks_beneath(context)
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
@@ -64,13 +67,33 @@ def _lacks_view(scene: Any) -> str:
 
 def lacks_targets(context: Any, *, alone: bool = False) -> str:
     """Why the objects that are chosen cannot get a texture; "" where they can. alone: the target in any case."""
+    meshes = _meshes(context, alone=alone)
+    if not meshes:
+        return "Choose the target, the mesh object that gets the texture"
+    return next(filter(None, (_lacks_target(obj, context.scene.mps.bake.uv_map) for obj in meshes)), "")
+
+
+def _meshes(context: Any, *, alone: bool = False) -> list[Any]:
     bake, objects = context.scene.mps.bake, context.view_layer.objects
     selected = bake.objects == "SELECTED" and not alone
     chosen = objects.selected if selected else [bake.target or objects.active]
-    meshes = [obj for obj in chosen if obj is not None and obj.type == "MESH"]
-    if not meshes:
-        return "Choose the target, the mesh object that gets the texture"
-    return next(filter(None, (_lacks_target(obj, bake.uv_map) for obj in meshes)), "")
+    return sorted((obj for obj in chosen if obj is not None and obj.type == "MESH"), key=lambda obj: obj.name)
+
+
+def lacks_beneath(context: Any) -> str:
+    """Why the detail cannot go on top of the objects' present normal maps; "" where it can, or shall not."""
+    bake, meshes = context.scene.mps.bake, _meshes(context)
+    if bake.onto and bake.onto_file:
+        return "" if "<" in bake.onto_file else lacks_named(bake, "onto_file", optional=True)  # of several files
+    if not bake.onto or any(obj.modifiers or obj.mode == "EDIT" for obj in meshes):  # which may make UVs
+        return ""
+    onto = [_bake_target(obj, bake.uv_map) for obj in meshes]
+    file = with_tokens(Path(Path(bake.output).stem or "texture"), bake.split, bake.tiles)
+    try:
+        maps = usable_maps(meshes, onto, file)
+    except InputError as error:
+        return str(error)
+    return next(filter(None, (lacks_file(one, "normal map") for one in maps if one.source != "TILED")), "")
 
 
 def _lacks_target(obj: Any, uv_map: str) -> str:
@@ -85,6 +108,11 @@ def _lacks_target(obj: Any, uv_map: str) -> str:
     if uv_map and uv_map not in obj.data.uv_layers:
         return f'"{obj.name}" has no UV map "{uv_map}"; choose another in Texture'
     return ""
+
+
+def _bake_target(obj: Any, uv_map: str) -> BakeTarget:
+    rendered = next((layer.name for layer in obj.data.uv_layers if layer.active_render), "")
+    return BakeTarget(obj.session_uid, obj.name, uv_map or rendered, tuple(slot_labels(obj)), frozenset())
 
 
 class MPS_PT_texture(Step):

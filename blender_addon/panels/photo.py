@@ -5,9 +5,11 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.alignment.points import LEAST_PAIRS
 
 from ..child_process.trust import SCRIPTS_OFF
 from ..photo.camera import is_real
+from ..photo.pick_points import picking
 from ..provenance import made_by
 from ..rig.rig import drawn_rig, rig_camera, scene_camera
 from ..settings.record import notes_of
@@ -117,7 +119,11 @@ class MPS_PT_align(Step):
     def lacks(cls, context: Any) -> str:
         scene = context.scene
         photo = scene.mps.photo.image
-        return super().lacks(context) or lacks_file(photo, "photo") or lights_of(scene).lacks
+        if lacking := super().lacks(context) or lacks_file(photo, "photo") or lights_of(scene).lacks:
+            return lacking
+        missing = LEAST_PAIRS - len(photo.mps.pairs)
+        fewer = 0 < missing < LEAST_PAIRS
+        return f"{LEAST_PAIRS} points are the least: pick {missing} more, or remove them" if fewer else ""
 
     @classmethod
     def result(cls, context: Any) -> Any:
@@ -136,7 +142,7 @@ class MPS_PT_align(Step):
             off = f"{pair.residual:.1f} px off" if pair.residual >= 0 else ""
             row.label(text=f"{number + 1}:  {pair.pixel[0]:.0f}, {pair.pixel[1]:.0f}  {off}")
             row.operator("mps.remove_align_point", text="", icon="X", emboss=False).index = number
-        self.layout.operator("mps.add_align_point", icon="CURSOR")
+        self.layout.operator("mps.pick_points", icon="CURSOR", depress=picking())
         self.progress_or(context, "align_photo", "CAMERA_DATA")
         if photo.fit:
             wrapped(self.layout, sentence(photo.fit), icon="ERROR" if photo.poor else "CHECKMARK")

@@ -94,18 +94,18 @@ def lacks_file(image: Any, what: str) -> str:
 def lacks_mask(settings: Any) -> str:
     """Which picture the mask needs and has not."""
     needed = {"FILE": "mask_file", "BACKGROUND": "background"}.get(settings.mask)
-    return _lacks_named(settings, needed, optional=False) if needed else ""
+    return lacks_named(settings, needed, optional=False) if needed else ""
 
 
 def _lacks_other_files(settings: Any, *, moves: bool) -> str:
-    if settings.model == "FILE" and (lacking := _lacks_named(settings, "model_file", optional=False)):
+    if settings.model == "FILE" and (lacking := lacks_named(settings, "model_file", optional=False)):
         return lacking
     if settings.albedo and not settings.white and not moves:
         return "The albedo is made from a white photo; choose one in 2 Photo, or switch Albedo off"
-    return next(filter(None, (_lacks_named(settings, name, optional=True) for name in ("dark", "flat", "white"))), "")
+    return next(filter(None, (lacks_named(settings, name, optional=True) for name in ("dark", "flat", "white"))), "")
 
 
-def _lacks_named(settings: Any, name: str, *, optional: bool) -> str:
+def lacks_named(settings: Any, name: str, *, optional: bool) -> str:
     path, label = getattr(settings, name), settings.bl_rna.properties[name].name
     if not path:
         return "" if optional else f"Choose the {label.lower()}"

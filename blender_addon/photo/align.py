@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import FloatProperty, IntProperty, StringProperty
+from bpy.props import IntProperty, StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
@@ -53,7 +53,9 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             return "Open a photo that you took first"
         if not is_real(photo):
             return "A rendered photo has its camera; open one that you took"
-        return "" if _mesh(context) else "Choose the mesh object that the photo shows, as target of the step Bake"
+        return (
+            "" if mesh_of_photo(context) else "Choose the mesh object that the photo shows, as target of the step Bake"
+        )
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -66,7 +68,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         file = image_file(photo, "photo", "open it again")
         if photo.source == "MOVIE":
             raise InputError(f"{file.name} is a video; open one of its frames as a picture and align that")
-        target = find_object(scene, self.target) if self.target else _mesh(context)
+        target = find_object(scene, self.target) if self.target else mesh_of_photo(context)
         context.view_layer.update()
         self.later(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
         lens = self.lens if self.properties.is_property_set("lens") else estimate.lens
@@ -125,7 +127,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         self.report({"WARNING"} if photo.mps.poor else {"INFO"}, f'Camera "{camera.name}": {photo.mps.fit}')
 
 
-def _mesh(context: Any) -> Any:
+def mesh_of_photo(context: Any) -> Any:
     """The mesh object that a photo is of unless another is named; None where there is none."""
     target = context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
     return target if target is not None and target.type == "MESH" else None
@@ -171,32 +173,6 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     return camera
 
 
-class MPS_OT_add_align_point(bpy.types.Operator):
-    """Add a pair for Align Photo: a place in the photo, and the 3D cursor's place on the mesh"""
-
-    bl_idname = "mps.add_align_point"
-    bl_label = "Add Point"
-    bl_options = {"REGISTER", "UNDO"}
-
-    x: FloatProperty(name="X", description="Pixels from the photo's left edge", min=0.0, options={"SKIP_SAVE"})
-    y: FloatProperty(name="Y", description="Pixels from the photo's top edge", min=0.0, options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        if is_real(context.scene.mps.photo.image):
-            return True
-        cls.poll_message_set("Open a photo that you took first")
-        return False
-
-    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
-        return set(context.window_manager.invoke_props_dialog(self))
-
-    def execute(self, context: Any) -> set[Any]:
-        pair = context.scene.mps.photo.image.mps.pairs.add()
-        pair.pixel, pair.point = (self.x, self.y), context.scene.cursor.location
-        return {"FINISHED"}
-
-
 class MPS_OT_remove_align_point(bpy.types.Operator):
     """Remove this pair of points"""
 
@@ -222,6 +198,6 @@ class MPS_OT_remove_align_point(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (MPS_OT_align_photo, MPS_OT_add_align_point, MPS_OT_remove_align_point)
+CLASSES = (MPS_OT_align_photo, MPS_OT_remove_align_point)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

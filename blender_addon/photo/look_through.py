@@ -1,19 +1,29 @@
-"""The viewport as the photo's camera sees it."""
+"""The viewport as the photo's camera sees it, in the photo's frame."""
 
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ..operators import ReportingOperator
+from ..outputs import picture_size
 from .camera import chosen_camera, is_real
+
+WATCH_SECONDS = 0.5
+
+# Stored with a scene: its resolution and pixel aspect before, and the photo's, which it has now.
+_BEFORE = "mpsnet_frame_before"
+_FRAME = ("resolution_x", "resolution_y", "pixel_aspect_x", "pixel_aspect_y")
 
 
 class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
-    """See the scene in this viewport as the camera sees it that took the photo. Press again to leave it"""
+    """See the scene in this viewport as the camera sees it that took the photo, in the photo's frame.
+
+    The scene's resolution is the photo's meanwhile. Press again, or turn the view, to leave it"""
 
     bl_idname = "mps.look_through"
     bl_label = "Look Through"
-    bl_options = {"REGISTER"}
+    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -31,11 +41,14 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
         if in_camera and space.camera == camera:
             bpy.ops.view3d.view_camera()  # back to the view before
             space.use_local_camera = False
+            watch()
             return
         # This viewport's own, so that the scene's camera stays what it is.
         space.use_local_camera, space.camera = True, camera
         if not in_camera:
             bpy.ops.view3d.view_camera()
+        _take_frame(context.scene)
+        _watch_on()
 
 
 def _photos_camera(scene: Any) -> Any:
@@ -45,4 +58,75 @@ def _photos_camera(scene: Any) -> Any:
     return camera if camera is not None and scene.objects.get(camera.name) == camera else None
 
 
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_look_through,))
+def _take_frame(scene: Any) -> None:
+    """Give the scene's pictures the photo's size, and note with it what they had."""
+    photo, render = scene.mps.photo, scene.render
+    before = _numbers(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
+    size = picture_size(photo.image) if is_real(photo.image) else (photo.width, photo.height)
+    for name, value in zip(_FRAME, (*size, 1, 1), strict=True):
+        setattr(render, name, value)
+    scene[_BEFORE] = [*map(float, before), *(float(getattr(render, name)) for name in _FRAME)]
+
+
+def _put_back(scene: Any) -> None:
+    """Give the scene's pictures the size again that they had, unless somebody has changed it meanwhile."""
+    numbers, render = _numbers(scene), scene.render
+    del scene[_BEFORE]
+    before, taken = numbers[: len(_FRAME)], numbers[len(_FRAME) :]
+    if numbers and [getattr(render, name) for name in _FRAME] == taken:
+        for name, value in zip(_FRAME, before, strict=True):
+            setattr(render, name, int(value) if name.startswith("resolution") else value)
+
+
+def _numbers(scene: Any) -> list[float]:
+    """What is noted with a scene; [] where it is nothing of ours, as in a hostile file."""
+    try:
+        numbers = [float(one) for one in scene.get(_BEFORE, ())]
+    except (TypeError, ValueError):
+        return []
+    whole = all(-1e6 < one < 1e6 for one in numbers)
+    return numbers if whole and len(numbers) == 2 * len(_FRAME) else []
+
+
+def _looks(window: Any) -> bool:
+    """Whether a viewport of a window shows its scene through the photo's camera."""
+    scene, camera = window.scene, _photos_camera(window.scene)
+    spaces = [area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"]
+    return camera is not None and any(
+        space.region_3d.view_perspective == "CAMERA"
+        and (space.camera if space.use_local_camera else scene.camera) == camera
+        for space in spaces
+    )
+
+
+def watch() -> float | None:
+    """Put the frame back of scenes that no viewport looks at through the photo's camera any more; ends where none is
+    left, else returns when to look again."""
+    windows = bpy.context.window_manager.windows
+    for scene in _framed():
+        if not any(window.scene == scene and _looks(window) for window in windows):
+            _put_back(scene)
+    return WATCH_SECONDS if _framed() else None
+
+
+def _framed() -> list[Any]:
+    return [scene for scene in bpy.data.scenes if _BEFORE in scene and not scene.library]
+
+
+@persistent
+def _watch_on(*_: Any) -> None:
+    """Also called when a file is opened that was saved while it was looked through."""
+    if not bpy.app.background and not bpy.app.timers.is_registered(watch):
+        bpy.app.timers.register(watch, first_interval=WATCH_SECONDS, persistent=True)
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_look_through)
+    bpy.app.handlers.load_post.append(_watch_on)
+
+
+def unregister() -> None:
+    bpy.app.handlers.load_post.remove(_watch_on)
+    if bpy.app.timers.is_registered(watch):
+        bpy.app.timers.unregister(watch)
+    bpy.utils.unregister_class(MPS_OT_look_through)

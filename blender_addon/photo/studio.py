@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -78,7 +79,7 @@ def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progre
             for other in others:
                 studio.collection.objects.link(other)
         with written_together():  # the photo as well, though another process writes it: these are ready when it appears
-            write_rig(sidecar(path, "rig"), rig)
+            write_rig(sidecar(path, "rig"), replace(rig, exact=True))
             write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
             images = tuple(map(str, parts))
             run(Superpose(image=images, encoding="auto", channels=False, output=str(path)), [path])

@@ -113,7 +113,7 @@ class _Photo:
         """A window on a scale, with the answer (h, w, 4) on the one before."""
         light, white, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
-        return Seen(light, mask, self.capture.rig.directions, self._means, white, before)
+        return Seen(light, mask, self.capture.rig.directions, self._means, white, before, self.capture.rig.exact)
 
     def _read(self, window: Window, halving: int) -> tuple[Floats, Floats | None, NDArray[np.bool_]]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
@@ -254,6 +254,7 @@ def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
         seen.means[order],
         white,
         previous,
+        seen.exact,
     )
 
 

@@ -59,7 +59,7 @@ def _relit(capture: Capture, *, turned: bool) -> Capture:
             normals = _turned(normals, _turn_to_z(capture.camera, rows))
         lit = normals @ capture.rig.directions.T
         image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if turned else lit, 0)
-    return replace(capture, image=image, rig=LightRig(capture.rig.directions), clip=np.inf)
+    return replace(capture, image=image, rig=LightRig(capture.rig.directions, exact=capture.rig.exact), clip=np.inf)
 
 
 def lights_by_rows(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:

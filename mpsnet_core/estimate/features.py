@@ -21,11 +21,12 @@ FEATURE_CHANNELS = {
     "previous": 4,  # of pyramids: normals and expected error (radians) on the scale before; zero on the first
     "lights": 9,  # the three directions (x, y, z each); one pixel, for an input of its own
     "channel_means": 3,  # of "photo" over the mask; one pixel
+    "exact": 1,  # 1 where the lights and their mixing are known exactly, as those of a render are, else 0; one pixel
     "given": 2,  # 1 where there is an answer of the scale before, and where there is a white photo, else 0; one pixel
 }
 
 # Not maps: one pixel that holds for the whole capture, so they cannot be stacked with maps.
-CONSTANTS = frozenset({"lights", "channel_means", "given"})
+CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
 # A channel that is black everywhere must not blow up the others: its mean counts as this share of theirs.
 LEAST_MEAN = 1e-4
 
@@ -55,7 +56,7 @@ class Seen(NamedTuple):
 
     light: (H, W, 3) each light alone (unmixed). mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
     light over the whole mask. white: (H, W, 3), the map "white", or None. previous: (H, W, 4) the map "previous", or
-    None on the first scale.
+    None on the first scale. exact: whether the lights are known exactly.
     """
 
     light: NDArray[np.float32]
@@ -64,12 +65,20 @@ class Seen(NamedTuple):
     means: NDArray[np.float64]
     white: NDArray[np.float32] | None = None
     previous: NDArray[np.float32] | None = None
+    exact: bool = False
 
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     white = white_map(capture)
-    seen = Seen(capture.rig.unmixed(capture.image), capture.mask, capture.rig.directions, mean_light(capture), white)
+    seen = Seen(
+        capture.rig.unmixed(capture.image),
+        capture.mask,
+        capture.rig.directions,
+        mean_light(capture),
+        white,
+        exact=capture.rig.exact,
+    )
     return {name: window_map(name, seen) for name in names}
 
 
@@ -119,6 +128,8 @@ def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
         return np.array([seen.previous is not None, seen.white is not None], np.float32).reshape(2, 1, 1)
+    if name == "exact":
+        return np.full((1, 1, 1), seen.exact, np.float32)
     if name in ("photo", "initial_normals"):
         values = divided(light, means.mean())
     elif name in ("grey_world", "initial_normals_grey_world"):

@@ -124,6 +124,8 @@ class LightRig:
         by default. That of near lights holds at the target.
     near : NearLights, optional
         Where the lights stand, if they are near.
+    exact : bool, optional
+        Whether directions and mixing are known exactly, as those of a render are. The default network then trusts them.
 
     Raises
     ------
@@ -140,6 +142,7 @@ class LightRig:
     directions: NDArray[np.float64]
     mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     near: "NearLights | None" = None
+    exact: bool = False
 
     def __post_init__(self) -> None:
         directions = _matrix(self.directions, "light directions")
@@ -242,7 +245,14 @@ def published_rig(slant: float = 30.0, first_tilt: float = 90.0) -> LightRig:
     return LightRig(direction_from_angles([slant] * 3, first_tilt + np.array([0.0, 120.0, 240.0])))
 
 
-def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None = None, lobe: float = 0.0) -> LightRig:
+def near_rig(
+    positions: ArrayLike,
+    target: ArrayLike,
+    mixing: ArrayLike | None = None,
+    lobe: float = 0.0,
+    *,
+    exact: bool = False,
+) -> LightRig:
     """A rig of lights that stand near the object.
 
     Parameters
@@ -251,6 +261,8 @@ def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None =
         As of :class:`NearLights`.
     mixing : (3, 3) array_like, optional
         The mixing matrix at the target; the identity by default.
+    exact : bool, optional
+        As of :class:`LightRig`.
 
     Raises
     ------
@@ -259,7 +271,7 @@ def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None =
     """
     near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
     mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
-    return LightRig(near.positions - near.target, mixed, near)
+    return LightRig(near.positions - near.target, mixed, near, exact)
 
 
 def read_rig(path: str | os.PathLike[str]) -> LightRig:
@@ -281,10 +293,11 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
             return _lp_rig(directions, path.name)
     with rig_data(path) as (data, near):
         named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
+        exact = data.get("exact", False)
         if near:
             positions = [_json_position(light, name) for light, name in named]
-            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0))
-        return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing)
+            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0), exact=exact)
+        return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing, exact=exact)
 
 
 @contextmanager
@@ -293,7 +306,7 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
 
     Errors in the block name the file. Raises FileError where it is missing, FormatError where it is malformed.
     """
-    data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
+    data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe", "exact"))
     try:
         lights = data.get("lights")
         if not isinstance(lights, list) or len(lights) != 3:
@@ -304,6 +317,8 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
         for key in ("target", "lobe"):
             if key in data and not near:
                 raise FormatError(f'"{key}" is for lights with a "position" each; leave it out')
+        if not isinstance(data.get("exact", False), bool):
+            raise FormatError('"exact" is true or false: whether lights and mixing are known exactly')
         yield data, near
     except InputError as error:
         raise type(error)(f"rig file {path}: {error}") from None
@@ -370,15 +385,19 @@ def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
     """
     angles = zip(rig.slants, rig.tilts, strict=True)
     distant = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
-    write_rig_data(path, distant, rig.near, rig.mixing)
+    write_rig_data(path, distant, rig.near, rig.mixing, rig.exact)
 
 
 def write_rig_data(
-    path: str | os.PathLike[str], distant: list[dict[str, Any]], near: NearLights | None, mixing: NDArray[np.float64]
+    path: str | os.PathLike[str],
+    distant: list[dict[str, Any]],
+    near: NearLights | None,
+    mixing: NDArray[np.float64],
+    exact: bool,
 ) -> None:
     """Write a JSON rig file, whole or not at all, with the lights `near`, or `distant` if that is None."""
     data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}
     if near is not None:
         data["lights"] = [{"position": position.tolist()} for position in near.positions]
         data |= {"target": near.target.tolist(), "lobe": near.lobe}
-    write_json(path, {**data, "mixing": np.asarray(mixing).tolist()})
+    write_json(path, {**data, "mixing": np.asarray(mixing).tolist(), **({"exact": True} if exact else {})})

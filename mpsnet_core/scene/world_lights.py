@@ -25,6 +25,8 @@ class WorldLights:
         As in :class:`LightRig`.
     near : NearLights, optional
         Where the lights stand, if they are near; positions and target in world space.
+    exact : bool, optional
+        As in :class:`LightRig`.
 
     Raises
     ------
@@ -35,6 +37,7 @@ class WorldLights:
     directions: NDArray[np.float64]
     mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     near: NearLights | None = None
+    exact: bool = False
 
     def __post_init__(self) -> None:
         try:
@@ -48,19 +51,19 @@ class WorldLights:
     def seen_by(self, camera: Camera) -> LightRig:
         """The lights in the camera's space. Raises GeometryError where one is behind the object for it."""
         if self.near is None:
-            return LightRig(self.directions @ camera.rotation, self.mixing)
+            return LightRig(self.directions @ camera.rotation, self.mixing, exact=self.exact)
         places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
         *positions, target = places @ camera.rotation
-        return near_rig(positions, target, self.mixing, self.near.lobe)
+        return near_rig(positions, target, self.mixing, self.near.lobe, exact=self.exact)
 
 
 def in_world(rig: LightRig, camera: Camera) -> WorldLights:
     """A rig that `camera` sees, in the world: the inverse of :meth:`WorldLights.seen_by`."""
     directions = rig.directions @ camera.rotation.T
     if rig.near is None:
-        return WorldLights(directions, rig.mixing)
+        return WorldLights(directions, rig.mixing, exact=rig.exact)
     places = np.vstack([rig.near.positions, rig.near.target]) @ camera.rotation.T + camera.world_from_camera[:3, 3]
-    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe))
+    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.exact)
 
 
 def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
@@ -74,17 +77,18 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
         )
     with rig_data(path) as (data, is_near):
         key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
+        exact = data.get("exact", False)
         lights = np.array([_three(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)])
         if not is_near:
-            return WorldLights(lights, mixing)
+            return WorldLights(lights, mixing, exact=exact)
         near = NearLights(lights, data["target"], data.get("lobe", 0.0))
-        return WorldLights(near.positions - near.target, mixing, near)
+        return WorldLights(near.positions - near.target, mixing, near, exact)
 
 
 def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
     """Write a rig file with lights in the world, whole or not at all."""
     distant = [{"direction": direction.tolist()} for direction in lights.directions]
-    write_rig_data(path, distant, lights.near, lights.mixing)
+    write_rig_data(path, distant, lights.near, lights.mixing, lights.exact)
 
 
 def _three(light: Any, key: str, name: str) -> list[float]:

@@ -19,7 +19,8 @@ Range = tuple[float, float]
 class CaptureDraw:
     """One photograph's numbers, as :meth:`CaptureModel.draw` draws them.
 
-    mixing: (3, 3) the mixing matrix M of the image formation, strengths and sensitivities included. colours: (3, 3)
+    exact: whether the rig is known exactly. mixing: (3, 3) the mixing matrix M of the image formation, strengths and
+        sensitivities included. colours: (3, 3)
         what channel i sees of a surface's red, green and blue; rows sum to 1. known_mixing: (3, 3) what whoever
         estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
         are known are off; of each row only the part across the light's direction counts.
@@ -29,6 +30,7 @@ class CaptureDraw:
     white_mixing: (3, 3) the mixing matrix of the white photo.
     """
 
+    exact: bool
     mixing: NDArray[np.float64]
     colours: NDArray[np.float64]
     known_mixing: NDArray[np.float64]
@@ -146,6 +148,7 @@ class CaptureModel:
         white_strengths = [between_log(rng, *self.white_strengths) for _ in range(3)]
         white_gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
         draw = CaptureDraw(
+            exact=bool(kind),
             mixing=mixing,
             colours=colours,
             known_mixing=known,

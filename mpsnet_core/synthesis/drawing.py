@@ -5,6 +5,7 @@ perspective, soft shadows and painted, dirty, metallic surfaces are what its err
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -38,6 +39,11 @@ SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
 # Of the samples have light over no, one, two and three bounces between surfaces, as far as the job requests them.
 BOUNCE_SHARES = (0.2, 0.55, 0.15, 0.1)
+
+# The paper's own rig, turned about the view; and the span of DiLiGenT's triples that it is evaluated on, which have
+# slants of 19 to 43 degrees and tilts 103 to 143 degrees apart.
+PUBLISHED_RIG_SHARE = 0.5
+PUBLISHED_SLANT, PUBLISHED_SPREAD, EVALUATED_SLANT = 30.0, 1.0, (18.0, 45.0)
 
 Z = (0.0, 0.0, 1.0)
 UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
@@ -83,6 +89,8 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
     """
     rng = generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
+    if job.style == "paper":
+        return _paper_recipe(job, number, rng, shape)
     finish = picked(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
     count = picked(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
     return Recipe(
@@ -98,6 +106,27 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
         paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
         dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
         bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
+        bounces=min(job.bounces, picked(rng, range(4), BOUNCE_SHARES)),
+    )
+
+
+def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> Recipe:
+    """A sample as the MPS-Net paper's: two to six measured materials side by side under sharp lights."""
+    count, measured = picked(rng, range(2, 7), MATERIAL_COUNT_SHARES[1:]), _measured(job)
+    chosen = [picked(rng, measured) for _ in range(count)]
+    pattern = _pattern(rng, count)
+    if pattern.kind == "parts":  # one part would have one material
+        pattern = replace(pattern, kind="noise")
+    return Recipe(
+        seed=job.seed,
+        number=number,
+        shape=shape,
+        rotation=_rotation(rng, shape["pose"]),
+        camera=_camera(rng, job.size),
+        light_directions=_published_directions(rng),
+        light_sizes=np.zeros(3),
+        materials=tuple(Material(kind=kind, source=source) for kind, source in chosen),
+        pattern=pattern,
         bounces=min(job.bounces, picked(rng, range(4), BOUNCE_SHARES)),
     )
 
@@ -142,6 +171,14 @@ def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
     slants = np.clip(between(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
+    return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
+
+
+def _published_directions(rng: np.random.Generator) -> NDArray[np.float64]:
+    published = rng.random() < PUBLISHED_RIG_SHARE
+    slants = [PUBLISHED_SLANT] * 3 if published else [between(rng, *EVALUATED_SLANT) for _ in range(3)]
+    handed = 1 if rng.random() < 0.5 else -1
+    strays = (PUBLISHED_SPREAD if published else TILT_SPREAD) * np.clip(rng.normal(size=3), -2, 2)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
 
 

@@ -17,6 +17,7 @@ JOB_FILE = "job.json"
 CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
 MERL_PARTS = ("all", "training", "validation")
+STYLES = ("photographs", "paper")
 SHAPES = ("blobs", "drapery", "reliefs", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
 MAX_BOUNCES = 3  # that the synthesis follows
@@ -50,7 +51,9 @@ class SampleJob:
     names, is kept for "validation"; "training" has the others. views: how many samples in a row show the same shape.
     bounces: the most that light makes between surfaces, 0 or more; for synthesis up to 3. samples: Cycles samples a
     pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
-    pixel's side. sample_seconds: how long a worker may take for a sample before it is ended.
+    pixel's side. style: "photographs", as wide as what users photograph, or "paper", as the MPS-Net paper's: its rig,
+    rigs of its evaluation, two measured materials or more, no paint, dirt or fine relief (synthesis only).
+    sample_seconds: how long a worker may take for a sample before it is ended.
 
     Raises SettingsError where a value is out of its range or two of them do not go together.
     """
@@ -69,11 +72,13 @@ class SampleJob:
     samples: int = 48
     denoise: bool = True
     supersampling: int = 1
+    style: Literal["photographs", "paper"] = "photographs"
     sample_seconds: int = 3600
 
     def __post_init__(self) -> None:
         check_choice("the renderer", self.renderer, RENDERERS)
         check_choice("the merl_part", self.merl_part, MERL_PARTS)
+        check_choice("the style", self.style, STYLES)
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:
@@ -115,6 +120,8 @@ class SampleJob:
             raise SettingsError(
                 f"synthesis follows light over {MAX_BOUNCES} bounces, not {self.bounces}; choose 0 to {MAX_BOUNCES}"
             )
+        if self.style == "paper" and not self.merl:
+            raise SettingsError("the paper's samples are of measured materials; name them (merl)")
         if self.renderer == "cycles" and self.merl:
             raise SettingsError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 

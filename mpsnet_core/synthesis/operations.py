@@ -103,6 +103,14 @@ class Synthesize(RunsWorkers):
         choices={"all": "", "training": "four in five", "validation": "the fifth that was left out"},
         help="which of the measured materials",
     )
+    style: Literal["photographs", "paper"] = option(
+        default=SampleJob.style,
+        choices={
+            "photographs": "what users photograph",
+            "paper": "as the MPS-Net paper: its rigs, measured materials only",
+        },
+        help="what the samples are like",
+    )
     views: int = job_number(
         "views", "how many samples in a row show the same shape, each in another pose, light and material"
     )
@@ -155,6 +163,7 @@ class Synthesize(RunsWorkers):
             views=self.views,
             bounces=self.bounces,
             supersampling=self.supersampling,
+            style=self.style,
         )
 
 

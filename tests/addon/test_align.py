@@ -112,8 +112,8 @@ def test_points_place_it_and_one_that_contradicts_is_told(opened, shot):
     wrong = 2
     for number, vertex in enumerate(vertices):
         x, y, w = true.projection_rows() @ [*vertex, 1]
-        opened.cursor.location = vertex
-        bpy.ops.mps.add_align_point(x=x / w + 40 * (number == wrong), y=y / w)
+        pair = opened.mps.photo.image.mps.pairs.add()
+        pair.pixel, pair.point = (x / w + 40 * (number == wrong), y / w), vertex
     bpy.ops.mps.align_photo(lens=60)
     assert off(opened, shot) < 0.5
     photo = opened.mps.photo.image.mps

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.commands import main
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.images import read_image, write_image
 
@@ -15,6 +16,9 @@ def test_a_rendered_photo_is_checked_with_its_own_rig(photographed, scene, capfd
     assert items == ["exposure", "clipping", "channels", "lights", "reach", "focus"]
     assert all(", good: " in note for note in notes[:6])
     assert "The photo is good" in capfd.readouterr().out
+    assert main(["check-photo"]) == 0
+    told = capfd.readouterr().out
+    assert "exposure, good: " in told and told.endswith("mpsnet: check-photo done\n")
 
 
 def test_what_is_wrong_with_a_photo_is_named(photographed, scene, tmp_path, capfd):

@@ -1,5 +1,6 @@
 """Detail on top of the normal map that an object's material wears: found, kept beneath, and never added twice."""
 
+import re
 from pathlib import Path
 
 import bpy
@@ -8,6 +9,7 @@ import pytest
 
 from blender_addon.bake.existing_maps import present_map, store_base_map
 from blender_addon.bake.texture_sets import BakeTarget
+from blender_addon.panels.bake import MPS_PT_bake
 from mpsnet_core import read_image
 
 from .test_bake_against_blender import degrees_between
@@ -221,6 +223,8 @@ def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
     assert not (tmp_path / "texture.png").exists()
+    # The panel says it before the button is pressed.
+    assert re.search(sentence.split(r" \(")[0], MPS_PT_bake.lacks(bpy.context), re.IGNORECASE)
 
 
 @pytest.mark.parametrize("kind", ["ShaderNodeUVMap", "ShaderNodeTexCoord"])
@@ -228,6 +232,8 @@ def test_a_mapping_that_moves_nothing_is_no_obstacle(
     worn: "bpy.types.Node", scene: object, tmp_path: Path, kind: str
 ) -> None:
     through_a_mapping(worn, 1, "UVMap", kind)
+    scene.mps.bake.onto = True
+    assert MPS_PT_bake.lacks(bpy.context) == ""
     bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
     assert (tmp_path / "texture.png").exists()
 

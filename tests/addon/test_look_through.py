@@ -3,6 +3,8 @@
 import bpy
 import pytest
 
+from blender_addon.photo.look_through import watch
+
 
 @pytest.fixture
 def viewport(scene):
@@ -28,6 +30,32 @@ def test_one_press_looks_through_the_photos_camera_and_the_next_one_leaves_it(vi
     assert view.view_perspective == "PERSP" and not viewport.use_local_camera
 
 
+def test_the_frame_is_the_photos_until_the_view_is_left(viewport):
+    """By whatever way: the button, or the mouse that turns the view."""
+    scene = bpy.context.scene
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.pixel_aspect_x = 1920, 1080, 2
+    bpy.ops.mps.add_rig()
+    scene.mps.photo.width, scene.mps.photo.height = 300, 200
+
+    def frame():
+        return render.resolution_x, render.resolution_y, render.pixel_aspect_x
+
+    for leave in (bpy.ops.mps.look_through, bpy.ops.view3d.view_camera):
+        bpy.ops.mps.look_through()
+        assert frame() == (300, 200, 1)
+        assert watch() is not None and frame() == (300, 200, 1)
+        leave()
+        assert watch() is None and frame() == (1920, 1080, 2)
+
+    bpy.ops.mps.look_through()
+    render.resolution_x = 640  # what is changed meanwhile stays
+    bpy.ops.mps.look_through()
+    assert frame() == (640, 200, 1)
+    scene["mpsnet_frame_before"] = "nothing of ours"
+    assert watch() is None and frame() == (640, 200, 1)
+
+
 def test_of_a_photo_that_was_taken_with_a_real_camera_it_must_be_known(viewport, tmp_path):
     scene = bpy.context.scene
     bpy.ops.mps.add_rig()
@@ -40,3 +68,4 @@ def test_of_a_photo_that_was_taken_with_a_real_camera_it_must_be_known(viewport,
     scene.mps.photo.image.mps.camera = bpy.data.objects["Camera"]
     bpy.ops.mps.look_through()
     assert viewport.camera == bpy.data.objects["Camera"]
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (8, 8)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from dng import write_dng
 
+from blender_addon.panels.estimate import MPS_PT_estimate
+from blender_addon.panels.step import Kind, State
 from mpsnet_core.io.images import read_image, read_mask, write_image
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import published_rig, write_rig
@@ -60,19 +62,25 @@ def test_a_painted_mask_is_used_as_it_is_painted(on_grey, scene, tmp_path, rubbe
     assert scene.mps.estimate.mask == "PAINTED" and tuple(picture.size) == (96, 96)
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "found.exr"))
     np.testing.assert_array_equal(read_normals(tmp_path / "found.exr").mask, found)
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
 
     paint(picture, slice(0, 10), slice(0, 20), (1, 1, 1, 1))
     paint(picture, slice(40, 60), slice(40, 50), rubber)
+    assert MPS_PT_estimate.state(bpy.context) == State(Kind.OUT_OF_DATE, "Changed since: Painted Mask")
     expected = found.copy()
     expected[:10, :20], expected[40:60, 40:50] = True, False
     bpy.ops.mps.estimate(output=str(tmp_path / "painted.exr"))
     np.testing.assert_array_equal(read_normals(tmp_path / "painted.exr").mask, expected)
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
     # It is saved with the file, and the button shows what it comes to, on which one may paint on.
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
     bpy.ops.mps.paint_mask()
     picture = bpy.context.scene.mps.estimate.painted_mask
     paint(picture, slice(0, 10), slice(0, 20), (0, 0, 0, 1))
+    picture.pack()
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.OUT_OF_DATE
     expected[:10, :20] = False
     bpy.ops.mps.estimate(output=str(tmp_path / "on.exr"))
     np.testing.assert_array_equal(read_normals(tmp_path / "on.exr").mask, expected)

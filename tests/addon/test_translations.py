@@ -9,7 +9,7 @@ import pytest
 import blender_addon
 from blender_addon.panels.step import Kind
 from blender_addon.preferences import MPS_AddonPreferences
-from blender_addon.translations import TABLES
+from blender_addon.translations import TABLES, TIPS, in_table, tooltips
 
 HERE = Path(blender_addon.__file__).parent
 # What has the same name everywhere.
@@ -65,3 +65,14 @@ def test_every_word_is_translated(language):
     assert len(words) > 250
     missing = sorted(words - NAMES - set(TABLES[language]))
     assert not missing, f"translations/{language}.py lacks: {', '.join(missing)}"
+
+
+@pytest.mark.parametrize("language", TIPS)
+def test_tooltips_are_translated(language):
+    """All but a few, which may have been reworded since; the message lists them."""
+    english = {in_table(tip) for tip in tooltips() if tip}
+    assert len(english) > 300
+    missing = sorted(english - set(TIPS[language]))
+    assert len(missing) < 0.03 * len(english), f"translations/tips_{language}.py lacks: " + "\n".join(missing)
+    gone = sorted(set(TIPS[language]) - english)
+    assert len(gone) < 0.03 * len(english), f"translations/tips_{language}.py has what is shown no more: {gone}"

@@ -3,6 +3,8 @@
 import json
 import zipfile
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
 
@@ -78,3 +80,32 @@ def test_the_zip_holds_the_addon_and_no_tools_or_numpy(extension_zip):
         names = archive.namelist()
     assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= set(names)
     assert not [name for name in names if "build_extension" in name or "__pycache__" in name or "numpy-" in name]
+
+
+LOOK_UP = "print('manual', bpy.types.WM_OT_doc_view_manual._lookup_rna_url('bpy.ops.mps.estimate', verbose=False))"
+
+
+def test_the_online_manual_is_the_one_in_the_zip_where_it_has_one(blender, extension_zip):
+    done = blender.run("-b", "--python-expr", f"import bpy; {LOOK_UP}")
+    (found,) = (line.partition(" ")[2] for line in done.stdout.splitlines() if line.startswith("manual "))
+    if "manual/reference/blender.html" not in zipfile.ZipFile(extension_zip).namelist():
+        assert found == "None"
+        return
+    address = urlsplit(found)
+    page = Path(url2pathname(address.path))
+    assert address.scheme == "file" and page.is_relative_to(blender.user)
+    assert f'id="{address.fragment}"' in page.read_text(encoding="utf-8")
+
+
+IN_GERMAN = """
+import bpy
+view = bpy.context.preferences.view
+view.language, view.use_translate_tooltips = "de_DE", True
+print("tip", bpy.app.translations.pgettext_tip(bpy.ops.mps.pick_points.get_rna_type().description))
+"""
+
+
+def test_tooltips_are_translated_whatever_breaks_their_lines(blender):
+    done = blender.run("-b", "--python-expr", IN_GERMAN)
+    (tip,) = (line for line in done.stdout.splitlines() if line.startswith("tip "))
+    assert tip.startswith("tip 4 bis 12 Stellen im Foto")

@@ -141,3 +141,15 @@ def diligent_object(root: Path, name: str, albedo: Sequence[float] = (0.4, 0.4, 
     write_file(folder / "mask.png", sphere.mask, "uint8")
     mat_file(folder / "Normal_gt.mat", compressed=True, Normal_gt=sphere.normals)
     return sphere
+
+
+def matt_fits(path: Path, **albedos: Sequence[float]) -> Path:
+    """A file of fits whose materials are matt: their networks answer with one number a channel, whatever they see."""
+    names = sorted(albedos)
+    arrays: dict[str, Any] = {
+        name: np.zeros((len(names), *shape), np.float32)
+        for name, shape in {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3)}.items()
+    }
+    answers = np.log1p(np.array([albedos[name] for name in names]) / np.pi).astype(np.float32)
+    np.savez(path, names=np.array(names), b3=answers, **arrays)
+    return path

@@ -2,11 +2,14 @@
 
 import colorsys
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+from synthetic import matt_fits
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.scene.rig import angles_of
 from mpsnet_core.synthesis import drawing
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
@@ -155,3 +158,24 @@ def test_half_of_the_colours_are_as_of_skin_wood_and_clay():
     # Of 0.954 of the one half, and 0.16 of the other, whose hues are uniform.
     assert natural.mean() == pytest.approx(0.5 * 0.954 + 0.5 * 0.16, abs=0.04)
     assert (saturations[natural] < 0.6).mean() > 0.85 and (saturations[~natural] > 0.6).mean() > 0.3
+
+
+def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: Path):
+    job = SampleJob(
+        renderer="synthesis",
+        count=300,
+        seed=8,
+        size=64,
+        merl=str(matt_fits(tmp_path / "fits.npz", a=(0.4, 0.4, 0.4), b=(0.6, 0.1, 0.1))),
+        style="paper",
+    )
+    recipes = [draw_recipe(job, number) for number in range(300)]
+    for recipe in recipes:
+        assert len(recipe.materials) >= 2 and {material.kind for material in recipe.materials} == {"fit"}
+        assert recipe.pattern.kind != "parts"
+        assert not (recipe.paint.amount or recipe.dirt.amount or recipe.bump.height or recipe.light_sizes.any())
+    slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))
+    assert slants.min() >= 18 - 1e-9 and slants.max() <= 45 + 1e-9
+    assert 0.4 < (np.abs(slants - 30) < 1e-6).all(axis=1).mean() < 0.6
+    apart = np.abs((np.diff(tilts, axis=1) + 180) % 360 - 180)
+    assert apart.min() > 80 and apart.max() < 160

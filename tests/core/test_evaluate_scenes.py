@@ -12,7 +12,7 @@ import trimesh
 from bad_input import gets_one_clear_sentence
 from conftest import Mpsnet
 from sphere_sample import RED, sphere_sample
-from synthetic import degrees_between
+from synthetic import degrees_between, matt_fits
 
 from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.learning.evaluation.colour import (
@@ -37,18 +37,6 @@ from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
 SIZE = 64
-
-
-def matt_fits(path: Path, **albedos: Sequence[float]) -> Path:
-    """A file of fits whose materials are matt: their networks answer with one number a channel, whatever they see."""
-    names = sorted(albedos)
-    arrays: dict[str, Any] = {
-        name: np.zeros((len(names), *shape), np.float32)
-        for name, shape in {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3)}.items()
-    }
-    answers = np.log1p(np.array([albedos[name] for name in names]) / np.pi).astype(np.float32)
-    np.savez(path, names=np.array(names), b3=answers, **arrays)
-    return path
 
 
 def errors(rows: Sequence[dict[str, Any]], *keys: str) -> dict[Any, float]:

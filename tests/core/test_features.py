@@ -1,5 +1,7 @@
 """The maps that networks see, against their definitions written out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import CROSSTALK, degrees_between, shaded_sphere
@@ -84,6 +86,12 @@ def test_a_whole_photo_has_no_scale_before_it() -> None:
     maps = feature_maps(capture_of(), ["previous", "given"])
     assert maps["previous"].shape == (4, 48, 48) and not maps["previous"].any()
     np.testing.assert_array_equal(maps["given"][:, 0, 0], [0, 1])
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_rig_that_is_known_exactly_is_marked(exact: bool) -> None:
+    capture = replace(SPHERE.capture(), rig=replace(SPHERE.rig, exact=exact))
+    np.testing.assert_array_equal(feature_maps(capture, ["exact"])["exact"], np.full((1, 1, 1), float(exact)))
 
 
 def test_channel_means_are_what_tells_grey_world_from_the_photo() -> None:

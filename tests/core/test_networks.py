@@ -306,10 +306,28 @@ def test_a_default_that_adds_nothing_is_grey_world_at_first_and_then_what_was_th
 
 def test_a_default_that_trusts_the_formula_alone_is_equation_2() -> None:
     network, capture = without_answer(), shaded_sphere(32, albedo=(0.9, 0.5, 0.3)).capture()
-    network.answer.bias.data[7] = 30
+    network.answer.bias.data[7], network.answer.bias.data[8] = 30, -30
     expected = feature_maps(capture, ["initial_normals"])["initial_normals"]
     found = seen_by(network, capture)[:3]
     assert degrees_between(found[:, capture.mask].T, expected[:, capture.mask].T).max() < 0.1
+
+
+def test_the_default_measures_the_surface_s_colour_by_its_own_normals() -> None:
+    """Where these are true, equation 2 without the colour that it measures is the truth, and with it far from that."""
+    network, sphere = without_answer(), shaded_sphere(96, albedo=(0.9, 0.5, 0.3))
+    network.answer.bias.data[7] = 30
+    network.answer.bias.data[3] = -4  # sure of its normals
+    capture = sphere.capture()
+    found = feature_maps(capture, {*network.inputs["pixels"], *network.inputs["rig"]})
+    before = np.concatenate([sphere.normals.transpose(2, 0, 1), np.full((1, 96, 96), 0.02)]) * capture.mask
+    given = {**found, "previous": before.astype(np.float32), "given": np.float32([1, 0]).reshape(2, 1, 1)}
+    bright = capture.mask & (capture.image > 0.1).all(axis=-1)
+    errors = []
+    for share in (-30, 30):
+        network.answer.bias.data[8] = share
+        answer = seen_by(network, capture, given)[:3, bright].T
+        errors.append(degrees_between(answer, sphere.normals[bright]).mean())
+    assert errors[0] > 10 and errors[1] < 0.5
 
 
 @pytest.mark.parametrize("name", sorted(set(NETWORKS) - {"mpsnet", "multiscale"}))

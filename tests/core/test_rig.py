@@ -43,11 +43,13 @@ def test_directions_are_normalised_and_cannot_be_changed() -> None:
 
 
 def test_a_rig_file_gives_the_rig_back(tmp_path: Path) -> None:
-    rig = LightRig(direction_from_angles([12.5, 40, 71], [0, 133.7, 359]), np.array(CROSSTALK))
-    write_rig(tmp_path / "rig.json", rig)
-    back = read_rig(tmp_path / "rig.json")
-    np.testing.assert_allclose(back.directions, rig.directions, atol=1e-12)
-    np.testing.assert_array_equal(back.mixing, rig.mixing)
+    for exact in (False, True):
+        rig = LightRig(direction_from_angles([12.5, 40, 71], [0, 133.7, 359]), np.array(CROSSTALK), exact=exact)
+        write_rig(tmp_path / "rig.json", rig)
+        back = read_rig(tmp_path / "rig.json")
+        np.testing.assert_allclose(back.directions, rig.directions, atol=1e-12)
+        np.testing.assert_array_equal(back.mixing, rig.mixing)
+        assert back.exact is exact
 
 
 def test_a_rig_file_may_give_directions_or_angles_and_leave_out_the_mixing(tmp_path: Path) -> None:
@@ -203,6 +205,7 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_rig(b.rig(mixng=[])),
             'rig.json has "mixng", which no…may have lights, mixing',
         ),
+        ("exact in words", lambda b: read_rig(b.rig(exact="yes")), 'rig.json…"exact" is true or false'),
         ("a newer version", lambda b: read_rig(b.rig(version=2)), "rig.json is version 2…reads up to 1; update it"),
         ("a version in words", lambda b: read_rig(b.rig(version="new")), "rig.json is version 'new'"),
         ("not a small file", lambda b: read_rig(b.text("rig.json", " " * (1 << 21))), "rig.json is larger than 1 MiB"),

@@ -28,7 +28,8 @@ from mpsnet_core.learning.training.export import export_onnx
 from mpsnet_core.learning.training.inputs import Batch, patches_of
 from mpsnet_core.learning.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
 from mpsnet_core.learning.training.loss import angle_between, loss_of
-from mpsnet_core.learning.training.networks import Prediction, build_network
+from mpsnet_core.learning.training.networks import build_network
+from mpsnet_core.learning.training.networks.network import Inside, Prediction
 from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
 from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
@@ -121,6 +122,23 @@ def test_the_expected_error_is_learned_as_the_mean_and_teaches_the_normals_nothi
     slope, normals.grad = normals.grad, None
     loss_of(Prediction(normals), truth, weights, error_weight=0.7).total.backward()
     assert torch.equal(slope, normals.grad)
+
+
+def test_equation_2_inside_learns_where_all_lights_reach_and_is_trusted_where_it_is_better() -> None:
+    random = torch.Generator().manual_seed(0)
+    formula, own, truth = (nn.functional.normalize(torch.randn(2, 3, 5, 5, generator=random)) for _ in range(3))
+    lit = (torch.rand(2, 3, 5, 5, generator=random) > 0.3).float()
+    trust = torch.zeros(2, 1, 5, 5)
+    for values in (formula, own, trust):
+        values.requires_grad_()
+    prediction = Prediction(own.detach(), torch.zeros(2, 1, 5, 5), Inside(torch.zeros_like(lit), formula, own, trust))
+    loss_of(prediction, truth, torch.ones(2, 5, 5), error_weight=1.0, lit=lit).total.backward()
+    assert formula.grad is not None and trust.grad is not None and own.grad is None
+    assert torch.equal(formula.grad.abs().sum(dim=1) > 0, lit.all(dim=1))
+    nearer = nn.functional.normalize(formula.detach() - 0.01 * formula.grad)
+    assert (angle_between(nearer, truth) <= angle_between(formula, truth) + 1e-6).all()
+    better = angle_between(formula, truth) < angle_between(own, truth)
+    assert torch.equal(trust.grad[:, 0] < 0, better), "a lower loss for more trust"
 
 
 # Patches

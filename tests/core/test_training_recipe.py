@@ -2,8 +2,10 @@
 
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -11,9 +13,11 @@ torch = pytest.importorskip("torch")
 from small_networks import recipe_data
 
 from mpsnet_core.cli.command import _parser
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.learning.training.loop import _check_fit
 from mpsnet_core.learning.training.networks import NETWORKS, build_network
-from mpsnet_core.learning.training.recipe import read_recipe, recipe_from_data, recipe_names
+from mpsnet_core.learning.training.recipe import capture_model, read_recipe, recipe_from_data, recipe_names
+from mpsnet_core.synthesis.capture_model import CaptureModel
 
 
 def test_there_is_a_recipe_for_every_network() -> None:
@@ -36,9 +40,38 @@ def test_a_shipped_recipe_can_be_followed(name: str) -> None:
 
 
 def test_a_recipe_is_read_as_it_was_written(tmp_path: Path) -> None:
-    recipe = recipe_from_data(recipe_data("multiscale", samples=["mpsnet synthesize"], seed=9, ema=0.5))
+    recipe = recipe_from_data(
+        recipe_data("multiscale", samples=["mpsnet synthesize"], seed=9, ema=0.5, capture={"blur": [0, 1.0]})
+    )
     assert recipe_from_data(json.loads(json.dumps(recipe.to_json()))) == recipe
-    lines = [f"{key} = {json.dumps(value)}" for key, value in recipe.to_json().items() if key != "options"]
-    lines += ["[options]", *(f"{key} = {json.dumps(value)}" for key, value in recipe.options.items())]
+    lines = [
+        f"{key} = {json.dumps(value)}" for key, value in recipe.to_json().items() if key not in ("options", "capture")
+    ]
+    for table in ("options", "capture"):
+        lines += [f"[{table}]", *(f"{key} = {json.dumps(value)}" for key, value in getattr(recipe, table).items())]
     (tmp_path / "a.toml").write_text("\n".join(lines))
     assert read_recipe(tmp_path / "a.toml") == recipe
+
+
+def test_a_recipe_changes_ranges_of_the_capture_model() -> None:
+    model = capture_model({"crosstalk": [0, 0], "exact": 1.0, "bits": [16]})
+    assert model == replace(CaptureModel(), crosstalk=(0, 0), exact=1.0, bits=(16,))
+    draw = model.draw(np.random.default_rng(0))
+    assert draw.exact and not (draw.mixing - np.diag(np.diag(draw.mixing))).any()
+
+
+@pytest.mark.parametrize(
+    ("capture", "words"),
+    [
+        ({"crostalk": [0, 0]}, "has no 'crostalk'; choose crosstalk, "),
+        ({"crosstalk": 0.1}, r"needs numbers like \[0.0, 0.4\] as crosstalk, not 0.1"),
+        ({"crosstalk": [0, "much"]}, "needs numbers like"),
+        ({"crosstalk": [0, 0.1, 0.2]}, "needs numbers like"),
+        ({"exact": [1.0]}, "needs a number like 0.33 as exact"),
+        ({"exact": -1}, "needs a number like 0.33 as exact"),
+        ([1], "must be a table"),
+    ],
+)
+def test_a_capture_that_no_model_has_is_refused(capture: object, words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        recipe_from_data(recipe_data("multiscale", capture=capture))

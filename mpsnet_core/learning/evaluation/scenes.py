@@ -72,4 +72,5 @@ def ideal_photograph(sample: Sample, protocol: str) -> Capture:
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
         raise GeometryError("no pixel shows the object wholly, or no light reaches it; take another sample")
-    return Capture(image * np.float32(1 / bright), sample.mask, LightRig(sample.recipe.light_directions))
+    rig = LightRig(sample.recipe.light_directions, exact=True)
+    return Capture(image * np.float32(1 / bright), sample.mask, rig)

@@ -29,7 +29,7 @@ from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer, Scale
-from mpsnet_core.learning.training.recipe import TrainingRecipe
+from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model
 from mpsnet_core.learning.training.signals import held_signals
 from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, silent
@@ -229,12 +229,13 @@ class _Run:
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
         packed = PackedSamples(samples, progress)
-        self.photographer = Photographer.of(network, packed, seed=recipe.seed, window=recipe.crop, device=device)
+        model = capture_model(recipe.capture)
+        self.photographer = Photographer.of(network, packed, model, seed=recipe.seed, window=recipe.crop, device=device)
         self.held_out: Photographer | None = None
         if validation:
             held_out = PackedSamples(validation, progress)
             self.held_out = Photographer.of(
-                network, held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device
+                network, held_out, model, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device
             )
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _computed(precision, device)

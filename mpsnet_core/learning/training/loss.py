@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from mpsnet_core.learning.training.networks import Prediction
+from mpsnet_core.learning.training.networks.network import Inside, Prediction
 
 
 class Loss(NamedTuple):
@@ -32,7 +32,11 @@ def _length(vectors: Tensor) -> Tensor:
     return torch.sqrt((vectors * vectors).sum(dim=1) + 1e-12)
 
 
-LIT_WEIGHT = 0.05  # of the cross entropy of which lights reach, where the network predicts that
+# Of what a network that has equation 2 inside learns beside.
+LIT_WEIGHT = 0.05  # the cross entropy of which lights reach
+FORMULA_WEIGHT = 0.3  # the error of equation 2 alone, where all lights reach
+FORMULA_REACH = 0.3  # radians: where equation 2 is further off, as on gloss, its error counts ever less
+TRUST_WEIGHT = 1.0  # the cross entropy of which is better, it or the network's own, times by how much
 
 
 def loss_of(
@@ -58,10 +62,22 @@ def loss_of(
     total = mean + error_weight * expected
     if gradient_weight:
         total = total + gradient_weight * _gradient_length(prediction.normals - truth, weights)
-    if prediction.lit is not None and lit is not None:
-        entropy = functional.binary_cross_entropy_with_logits(prediction.lit, lit, reduction="none").mean(dim=1)
-        total = total + LIT_WEIGHT * (entropy * weights).sum() / count
+    if prediction.inside is not None and lit is not None:
+        total = total + (_inside_loss(prediction.inside, truth, lit) * weights).sum() / count
     return Loss(total, mean.detach(), expected.detach())
+
+
+def _inside_loss(inside: Inside, truth: Tensor, lit: Tensor) -> Tensor:
+    """(N, H, W) what each pixel adds to the loss by the parts of an answer."""
+    entropy = functional.binary_cross_entropy_with_logits
+    off, own = angle_between(inside.formula, truth), angle_between(inside.own, truth).detach()
+    reached = (lit > 0.5).all(dim=1)
+    better = (off < own).float()
+    return (
+        LIT_WEIGHT * entropy(inside.lit, lit, reduction="none").mean(dim=1)
+        + FORMULA_WEIGHT * off / (1 + off / FORMULA_REACH) * reached
+        + TRUST_WEIGHT * (off - own).abs().detach() * entropy(inside.trust.squeeze(1), better, reduction="none")
+    )
 
 
 def _gradient_length(values: Tensor, weights: Tensor) -> Tensor:

@@ -112,6 +112,7 @@ class Photographer:
         cls,
         network: Network | ModelCard,
         samples: PackedSamples,
+        model: CaptureModel | None = None,
         *,
         seed: int,
         window: int,
@@ -122,7 +123,7 @@ class Photographer:
         finer = FINER_SHARES if network.kind == "pyramid" else ()
         canonical = network.frame == "canonical"
         return cls(
-            samples, seed=seed, window=window, finer=finer, canonical=canonical, shuffled=shuffled, device=device
+            samples, model, seed=seed, window=window, finer=finer, canonical=canonical, shuffled=shuffled, device=device
         )
 
     def batch(self, step: int, size: int) -> list[Scale]:
@@ -179,7 +180,7 @@ def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.f
     capture = Capture(
         whole(shot.photo),
         whole(shot.mask)[..., 0] > 0,
-        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing),
+        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing, exact=draw.exact),
         clip=1.0 if draw.bits else np.inf,
         white=whole(shot.white) if draw.white else None,
         white_clipped=np.repeat(whole(shot.unclipped) == 0, 3, axis=2) if draw.white and draw.bits else None,
@@ -265,6 +266,7 @@ def _photographed(
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean[:, :3] / mean[:, :3].mean(dim=1, keepdim=True))[:, :, None, None],
                     "given": given[:, :, None, None],
+                    "exact": drawn.exact[:, None, None, None],
                 },
                 truth=unit(planes[:, 6:9]) * counts,
                 weights=counts[:, 0],
@@ -352,6 +354,7 @@ class _Draws(NamedTuple):
     mosaic: Tensor
     mask_error: Tensor
     white: Tensor
+    exact: Tensor
 
     @classmethod
     def of(cls, draws: Sequence[CaptureDraw], device: torch.device) -> "_Draws":

@@ -3,18 +3,20 @@
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.synthesis.capture_model import CaptureModel
 
 RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
 MAX_RECIPE_BYTES = 1 << 13
 OPTIMISERS = ("adamw", "muon")
 
+MOST_CAPTURE = 1e6
 # Smallest and largest value of each number of a recipe.
 _RANGES: dict[str, tuple[float, float]] = {
     "steps": (1, 100_000_000),
@@ -45,8 +47,9 @@ class TrainingRecipe:
     line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
     weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
     model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
-    difference between the normals' gradients and the true ones. seed: of the first weights, the photographs and their
-    order.
+    difference between the normals' gradients and the true ones. capture: ranges and chances of
+    :class:`mpsnet_core.synthesis.capture_model.CaptureModel` that differ from its own. seed: of the first weights, the
+    photographs and their order.
 
     Raises SettingsError where a value is out of its range.
     """
@@ -68,6 +71,7 @@ class TrainingRecipe:
     error_weight: float = 1.0
     gradient_weight: float = 0.0
     optimiser: str = "adamw"
+    capture: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -75,6 +79,7 @@ class TrainingRecipe:
             value = getattr(self, name)
             if not isinstance(value, str) or not value:
                 raise SettingsError(f"the recipe's {name} must be a text, not {value!r}")
+        capture_model(self.capture)
         if not isinstance(self.options, Mapping):
             raise SettingsError(f"the recipe's options must be a table, not {self.options!r}")
         if not all(isinstance(line, str) for line in self.samples):
@@ -92,7 +97,33 @@ class TrainingRecipe:
 
     def to_json(self) -> dict[str, Any]:
         """The recipe as plain data, for :func:`recipe_from_data`."""
-        return {**asdict(self), "options": dict(self.options), "samples": list(self.samples)}
+        return {
+            **asdict(self),
+            "options": dict(self.options),
+            "capture": dict(self.capture),
+            "samples": list(self.samples),
+        }
+
+
+def capture_model(changes: Any) -> CaptureModel:
+    """The capture model with some of its ranges and chances changed. Raises SettingsError where a change is none."""
+    if not isinstance(changes, Mapping):
+        raise SettingsError(f"the recipe's capture must be a table, not {changes!r}")
+    own = CaptureModel()
+    values: dict[str, Any] = {}
+    for name, value in changes.items():
+        default = vars(own).get(name)
+        if default is None:
+            raise SettingsError(f"the recipe's capture has no {name!r}; choose {', '.join(vars(own))}")
+        entries, like = (value, default) if isinstance(default, tuple) else ((value,), (default,))
+        fits = isinstance(entries, list | tuple) and (
+            len(entries) == len(like) or (name == "bits" and len(entries) > 0)
+        )
+        if not fits or not all(type(entry) in (int, float) and 0 <= entry <= MOST_CAPTURE for entry in entries):
+            wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
+            raise SettingsError(f"the recipe's capture needs {wanted} as {name}, not {value!r}")
+        values[name] = tuple(entries) if isinstance(default, tuple) else value
+    return replace(own, **values)
 
 
 def recipe_names() -> list[str]:

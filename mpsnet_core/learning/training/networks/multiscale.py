@@ -11,9 +11,11 @@ On each scale it is a U-Net over five resolutions. What it stands on:
   the object's overall colour cannot change the answer; and the photo as it was calibrated, where equation 2 is exact
   on anything grey. A white photo, where there is one, gives a third: the photo divided by it has no colour left.
 * *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
-* *The formula inside*: the network predicts a gain for each channel, and a weight. By the weight its answer is equation
-  2 on the calibrated photo (divided by the white one) times the gains, which keeps the finest relief, and else what it
-  makes up itself.
+* *The formula inside*: the network's own normals explain a part of each channel's brightness, and what they leave, over
+  some 48 pixels, is the surface's colour. Equation 2 on the calibrated photo (divided by the white one), divided by
+  that colour as far as the network wants, and times gains that it predicts, keeps the finest relief. The answer is a
+  mean of this and of its own normals, by a weight that it learns from which of the two is better.
+* *Exact rigs*: an input says whether the rig is known exactly, as that of a render is; equation 2 is the better then.
 * *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
 * *Expected error*: a further output, learned as the mean of the angular error (squared loss).
 * *Which lights reach* a pixel: learned beside, in training alone.
@@ -25,22 +27,34 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, inverse, multiplied, unit
+from mpsnet_core.learning.training.networks.network import (
+    Inside,
+    Network,
+    Prediction,
+    convolution,
+    inverse,
+    multiplied,
+    unit,
+)
 
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
 SEEN = 24  # maps that are made of the inputs
 FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
-ANSWER = 8  # normals, expected error, gains, weight of the formula
+ANSWER = 9  # normals, expected error, gains, weight of the formula, share of the local colour
 MAX_GAIN = 2.0  # of the gains' logarithms
 LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
-RIG = 14  # light directions, channel means, whether there are a coarser scale and a white photo
+RIG = 15  # light directions, channel means, whether there are a coarser scale and a white photo, and an exact rig
+CELL = 4  # pixels, and again as many: how finely the local colour is measured, and how smooth it is
+LEAST_EVIDENCE = 0.0003  # of the local colour, below which it counts as grey
+SURE = 0.15  # radians of expected error, above which an answer tells little about the colour
+BRIGHT = 0.25  # of what a white surface would show: darker pixels may lie in shadow
 
 
 class Multiscale(Network):
     """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
 
-    inputs = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given")}
+    inputs = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given", "exact")}
     kind = "pyramid"
     frame = "canonical"
     multiple = 16
@@ -69,6 +83,7 @@ class Multiscale(Network):
         self.lit = convolution(JOINED, 3, 1)
         with torch.no_grad():
             self.answer.get_parameter("bias")[3] = -2.0  # 7 degrees by softplus: of the right size from the start
+            self.answer.get_parameter("bias")[8] = -2.0
 
     def forward(self, *inputs: Tensor) -> Prediction:
         pixels, rig = inputs
@@ -105,13 +120,35 @@ class Multiscale(Network):
         answer = self.answer(maps).float()
         start = previous[:, 0:3] * has_previous + grey_world * (1 - has_previous)
         normals = unit(start + answer[:, 0:3])
-        gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
-        weight = torch.sigmoid(answer[:, 7:8])
+        expected = _softplus(answer[:, 3:4])
         # A white photo takes the colour away; what gains are left belong to its light and camera.
         light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
-        normals = unit(weight * unit(multiplied(solve, light * gains)) + (1 - weight) * normals)
-        lit = self.lit(maps).float() if self.training else None
-        return Prediction(normals, _softplus(answer[:, 3:4]), lit)
+        found = torch.cat([normals, expected], dim=1).detach() * mask
+        colour = _local_colour(light, mask, found, lights)
+        gains = MAX_GAIN * torch.tanh(answer[:, 4:7]) - torch.sigmoid(answer[:, 8:9]) * colour
+        formula, trust = unit(multiplied(solve, light * torch.exp(gains))), answer[:, 7:8]
+        mixed = unit(torch.sigmoid(trust) * (formula - normals) + normals)
+        inside = Inside(self.lit(maps).float(), formula, normals, trust) if self.training else None
+        return Prediction(mixed, expected, inside)
+
+
+def _local_colour(photo: Tensor, mask: Tensor, answer: Tensor, lights: Tensor) -> Tensor:
+    """(N, 3, H, W) logarithm of the surface's colour around each pixel, as normals explain the photo.
+
+    A least squares fit of each channel's brightness by the normals' shading, over some 48 pixels, weighed by how sure
+    these are; the brightness of all channels together is taken out. Dark pixels count little: a light may not reach
+    them. answer: (N, 4, H, W) normals and expected error, zero outside the mask.
+    """
+    photo, mask, answer = (functional.avg_pool2d(values.float(), CELL) for values in (photo, mask, answer))
+    photo, answer = (photo / mask.clamp(min=1e-3)).clamp(min=0), answer / mask.clamp(min=1e-3)
+    shading = multiplied(lights.flatten(1).reshape(-1, 3, 3), answer[:, 0:3]).clamp(min=0)
+    sure = mask / (1 + (answer[:, 3:4] / SURE) ** 2)
+    weight = sure * photo / (photo + BRIGHT)
+    found = torch.cat([weight * photo * shading, weight * shading * shading], dim=1)
+    found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + LEAST_EVIDENCE
+    colour = torch.log(found[:, 0:3]) - torch.log(found[:, 3:6])
+    colour = (colour - colour.mean(dim=1, keepdim=True)).clamp(-2, 2)
+    return functional.interpolate(colour, scale_factor=CELL * CELL, mode="bilinear", align_corners=False)
 
 
 def _logarithm(values: Tensor) -> Tensor:

@@ -7,6 +7,25 @@ import torch
 from torch import Tensor, nn
 
 
+class Inside(NamedTuple):
+    """What a network that has equation 2 inside predicts beside, in training.
+
+    Attributes
+    ----------
+    lit : Tensor
+        (N, 3, H, W) logits of whether each light reaches a pixel.
+    formula, own : Tensor
+        (N, 3, H, W) unit vectors: equation 2 alone, and the network's answer without it.
+    trust : Tensor
+        (N, 1, H, W) logits of the weight that equation 2 has in the answer.
+    """
+
+    lit: Tensor
+    formula: Tensor
+    own: Tensor
+    trust: Tensor
+
+
 class Prediction(NamedTuple):
     """The output of a network.
 
@@ -16,13 +35,13 @@ class Prediction(NamedTuple):
         (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
     expected_error : Tensor or None
         (N, 1, H, W) angular error, in radians, that the network expects of itself; None where it predicts none.
-    lit : Tensor or None
-        (N, 3, H, W) logits of whether each light reaches a pixel; in training, where the network predicts them.
+    inside : Inside or None
+        In training, where the network has equation 2 inside.
     """
 
     normals: Tensor
     expected_error: Tensor | None = None
-    lit: Tensor | None = None
+    inside: Inside | None = None
 
 
 class Network(nn.Module, ABC):

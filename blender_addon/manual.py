@@ -1,0 +1,73 @@
+"""Blender's own *Online Manual*, by F1 and right click: on our buttons and fields it opens the pages of the reference.
+
+They come with the extension, where it was built with them. The pages' anchors are Blender's names of what they are of.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .preferences import MPS_AddonPreferences
+
+HERE = Path(__file__).parent
+# Within the extension, or those that were built in a checkout.
+FOLDERS = [HERE / "manual", HERE.parent / "docs" / "_build"]
+PAGE = Path("reference", "blender.html")
+
+
+def operators() -> Iterator[tuple[str, Any]]:
+    """Every operator of ours: its name in Python, and its RNA."""
+    for name in sorted(dir(bpy.ops.mps)):
+        yield f"bpy.ops.mps.{name}", getattr(bpy.ops.mps, name).get_rna_type()
+
+
+def groups() -> Iterator[tuple[str, Any]]:
+    """Every group of settings: how a script gets at it, and its RNA."""
+    seen: set[str] = set()
+    for owner in ("scene", "image", "window_manager"):
+        kind = getattr(bpy.types, owner.title().replace("_", ""))
+        yield from _within(f"{owner}.mps", kind.bl_rna.properties["mps"].fixed_type, seen)
+    yield "preferences", MPS_AddonPreferences.bl_rna
+
+
+def _within(name: str, group: Any, seen: set[str]) -> Iterator[tuple[str, Any]]:
+    if group.identifier in seen:
+        return
+    seen.add(group.identifier)
+    yield name, group
+    for one in group.properties:
+        if one.type in {"POINTER", "COLLECTION"} and one.fixed_type.identifier.startswith("MPS_PG_"):
+            yield from _within(f"{name}.{one.identifier}{'[0]' * (one.type == 'COLLECTION')}", one.fixed_type, seen)
+
+
+def shown(rna: Any) -> Iterator[Any]:
+    """The properties of an operator or a group that a person or a script sets."""
+    for one in rna.properties:
+        if one.identifier not in {"rna_type", "name", "bl_idname"} and not one.is_hidden:
+            yield one
+
+
+def anchor(rna: Any, setting: str) -> str:
+    """What Blender calls a setting of a group when it looks it up: "bpy.types.mps_pg_bake.size"."""
+    return f"bpy.types.{rna.identifier}.{setting}".lower()
+
+
+def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
+    """For Blender: what all pages' addresses begin with, and for each of its names, in lower case, how they end."""
+    page = next(folder / PAGE for folder in FOLDERS if (folder / PAGE).is_file())
+    names = [name for name, _ in operators()]
+    names += [anchor(group, one.identifier) for _, group in groups() for one in shown(group)]
+    return f"{page.as_uri()}#", tuple((name, name) for name in names)
+
+
+def register() -> None:
+    if any((folder / PAGE).is_file() for folder in FOLDERS):
+        bpy.utils.register_manual_map(manual_map)
+
+
+def unregister() -> None:
+    with suppress(ValueError):  # it was not registered
+        bpy.utils.unregister_manual_map(manual_map)

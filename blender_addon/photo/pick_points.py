@@ -1,0 +1,505 @@
+"""Pick Points: places in the photo and the same places on the mesh, clicked side by side, for Align Photo."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix, Vector
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, WRONG_PIXELS
+
+from ..operators import ReportingOperator, redraw_panels
+from ..outputs import picture_size
+from ..rig.rig import scene_camera
+from .align import MPS_OT_align_photo, mesh_of_photo
+from .camera import chosen_camera
+
+# In pixels at the interface's scale 1: how near the mouse grabs a marker, its radius, and the column of the viewport's
+# own buttons at the right, which go on working.
+_GRAB, _RADIUS, _BUTTONS = 12.0, 7.0, 110.0
+# Red, green, blue and alpha by how far a pair is off; the alpha where the mesh hides the place.
+_OPEN, _FITS, _OFF, _WRONG = (1.0, 1.0, 1.0), (0.25, 0.9, 0.35), (1.0, 0.75, 0.15), (1.0, 0.25, 0.2)
+_HIDDEN = 0.3
+_ENDS, _DELETES = {"ESC", "RET", "NUMPAD_ENTER"}, {"X", "DEL"}
+
+# In a region's pixels from its lower left corner, or in the photo's from its upper left one.
+Place = tuple[float, float]
+Side = Literal["pixel", "point"]
+
+
+def photo_pixel(place: Place, size: tuple[int, int]) -> Place:
+    """The photo's pixel, from its upper left corner, at Blender's own place in an image, from 0 to 1 and upwards."""
+    return place[0] * size[0], (1 - place[1]) * size[1]
+
+
+def photo_place(pixel: Sequence[float], size: tuple[int, int]) -> Place:
+    """The inverse of :func:`photo_pixel`."""
+    return pixel[0] / size[0], 1 - pixel[1] / size[1]
+
+
+def seen_at(point: Sequence[float], view: Matrix, size: tuple[int, int]) -> Place | None:
+    """Where a region shows a point of the world; None where that is behind the viewer.
+
+    view: brings the world into the region, from -1 to 1 along each of its sides. size: of the region in pixels.
+    """
+    x, y, _, w = view @ Vector((*point, 1))
+    return None if w <= 0 else ((1 + x / w) * size[0] / 2, (1 + y / w) * size[1] / 2)
+
+
+def mesh_point(target: Any, depsgraph: Any, view: Matrix, size: tuple[int, int], place: Place) -> Vector | None:
+    """The place in the world that a region shows of an object's surface; None where it shows none.
+
+    view, size: as :func:`seen_at` takes them. What stands before the object does not count.
+    """
+    inverse = np.linalg.inv(np.array(view, np.float64))
+    across = [2 * at / length - 1 for at, length in zip(place, size, strict=True)]
+    near, far = (Vector(end[:3] / end[3]) for end in (inverse @ [*across, depth, 1] for depth in (-1, 1)))
+    evaluated = target.evaluated_get(depsgraph)
+    into = evaluated.matrix_world.inverted_safe()
+    start = into @ near
+    try:
+        hit, there, _, _ = evaluated.ray_cast(start, into @ far - start)
+    except RuntimeError:  # it has no mesh now
+        return None
+    return evaluated.matrix_world @ there if hit else None
+
+
+def colour_of(residual: float, size: tuple[int, int]) -> tuple[float, float, float]:
+    """Green, yellow or red by how many pixels of a photo of this size a pair is off; white where nobody knows."""
+    unit = max(size) / 1024
+    if residual < 0:
+        return _OPEN
+    return _FITS if residual <= 2 * PIXEL_ERROR * unit else _OFF if residual <= WRONG_PIXELS * unit else _WRONG
+
+
+@dataclass(eq=False)
+class _Picking:
+    """What lasts from the first press of the button to the last: the photo's editor, and what is drawn.
+
+    editor: the address of the area. was: what that showed before; None for an area that was made for this.
+    half: the first place of a pair, by where it is. held: the number of a pair that is dragged, and where.
+    """
+
+    window: Any
+    editor: int
+    was: tuple[Any, str] | None
+    half: dict[Side, Sequence[float]] = field(default_factory=dict)
+    held: tuple[int, Side] | None = None
+    pressed: bool = False
+    fitted: bool = False
+    hint: str = ""
+    shown: Any = None
+    handles: list[tuple[Any, Any]] = field(default_factory=list)
+
+    def area(self) -> Any:
+        """The photo's editor; None where it was closed."""
+        return next((area for area in self.window.screen.areas if area.as_pointer() == self.editor), None)
+
+    def begin(self) -> None:
+        for space, draw in ((bpy.types.SpaceImageEditor, self._draw_photo), (bpy.types.SpaceView3D, self._draw_mesh)):
+            self.handles.append((space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")))
+        _running.append(self)
+
+    def leave(self, *, put_back: bool = True) -> None:
+        """Take away what is drawn, and put the window back as it was, unless it goes itself. Once is enough."""
+        if self not in _running:
+            return
+        _running.remove(self)
+        for space, handle in self.handles:
+            space.draw_handler_remove(handle, "WINDOW")
+        for workspace in bpy.data.workspaces:  # it may be another one by now
+            workspace.status_text_set(None)
+        if put_back:
+            self._put_back()
+            _redraw(self.window)
+
+    def _put_back(self) -> None:
+        area = self.area()
+        if area is None or area.type != "IMAGE_EDITOR":
+            return
+        if self.was is None:
+            with bpy.context.temp_override(window=self.window, area=area), suppress(RuntimeError):
+                bpy.ops.screen.area_close()
+            return
+        image, mode = self.was
+        space = area.spaces.active
+        with suppress(ReferenceError):
+            space.image, space.ui_mode = image, mode
+
+    def fit(self) -> None:
+        """Show the whole photo, once Blender has laid out its editor."""
+        area = self.area()
+        region = area and _window_region(area)
+        if self.fitted or region is None or region.width <= 1:
+            return
+        self.fitted = True
+        with bpy.context.temp_override(window=self.window, area=area, region=region), suppress(RuntimeError):
+            bpy.ops.image.view_all(fit_view=True)
+
+    # What the mouse does.
+
+    def press(self, context: Any, spot: "_Spot") -> bool:
+        """Grab a marker, or set a place; whether the click was of use to that."""
+        number = spot.marker(_pairs(context))
+        if number is not None:
+            self.held = number, spot.side
+            return True
+        found = spot.found(context)
+        if found is None:
+            where = "photo" if spot.side == "pixel" else "mesh"
+            self.hint = f"No {where} there"
+            return not spot.among_buttons(context)
+        self.hint = ""
+        self.half[spot.side] = found
+        if len(self.half) == 2:
+            pair = _pairs(context).add()
+            pair.pixel, pair.point = self.half["pixel"], self.half["point"]
+            self.half.clear()
+        return True
+
+    def drag(self, context: Any, spot: "_Spot | None") -> None:
+        number, side = self.held or (0, "pixel")
+        pairs = _pairs(context)
+        found = spot.found(context) if spot and spot.side == side and number < len(pairs) else None
+        if found is not None:
+            setattr(pairs[number], side, found)
+            pairs[number].residual = -1.0
+
+    def take_back(self, context: Any) -> None:
+        pairs = _pairs(context)
+        if self.half:
+            self.half.clear()
+        elif len(pairs):
+            pairs.remove(len(pairs) - 1)
+
+    def told(self, context: Any) -> str:
+        """What to do next, in words."""
+        number = len(_pairs(context)) + 1
+        if "pixel" in self.half:
+            text = f"Pair {number}: the same place on the mesh"
+        elif "point" in self.half:
+            text = f"Pair {number}: the same place in the photo"
+        else:
+            text = f"Pair {number}: click in the photo, then on the mesh"
+        return f"{self.hint}. {text}" if self.hint else text
+
+    def show(self, context: Any) -> None:
+        """Draw anew where something has changed, whoever changed it."""
+        pairs = [(tuple(pair.pixel), tuple(pair.point), pair.residual) for pair in _pairs(context)]
+        text = self.told(context)
+        if self.shown == (pairs, dict(self.half), text):
+            return
+        self.shown = pairs, dict(self.half), text
+        keys = "Drag: move.  X: delete.  Backspace: take the last back.  Esc: end"
+        context.workspace.status_text_set(f"{text}.    {keys}")
+        _redraw(self.window)
+
+    # What is drawn.
+
+    def _draw_photo(self) -> None:
+        context = bpy.context
+        photo = context.scene.mps.photo.image
+        if photo is None or context.space_data.image != photo:
+            return
+        size = picture_size(photo)
+        to_region = context.region.view2d.view_to_region
+        seen = _projection(context.scene, photo, size)
+        for number, pair in enumerate(photo.mps.pairs):
+            place, colour = to_region(*photo_place(pair.pixel, size), clip=False), colour_of(pair.residual, size)
+            off = f"  {pair.residual:.1f} px" if pair.residual >= 0 else ""
+            if off and seen is not None:
+                x, y, w = seen @ [*pair.point, 1]
+                if w:
+                    end = to_region(*photo_place((x / w, y / w), size), clip=False)
+                    _draw_line([place, end], (*colour, 1.0))
+            _draw_marker(place, f"{number + 1}{off}", (*colour, 1.0))
+        if "pixel" in self.half:
+            place = to_region(*photo_place(self.half["pixel"], size), clip=False)
+            _draw_marker(place, f"{len(photo.mps.pairs) + 1}", (*_OPEN, 1.0))
+        if "pixel" not in self.half:
+            self._draw_told(context)
+
+    def _draw_mesh(self) -> None:
+        context = bpy.context
+        photo, region_data = context.scene.mps.photo.image, context.region_data
+        target = mesh_of_photo(context)
+        if photo is None or target is None or region_data is None:
+            return
+        view, size = region_data.perspective_matrix, (context.region.width, context.region.height)
+        depsgraph, least = context.evaluated_depsgraph_get(), max(target.dimensions) / 50
+        markers = [
+            (pair.point, f"{number + 1}", colour_of(pair.residual, picture_size(photo)))
+            for number, pair in enumerate(photo.mps.pairs)
+        ]
+        if "point" in self.half:
+            markers.append((self.half["point"], f"{len(markers) + 1}", _OPEN))
+        for point, text, colour in markers:
+            place = seen_at(point, view, size)
+            if place is None:
+                continue
+            front = mesh_point(target, depsgraph, view, size, place)
+            hidden = front is not None and (front - Vector(point)).length > least
+            _draw_marker(place, text, (*colour, _HIDDEN if hidden else 1.0))
+        if "point" not in self.half and "pixel" in self.half:
+            self._draw_told(context)
+
+    def _draw_told(self, context: Any) -> None:
+        scale = context.preferences.system.ui_scale
+        left = 20 * scale
+        for region in context.area.regions:
+            if region.type == "TOOLS" and region.alignment == "LEFT" and region.width > 1:
+                left += region.width
+        _draw_text((left, 20 * scale), self.told(context), (*_OPEN, 1.0), 14)
+
+
+_running: list[_Picking] = []
+
+
+def picking() -> bool:
+    """Whether points are picked at the moment."""
+    return bool(_running)
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """A place under the mouse where a pair's half can be: in the photo ("pixel") or in a viewport ("point")."""
+
+    side: Side
+    area: Any
+    region: Any
+    at: Place
+
+    @property
+    def view(self) -> Matrix:
+        return (self.region.data or self.area.spaces.active.region_3d).perspective_matrix
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.region.width, self.region.height
+
+    def found(self, context: Any) -> Sequence[float] | None:
+        """The photo's pixel or the place on the mesh; None where there is neither."""
+        if self.side == "point":
+            depsgraph = context.evaluated_depsgraph_get()
+            return mesh_point(mesh_of_photo(context), depsgraph, self.view, self.size, self.at)
+        size = picture_size(context.scene.mps.photo.image)
+        pixel = photo_pixel(self.region.view2d.region_to_view(*self.at), size)
+        return pixel if all(0 <= at <= length for at, length in zip(pixel, size, strict=True)) else None
+
+    def marker(self, pairs: Any) -> int | None:
+        """The number of the pair whose marker is nearest, None where none is near."""
+        near = [(self._distance(pair), number) for number, pair in enumerate(pairs)]
+        distance, number = min(near, default=(np.inf, 0))
+        return number if distance <= _GRAB * bpy.context.preferences.system.ui_scale else None
+
+    def _distance(self, pair: Any) -> float:
+        if self.side == "point":
+            place = seen_at(pair.point, self.view, self.size)
+        else:
+            size = picture_size(self.area.spaces.active.image)
+            place = self.region.view2d.view_to_region(*photo_place(pair.pixel, size), clip=False)
+        return np.inf if place is None else float(np.hypot(place[0] - self.at[0], place[1] - self.at[1]))
+
+    def among_buttons(self, context: Any) -> bool:
+        """Whether the viewport's own buttons, by which it is turned, may be here."""
+        sidebar = next((region.width for region in self.area.regions if region.type == "UI"), 0)
+        right = self.region.width - sidebar - _BUTTONS * context.preferences.system.ui_scale
+        return self.side == "point" and self.at[0] > right
+
+
+def _spot(context: Any, event: Any) -> _Spot | None:
+    """What is under the mouse; None where clicks are none of ours, as in a sidebar."""
+    photo = context.scene.mps.photo.image
+    for area in context.window.screen.areas:
+        regions = [region for region in area.regions if _contains(region, event)]
+        if not regions or any(region.type != "WINDOW" for region in regions):  # sidebars lie over the window
+            continue
+        (region,) = regions[:1]
+        at = event.mouse_x - region.x, event.mouse_y - region.y
+        if area.type == "VIEW_3D":
+            return _Spot("point", area, region, at)
+        if area.type == "IMAGE_EDITOR" and area.spaces.active.image == photo:
+            return _Spot("pixel", area, region, at)
+    return None
+
+
+def _contains(region: Any, event: Any) -> bool:
+    across, up = event.mouse_x - region.x, event.mouse_y - region.y
+    return 0 <= across < region.width > 1 and 0 <= up < region.height > 1
+
+
+def _window_region(area: Any) -> Any:
+    return next((region for region in area.regions if region.type == "WINDOW"), None)
+
+
+def _pairs(context: Any) -> Any:
+    return context.scene.mps.photo.image.mps.pairs
+
+
+def _projection(scene: Any, photo: Any, size: tuple[int, int]) -> Any:
+    """The rows (3, 4) by which the photo's camera sees the world in pixels; None where it is not known."""
+    camera = chosen_camera(scene, photo)
+    with suppress(InputError):  # of a kind that takes no photos
+        return scene_camera(camera, scene, size).projection_rows() if camera else None
+    return None
+
+
+def _redraw(window: Any) -> None:
+    for area in window.screen.areas:
+        if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+            area.tag_redraw()
+
+
+def _draw_line(places: Sequence[Place], colour: tuple[float, ...]) -> None:
+    shader, region = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR"), bpy.context.region
+    gpu.state.blend_set("ALPHA")
+    # A dark line beneath, so that it is seen on every photo.
+    for width, ink in ((4.0, (0.0, 0.0, 0.0, colour[3] / 2)), (2.0, colour)):
+        shader.uniform_float("viewportSize", (region.width, region.height))
+        shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+        shader.uniform_float("color", ink)
+        batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0.0) for place in places]}).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _draw_marker(place: Place, text: str, colour: tuple[float, ...]) -> None:
+    scale = bpy.context.preferences.system.ui_scale
+    x, y = place
+    _draw_line(list(_ring(place, _RADIUS * scale)), colour)
+    for dx, dy in ((1, 0), (0, 1)):
+        reach = 2.5 * scale
+        _draw_line([(x - dx * reach, y - dy * reach), (x + dx * reach, y + dy * reach)], colour)
+    _draw_text((x + 11 * scale, y + 5 * scale), text, colour, 14)
+
+
+def _ring(place: Place, radius: float) -> Iterator[Place]:
+    for angle in np.linspace(0, 2 * np.pi, 25):
+        yield place[0] + radius * float(np.cos(angle)), place[1] + radius * float(np.sin(angle))
+
+
+def _draw_text(place: Place, text: str, colour: tuple[float, ...], points: float) -> None:
+    blf.size(0, points * bpy.context.preferences.system.ui_scale)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 6, 0.0, 0.0, 0.0, colour[3])  # an outline
+    blf.position(0, *place, 0)
+    blf.color(0, *colour)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)
+
+
+class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
+    """Click 4 to 12 places in the photo and the same places on the mesh, for Align Photo.
+
+    The photo opens beside the viewport. Drag a marker to move it, X deletes the one under the mouse, Backspace takes
+    the last one back, Esc ends"""
+
+    bl_idname = "mps.pick_points"
+    bl_label = "Pick Points"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return MPS_OT_align_photo.lacks(context)
+
+    def act(self, context: Any) -> None:
+        raise InputError("points are picked with the mouse; a script adds them to scene.mps.photo.image.mps.pairs")
+
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if picking():
+            _running[0].leave()
+            return {"FINISHED"}
+        if bpy.app.background:
+            return self.execute(context)
+        self.begin(context)
+        return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
+
+    def _start(self, context: Any) -> None:
+        window, photo = context.window, context.scene.mps.photo.image
+        area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
+        was = (area.spaces.active.image, area.spaces.active.ui_mode) if area else None
+        if area is None:
+            area = _beside_viewport(context)
+        space = area.spaces.active
+        space.image, space.ui_mode = photo, "VIEW"
+        self._picking = _Picking(window, area.as_pointer(), was)
+        self._picking.begin()
+        self._picking.show(context)
+        context.window_manager.modal_handler_add(self)
+        redraw_panels(context.window_manager)
+
+    def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        mine = self._picking
+        if mine not in _running:
+            return {"FINISHED", "PASS_THROUGH"}
+        if self.lacks(context) or (event.type in _ENDS and event.value == "PRESS"):
+            mine.leave()
+            redraw_panels(context.window_manager)
+            return {"FINISHED"}
+        mine.fit()
+        used = self._use(context, event)
+        mine.show(context)
+        return {"RUNNING_MODAL"} if used else {"PASS_THROUGH"}
+
+    def _use(self, context: Any, event: bpy.types.Event) -> bool:
+        """Do what a key or the mouse means here; whether that is all that it shall do."""
+        mine, pressed = self._picking, event.value in {"PRESS", "DOUBLE_CLICK"}
+        if event.type == "MOUSEMOVE" and mine.held:
+            mine.drag(context, _spot(context, event))
+            return True
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            held, mine.held, mine.pressed = mine.pressed, None, False
+            return held
+        takes_back = event.type == "Z" and (event.ctrl or event.oskey) and not event.shift
+        if pressed and (takes_back or event.type == "BACK_SPACE"):
+            mine.take_back(context)
+            return True
+        spot = _spot(context, event) if pressed and event.type in {"LEFTMOUSE", *_DELETES} else None
+        if spot is None or event.alt or event.ctrl or event.oskey or event.shift:
+            return False
+        if event.type == "LEFTMOUSE":
+            mine.pressed = mine.press(context, spot)
+            return mine.pressed
+        number = spot.marker(_pairs(context))
+        if number is not None:
+            _pairs(context).remove(number)
+        return True
+
+    def cancel(self, context: Any) -> None:
+        """Also called by Blender, when another file is opened meanwhile, or the window is closed."""
+        self._picking.leave(put_back=False)
+
+
+def _beside_viewport(context: Any) -> Any:
+    """A part of the viewport, as an Image Editor. Raises InputError where there is no viewport, or no room."""
+    screen = context.window.screen
+    views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]
+    if not views:
+        raise InputError("there is no 3D viewport in this window to click on the mesh in; open one beside the photo")
+    before = {area.as_pointer() for area in screen.areas}
+    with bpy.context.temp_override(window=context.window, area=views[0], region=_window_region(views[0])):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
+    made = next((area for area in screen.areas if area.as_pointer() not in before), None)
+    if made is None:
+        raise InputError("the viewport is too narrow for the photo beside it; make it wider, or open an Image Editor")
+    made.type = "IMAGE_EDITOR"
+    space = made.spaces.active
+    space.show_region_ui = space.show_region_toolbar = False
+    space.uv_editor.show_uv = False  # the photo is on no UVs
+    return made
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_pick_points)
+
+
+def unregister() -> None:
+    for one in list(_running):
+        one.leave()
+    bpy.utils.unregister_class(MPS_OT_pick_points)

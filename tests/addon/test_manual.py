@@ -1,0 +1,60 @@
+"""Blender's Online Manual leads from every button and field of ours to its place in the reference."""
+
+import re
+import runpy
+from pathlib import Path
+from urllib.request import url2pathname
+
+import bpy
+import pytest
+
+from blender_addon import manual
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    """The page of the reference where an extension has it; its text, as it is before Sphinx."""
+    manual.unregister()
+    file = tmp_path / manual.PAGE
+    file.parent.mkdir()
+    file.write_text("\n".join(runpy.run_path(str(DOCS / "generated_pages.py"))["blender"]()), encoding="utf-8")
+    monkeypatch.setattr(manual, "FOLDERS", [tmp_path / "none", tmp_path])
+    manual.register()
+    yield file
+    manual.unregister()
+    monkeypatch.undo()
+    manual.register()
+
+
+def asked_for():
+    """What Blender asks its manual for: every operator, and every property of a group or of the preferences."""
+    yield from (f"bpy.ops.mps.{name}" for name in dir(bpy.ops.mps))
+    for group in {*bpy.types.PropertyGroup.__subclasses__(), *bpy.types.AddonPreferences.__subclasses__()}:
+        if group.__module__.startswith("blender_addon."):
+            for one in group.bl_rna.properties:
+                if one.identifier not in {"rna_type", "name", "bl_idname"} and not one.is_hidden:
+                    yield f"bpy.types.{group.__name__}.{one.identifier}"
+
+
+def test_every_button_and_field_leads_to_a_place_that_is_there(page):
+    look_up = bpy.types.WM_OT_doc_view_manual._lookup_rna_url  # Blender's own, behind F1
+    anchors = re.findall('id="([^"]+)"', page.read_text(encoding="utf-8"))
+    assert len(anchors) == len(set(anchors)) > 200
+    names = list(asked_for())
+    assert len(names) > 200
+    for name in names:
+        address, _, anchor = (look_up(name, verbose=False) or "").partition("#")
+        assert address.startswith("file://") and Path(url2pathname(address.removeprefix("file://"))) == page, name
+        assert anchor in anchors, name
+
+
+def test_without_pages_nothing_is_registered(monkeypatch, tmp_path):
+    manual.unregister()
+    with monkeypatch.context() as without:
+        without.setattr(manual, "FOLDERS", [tmp_path])
+        manual.register()
+        assert bpy.types.WM_OT_doc_view_manual._lookup_rna_url("bpy.ops.mps.estimate", verbose=False) is None
+        manual.unregister()
+    manual.register()
