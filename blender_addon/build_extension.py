@@ -3,8 +3,8 @@
     python blender_addon/build_extension.py [--python 3.11,3.13] [--platform linux-x64,windows-x64,macos-arm64]
 
 A zip has everything but Python and NumPy, which are Blender's own, and what it has is as its makers published it: each
-wheel is a whole one from PyPI, so that its RECORD holds. Only our own wheel is made here, without the networks that
-Blender's panel does not offer. Videos take no library: Blender decodes them.
+wheel is a whole one from PyPI, so that its RECORD holds. Only our own wheel is made here. Videos take no library:
+Blender decodes them.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from packaging.requirements import Requirement
 from packaging.tags import mac_platforms
 from packaging.utils import canonicalize_name, parse_wheel_filename
 
-from mpsnet_core.estimate.registry import known_models
+from mpsnet_core import __version__
 
 ADDON = Path(__file__).resolve().parent
 PROJECT = ADDON.parent
@@ -111,17 +111,11 @@ def find_blender_ext() -> Path:
 
 
 def build_core_wheel(folder: Path) -> Path:
-    """Make the wheel of mpsnet_core in `folder`, without the networks that are there to compare with."""
+    """Make the wheel of mpsnet_core in `folder`."""
     shutil.rmtree(folder, ignore_errors=True)
-    source = folder / "source"
-    offered = {model.file for model in known_models() if not model.comparison}
-    left_out = {model.file.name for model in known_models() if model.file and model.file not in offered}
-    shutil.copytree(
-        PROJECT / "mpsnet_core", source / "mpsnet_core", ignore=shutil.ignore_patterns("__pycache__", *left_out)
+    run(
+        [sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", PROJECT], "no wheel of mpsnet_core"
     )
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy2(PROJECT / name, source)
-    run([sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", source], "no wheel of mpsnet_core")
     return next(folder.glob("*.whl"))
 
 
@@ -274,9 +268,9 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
     """Build one zip for each platform and Python into `output`, and the index of a repository of all zips there."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))
-    if manifest["version"] != project["version"]:
+    if manifest["version"] != __version__:
         raise BuildError(
-            f"blender_manifest.toml has version {manifest['version']}, pyproject.toml {project['version']}; match them"
+            f"blender_manifest.toml has version {manifest['version']}, mpsnet_core {__version__}; match them"
         )
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]

@@ -17,7 +17,7 @@ TYPE_CHECKING = False  # not from typing, which takes longer to load than the re
 if TYPE_CHECKING:
     from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # From 1.31 on, onnxruntime sends telemetry and keeps a number of the machine and a store of events in the person's
 # folders, unless this is set before its import. Whatever of ours imports it imports this first; children inherit it.

@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from types import UnionType
 from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args, get_origin, get_type_hints
 
@@ -226,6 +227,8 @@ def _check(setting: Setting, value: Any) -> None:
     name = setting.name.replace("_", " ")
     if choices:
         check_choice(name, value, choices)
+    if not (low is None and high is None) and not isinstance(value, Real):
+        raise SettingsError(f"{name} {value!r} is no number")
     # "not" takes care of NaN.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         least = _number(-math.inf if low is None else low)

@@ -240,7 +240,9 @@ class _Bake:
                 if len(surfaces) == 1
                 else "; pack the objects' UVs together, or give each object a texture of its own"
             )
-            log.info("UVs overlap: where they do, the texture shows the part of the surface that a view sees%s", mend)
+            log.info(
+                "UVs overlap: where they do, the texture shows the surface that a view sees%s [overlapping-uvs]", mend
+            )
         return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
 
     def _islands(self, sheet: TextureSet) -> NDArray[np.int32] | None:

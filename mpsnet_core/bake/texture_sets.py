@@ -184,7 +184,7 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
     if all((high <= 0).any() or (low >= limit).any() for low, high in bounds):
         raise GeometryError(
             f"all of the mesh's UVs lie outside the texture ({where}); move the UV islands into it, or bake UDIM tiles "
-            "(<UDIM> in the file's name)"
+            "(<UDIM> in the file's name) [uvs-outside]"
         )
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)

@@ -123,7 +123,7 @@ def note_doubts(views: Sequence[ViewAgreement]) -> None:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
             log.warning(
                 "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, camera and mesh belong "
-                "together, and is --lights-in right?",
+                "together, and is --lights-in right? [views-apart]",
                 view.name,
                 np.nan_to_num(view.before),
                 view.level,

@@ -242,14 +242,14 @@ def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture,
     if rather > DECIDED and decide:
         log.warning(
             "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
-            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb)",
+            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb) [transfer-curve]",
             Path(path).name,
         )
         return True
     if rather > CLOSE:
         log.warning(
             "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
-            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more",
+            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more [transfer-curve]",
             Path(path).name,
         )
     return False
@@ -422,12 +422,15 @@ def note_doubts(capture: Capture, name: str = "") -> None:
     if angles is not None and angles.max() <= ALIKE:
         log.warning(
             "%sthe photo's three channels are all but the same: it looks like a photo under white light, which has "
-            "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",
+            "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does "
+            "[channels-alike]",
             which,
         )
     if spoilt > 0.05 * pixels:
         share = 100 * spoilt / pixels
-        log.info("%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter", which, share)
+        log.info(
+            "%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter [clipped-photo]", which, share
+        )
     if capture.white_clipped is not None:
         spoilt = int(capture.white_clipped[capture.mask].any(axis=1).sum())
         if spoilt > 0.05 * pixels:

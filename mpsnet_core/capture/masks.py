@@ -81,7 +81,7 @@ def find_mask(
     kind, _, argument = words.partition(":")
     if words == "none" or (not words and image.alpha is None):
         if not words:
-            log.warning("no mask and no alpha: the whole photo is assumed to be the object")
+            log.warning("no mask and no alpha: the whole photo is assumed to be the object [no-mask]")
         return _whole(image)
     if words in ("", "alpha"):
         return _alpha_mask(image)
@@ -89,7 +89,9 @@ def find_mask(
         try:
             return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
         except GeometryError:
-            log.warning("no object stands out from the background: the whole photo is assumed to be the object")
+            log.warning(
+                "no object stands out from the background: the whole photo is assumed to be the object [no-mask]"
+            )
             return _whole(image)
     if words == "auto":
         return auto_mask(image.pixels, notes)
@@ -253,16 +255,16 @@ def _mended(
 def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
     if clearness < CLEAR:
-        log.warning("object and background hardly differ in places: look at the mask before you use it")
+        log.warning("object and background hardly differ in places: look at the mask before you use it [doubtful-mask]")
     if touching > 0.01:
         log.warning(
             "the mask meets %.0f%% of the photo's border: is the object wholly in the picture, before a dark or plain "
-            "background?",
+            "background? [doubtful-mask]",
             100 * touching,
         )
     if not SMALL_SHARE <= share <= LARGE_SHARE:
         size = "small" if share < SMALL_SHARE else "large"
-        log.warning("the mask is %s for an object: look at it before you use it", size)
+        log.warning("the mask is %s for an object: look at it before you use it [doubtful-mask]", size)
 
 
 def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from mpsnet_core.estimate.registry import (
     LAMBERTIAN_GREY_WORLD,
     STILL_PASSES,
     find_network,
-    registered_models,
+    known_models,
 )
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
@@ -396,6 +396,7 @@ class ModelListed:
     name: str
     title: str
     comparison: bool
+    installed: bool
 
 
 @dataclass(frozen=True)
@@ -419,12 +420,13 @@ class ListModels(Operation):
         """List the models, or read one's card."""
         if self.model:
             return _card(self.model)
-        entries = registered_models()
+        entries = known_models()
         width = max(len(entry.name) for entry in entries)
         lists: dict[bool, list[str]] = {False: [], True: ["", "to compare with, and for scripts:"]}
         for entry in entries:
-            lists[entry.comparison].append(f"{entry.name.ljust(width)}  {entry.title}")
-        models = [ModelListed(entry.name, entry.title, entry.comparison) for entry in entries]
+            missing = "" if entry.installed else f"; not installed: {entry.how_to_install}"
+            lists[entry.comparison].append(f"{entry.name.ljust(width)}  {entry.title}{missing}")
+        models = [ModelListed(entry.name, entry.title, entry.comparison, entry.installed) for entry in entries]
         return ModelsListed(models, text="\n".join(lists[False] + lists[True]))
 
 

@@ -15,6 +15,8 @@ STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence g
 DEFAULT_TILE = 448  # pixels a side of what a dense network sees at a time
 
 MODELS_FOLDER = Path(__file__).parent / "models"
+# In the repository and its sdist, but in no wheel.
+COMPARISON_FOLDER = MODELS_FOLDER / "comparison"
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,8 @@ class RegisteredModel:
     """A model that comes with the package.
 
     label: its name for people. file: None for what needs no network. passes: for stills, in place of those on the
-    file's card. comparison: whether it is for comparisons and scripts, and left out of menus.
+    file's card. comparison: whether it is for comparisons and scripts, and left out of menus. sha256: of a file that no
+    wheel holds.
     """
 
     name: str
@@ -31,12 +34,31 @@ class RegisteredModel:
     file: Path | None = None
     passes: Literal[1, 3] | None = None
     comparison: bool = False
+    sha256: str = ""
+
+    @property
+    def installed(self) -> bool:
+        """Whether its file is here, or it needs none."""
+        return self.file is None or self.file.is_file()
+
+    @property
+    def how_to_install(self) -> str:
+        """Where to get a file that no wheel holds."""
+        assert self.file is not None
+        return (
+            f"put {self.file.name} (sha256 {self.sha256}) from the repository's mpsnet_core/estimate/models/comparison "
+            f"into {COMPARISON_FOLDER}, or give its path, or that of one made by mpsnet train --recipe {self.name}"
+        )
 
 
 def _network(
     name: str, label: str, title: str, passes: Literal[1, 3] | None = None, comparison: bool = False, file: str = ""
 ) -> RegisteredModel:
     return RegisteredModel(name, label, title, MODELS_FOLDER / f"{file or name}.onnx", passes, comparison)
+
+
+def _rival(name: str, label: str, title: str, sha256: str) -> RegisteredModel:
+    return RegisteredModel(name, label, title, COMPARISON_FOLDER / f"{name}.onnx", comparison=True, sha256=sha256)
 
 
 # What is known of the networks without opening their files, which takes onnxruntime. .blend files keep a model's place
@@ -57,24 +79,29 @@ _MODELS = (
         file=DEFAULT_MODEL,
     ),
     _network("multiscale-int8", "Multiscale 8-Bit", "The default in 8-bit numbers and one pass: quicker"),
-    _network(
+    _rival(
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        comparison=True,
+        "5c40eabc62639a423b286c20bf9d999ab3f907f4962f979c60d68b90713cf384",
     ),
-    _network(
+    _rival(
         "mpsnet-dense",
         "MPS-Net Dense",
         "The paper's layers over the whole picture: quick, and not the same network",
-        comparison=True,
+        "0bfe5be3a918c746e07c8927e9ee0b588689efa94051fc990f983dcf5aacf942",
     ),
-    _network("psfcn", "PS-FCN", "Chen et al. 2018 for three lights, half the published width", comparison=True),
-    _network(
+    _rival(
+        "psfcn",
+        "PS-FCN",
+        "Chen et al. 2018 for three lights, half the published width",
+        "6175a251a4f9aa45f8f39a3957abfc6e885319ec8b0a83deb28fc5bd63c5be27",
+    ),
+    _rival(
         "demultiplexer",
         "Demultiplexer",
         "Ju et al. 2018: three intensities from each pixel, then equation 2",
-        comparison=True,
+        "169f34afb91d9e4595086015b6700dc5aba45b52f9bec39c88695c8c073dc805",
     ),
     RegisteredModel(
         LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
@@ -94,8 +121,8 @@ def known_models() -> list[RegisteredModel]:
 
 
 def registered_models() -> list[RegisteredModel]:
-    """The models that are here, the default first: Blender's extension leaves those to compare with out."""
-    return [entry for entry in _MODELS if entry.file is None or entry.file.is_file()]
+    """The models that are here, the default first: no wheel holds the networks to compare with."""
+    return [entry for entry in _MODELS if entry.installed]
 
 
 class NetworkFile(NamedTuple):
@@ -115,11 +142,8 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
         if entry.name == name:
             if entry.file is None:
                 raise SettingsError(f"{name} is no network and has no file; name a network")
-            if not entry.file.is_file():
-                raise FileError(
-                    f"the network {name} is not here: Blender's extension leaves those to compare with out; take "
-                    "another model, or the command line, which has all"
-                )
+            if not entry.installed:
+                raise FileError(f"the network {name}, to compare with, is not installed: {entry.how_to_install}")
             return NetworkFile(entry.file, entry.passes)
     if Path(name).suffix.lower() == ".onnx":
         if Path(name).is_file():

@@ -371,7 +371,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         bent = self.curvature and camera.projection == "perspective"
         if self.height or self.mesh or self.occlusion or bent:
             if camera.projection == "perspective" and self.distance is None:
-                log.info("--distance is not given: the mean distance from the camera counts as 1")
+                log.info("--distance is not given: the mean distance from the camera counts as 1 [no-distance]")
             to_occlusion = 0.5 if self.occlusion else 1.0
             heights = integrate(
                 normals,

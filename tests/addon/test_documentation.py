@@ -1,15 +1,48 @@
-"""The documentation's commands for Blender are ones that there are."""
+"""The documentation's commands for Blender run as they stand, with pip's bpy for a Blender."""
 
+import shutil
+from pathlib import Path
+
+import bpy
 import pytest
-from documentation import PROJECT, WRITTEN, commands
+from documentation import PROJECT, WRITTEN, commands, needs_blender, run_page
+from page_inputs import RIG, make_inputs
 
 from blender_addon.commands import _parser
+from mpsnet_core.scene.rig import write_rig
+
+# `blender -b [FILE] --command mpsnet VERB` and `blender -b --python FILE`.
+BLENDER = """shift
+case "$1" in --*) file= ;; *) file=$1; shift ;; esac
+case "$1" in
+--command) shift 2; exec python -m blender_addon $file "$@" ;;
+--python) exec python "$2" ;;
+esac
+exit 2"""
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(PROJECT)))
-def test_commands_of_blender_are_ones_that_there_are(page):
+def name_of(page: Path) -> str:
+    return str(page.relative_to(PROJECT))
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=name_of)
+def test_commands_of_blender_are_ones_that_there_are(page: Path) -> None:
     calls = [call[call.index("--command") + 2 :] for call in commands(page, "blender") if "--command" in call]
     calls += [call[2:] for call in commands(page, "python") if call[:2] == ["-m", "blender_addon"]]
     for arguments in calls:
         if arguments[0] not in {"install-file", "server-generate"} and "--help" not in arguments:
             _parser().parse_args(arguments)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", [page for page in WRITTEN if needs_blender(page)], ids=name_of)
+def test_the_page_runs_from_top_to_bottom(page: Path, tmp_path: Path) -> None:
+    make_inputs(tmp_path)
+    shutil.copy(tmp_path / "photo.dng", tmp_path / "statue.dng")
+    for name in ("statue", "cloth"):
+        write_rig(tmp_path / f"{name}.rig.json", RIG)
+    for name in ("Statue", "StatueLow"):
+        bpy.ops.wm.obj_import(filepath=str(tmp_path / "statue.obj"), forward_axis="Y", up_axis="Z")
+        bpy.context.object.name = name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    run_page(page, tmp_path, {"blender": BLENDER})

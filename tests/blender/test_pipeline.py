@@ -187,7 +187,7 @@ def test_a_network_that_is_only_to_compare_with_is_not_there(blender, rig, tmp_p
     photo = opened_photo(tmp_path / "front.exr", rig)
     done = blender.run("-b", *photo, "--command", "mpsnet", "estimate", "--model=PSFCN", f"--output={tmp_path}/n.png")
     assert done.returncode == 2, done.stdout + done.stderr
-    assert "the network psfcn is not here: Blender's extension leaves those to compare with out" in done.stderr
+    assert "the network psfcn, to compare with, is not installed: put psfcn.onnx" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,16 @@
-"""What tests read of the documentation: its pages, and the code in them."""
+"""What tests read of the documentation: its pages, the code in them, and how that runs as it stands."""
 
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
+
+import pytest
 
 PROJECT = Path(__file__).parents[2]
 # The pages that docs/generated_pages.py writes.
@@ -18,11 +26,77 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path, program: str) -> list[list[str]]:
-    """The arguments of each call of a program in the page's shell blocks, without the program's name."""
+    """The arguments of a program's calls, without its name, in a page's shell blocks and its tables' last columns."""
     found = []
-    for block in blocks(page, "bash"):
+    rows = re.findall(r"^\|.*\| `([^`]+)`[^|]*\|$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    for block in (*blocks(page, "bash"), *rows):
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(re.sub(r"(^|\s)#\s.*", "", line))
             if words and words[0] == program:
                 found.append(words[1:])
     return found
+
+
+# What of the pages does not run, by a pattern of its line, and why.
+LEFT_OUT = {
+    r"\bpip install\b|\bsudo\b|^python3 -m venv|\.venv/bin/": "installs or builds, by the network; .ci/run does it",
+    r"--command extension install-file": "needs a Blender; tests/blender/test_install.py does it",
+    r"mpsnet train|torchrun|evaluate patch-sizes": "takes hours; tests/core/test_train_cli.py trains small ones",
+    r"evaluate diligent": "needs DiLiGenT's photographs; tests/core/test_diligent.py makes its own",
+    r"tensorboard|http\.server": "serves until it is stopped",
+}
+# The tour renders its own photos; tests/blender/test_tour.py runs all of it.
+TOUR = PROJECT / "docs" / "tutorials" / "tour.md"
+# What runs otherwise than it stands.
+INSTEAD = {
+    # The page's own takes hours.
+    r"--count \d+": "--count 2",
+    r"range\(1000\)": "range(2)",
+    r"--model all": "--model lambertian",
+    # Blender has the extension; pip's bpy has to load it.
+    r"^import bpy$": "import bpy, blender_addon; blender_addon.register()",
+}
+
+
+def script(page: Path) -> str:
+    """A page's shell and Python blocks as one shell script, without what LEFT_OUT names."""
+    steps: list[str] = []
+    if page == TOUR:
+        return ""
+    text = page.read_text(encoding="utf-8")
+    for language, block in re.findall(r"^```(bash|python)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        for pattern, other in INSTEAD.items():
+            block = re.sub(pattern, other, block, flags=re.MULTILINE)
+        if language == "python":
+            steps.append(f"python - <<'END'\n{block}END")
+        else:
+            lines = [re.sub(r"(^|\s)#\s.*", "", line) for line in re.sub(r"&&\n", "&& ", block).splitlines()]
+            steps += [line for line in lines if line and not any(re.search(pattern, line) for pattern in LEFT_OUT)]
+    return "\n".join(steps)
+
+
+def needs_blender(page: Path) -> bool:
+    return re.search(r"\bblender\b|\bbpy\b|blender_addon", script(page)) is not None
+
+
+def run_page(page: Path, folder: Path, programs: Mapping[str, str] | None = None) -> None:
+    """Run a page in a folder; the first command that fails fails the test.
+
+    programs: shell scripts that stand for programs, beside those for `python` and `mpsnet`.
+    """
+    if sys.platform == "win32" or shutil.which("bash") is None:
+        pytest.skip("pages are for bash")
+    if find_spec("torch") is None and re.search(r"\.training\b|mpsnet (quantize|evaluate samples)", script(page)):
+        pytest.skip("needs PyTorch (the extra train)")
+    tools = folder / ".tools"
+    tools.mkdir()
+    python = f'exec {shlex.quote(sys.executable)} "$@"'
+    for name, body in {"python": python, "mpsnet": 'exec python -m mpsnet_core "$@"', **(programs or {})}.items():
+        (tools / name).write_text(f"#!/bin/sh\n{body}\n", encoding="utf-8")
+        (tools / name).chmod(0o755)
+    path = os.pathsep.join([str(tools), os.environ.get("PATH", "")])
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
+    shutil.copytree(PROJECT / "examples", folder / "examples", ignore=shutil.ignore_patterns("output", "__pycache__"))
+    bash = ["bash", "-c", f"set -euxo pipefail\n{script(page)}"]
+    done = subprocess.run(bash, cwd=folder, env=environment, capture_output=True, text=True, timeout=550)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]

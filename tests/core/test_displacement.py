@@ -258,6 +258,18 @@ def test_islands_smaller_than_a_texel_have_the_heights_of_those_around_them() ->
     assert bilinear(found, uvs[100]).mean() == pytest.approx(bilinear(found, where).mean(), abs=0.1 * AMPLITUDE)
 
 
+def test_a_triangle_without_area_does_not_spoil_the_others() -> None:
+    """As at the poles of a grid of quads, where a triangle has two corners in one place and an area in UVs alone."""
+    whole = square()
+    uvs = np.concatenate([whole.uvs / 2, [[[0.6, 0.6], [0.9, 0.6], [0.9, 0.9]]]])
+    triangles = np.concatenate([whole.triangles, [[2, 3, 3]]])
+    mesh = Mesh(whole.vertices, triangles, np.broadcast_to([0.0, 0, 1], (3, 3, 3)), uvs)
+    vectors = np.zeros((32, 32, 3), np.float32) + np.float32(unit(np.array([0.1, 0, 1])))
+    found = displacement(vectors, mesh)
+    assert np.isfinite(found.values).all()
+    np.testing.assert_allclose(np.diff(found.values[16:, :16]), -0.1 / 16, atol=1e-4)
+
+
 def test_normals_in_object_space_are_those_of_the_surface() -> None:
     mesh = cube_sphere(12)
     found = object_normals(tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points)), mesh, margin=4)

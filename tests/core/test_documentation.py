@@ -1,5 +1,6 @@
 """The documentation says what is so: its commands and code fit the program, its links lead somewhere."""
 
+import ast
 import importlib
 import importlib.util
 import re
@@ -38,6 +39,33 @@ def test_links_and_pictures_lead_to_files(page):
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8"))
     places = [(page.parent / link).resolve() for link in links if "://" not in link]
     assert not [place for place in places if place not in GENERATED and not place.exists()]
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=page_name)
+def test_files_of_the_project_that_a_page_names_are_there(page):
+    """But for what a run leaves, and for NAMES that stand for others."""
+    named = re.findall(
+        r"(?<![\w/.])(?:tests|examples|mpsnet_core|docs|blender_addon)/[\w./-]+", page.read_text(encoding="utf-8")
+    )
+    made = [name for name in named if name.startswith(("examples/output", "docs/_build")) or "NAME" in name]
+    assert not [name for name in named if name not in made and not (PROJECT / name.rstrip(".")).exists()]
+
+
+def test_every_code_at_the_end_of_a_message_has_its_entry_under_symptoms():
+    """A code is two words or more in brackets, such as [no-mask], and the anchor of its entry."""
+    sources = [path for package in ("mpsnet_core", "blender_addon") for path in (PROJECT / package).rglob("*.py")]
+    texts = [
+        node.value
+        for path in sources
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
+    codes = {code for text in texts for code in re.findall(r"(?:^| )\[([a-z]+(?:-[a-z]+)+)\]$", text)}
+    page = (PROJECT / "docs" / "how_to" / "symptoms.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^\(([a-z-]+)\)=\n### .+\n\n(?:!\[.*\n\n)?`\[([a-z-]+)\]` ", page, re.MULTILINE)
+    assert all(anchor == code for anchor, code in entries)
+    assert sorted(code for _, code in entries) == sorted(codes)
+    assert len(codes) >= 10
 
 
 @pytest.mark.long

@@ -294,5 +294,5 @@ def test_alpha_or_auto_is_alpha_then_what_stands_out_then_the_whole_photo(caplog
     assert np.array_equal(find_mask(replace(photo, alpha=alpha), "alpha-or-auto"), alpha > 0)
     assert find_mask(replace(photo, pixels=noisy(np.full((90, 80, 3), 0.3))), "alpha-or-auto").all()
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
-        "no object stands out from the background: the whole photo is assumed to be the object"
+        "no object stands out from the background: the whole photo is assumed to be the object [no-mask]"
     ]

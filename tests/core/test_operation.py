@@ -124,6 +124,11 @@ def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None
         on_the_command_line("a", *arguments, "-o", "bag")
 
 
+def test_a_number_given_as_text_is_refused() -> None:
+    with pytest.raises(InputError, match="size '1' is no number"):
+        Grind(beans=("a",), output="bag", size="1")  # type: ignore[arg-type]
+
+
 def test_an_option_that_has_to_be_given_is_missed() -> None:
     with pytest.raises(InputError, match="required: -o/--output"):
         on_the_command_line("a")

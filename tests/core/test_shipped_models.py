@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,14 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import Estimator, estimate_normals
-from mpsnet_core.estimate.registry import AVERAGED_MODEL, DEFAULT_MODEL, MODELS_FOLDER, registered_models
+from mpsnet_core.estimate.registry import (
+    AVERAGED_MODEL,
+    COMPARISON_FOLDER,
+    DEFAULT_MODEL,
+    MODELS_FOLDER,
+    known_models,
+    registered_models,
+)
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
@@ -208,6 +216,11 @@ def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
 
 
 def test_package_stays_small() -> None:
-    sizes: dict[Path, int] = {file: file.stat().st_size for file in MODELS_FOLDER.iterdir()}
-    assert sum(sizes.values()) <= 25_000_000
-    assert sizes[MODELS_FOLDER / f"{DEFAULT_MODEL}.onnx"] <= 8_000_000
+    sizes = {file.stem: file.stat().st_size for file in MODELS_FOLDER.glob("*.onnx")}
+    assert set(sizes) == {"multiscale", "multiscale-int8"}
+    assert sum(sizes.values()) <= 10_500_000
+
+
+def test_the_networks_to_compare_with_are_those_that_the_registry_names() -> None:
+    rivals = {entry.file: entry.sha256 for entry in known_models() if entry.sha256}
+    assert rivals == {file: sha256(file.read_bytes()).hexdigest() for file in COMPARISON_FOLDER.iterdir()}

@@ -289,7 +289,10 @@ def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
     write_file(photo.with_suffix(".png"), pixels / np.quantile(pixels[pixels > 0.05], 0.6), "uint8")
     notes = json.loads(table.run("--progress", "json").splitlines()[-1])["result"]["notes"]
     (saturated,) = [note for note in notes if "are saturated" in note]
-    assert re.fullmatch(r"view side2: \d\d% of the object's pixels are saturated, and wrong; expose shorter", saturated)
+    assert re.fullmatch(
+        r"view side2: \d\d% of the object's pixels are saturated, and wrong; expose shorter \[clipped-photo\]",
+        saturated,
+    )
 
 
 @pytest.mark.parametrize("naming", ["{stem}.png", "{stem}_mask.png", "{stem}.exr.png"])

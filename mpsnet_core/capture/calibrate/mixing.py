@@ -369,7 +369,7 @@ def _checked(found: MixingFound) -> MixingFound:
     if max(orders, key=lambda order: float(mixing[range(3), order].prod())) != (0, 1, 2):
         raise GeometryError(
             "the lights stand where the rig has other ones; does the rig belong to this photo, with its lights in the "
-            "order red, green, blue?"
+            "order red, green, blue? [light-order]"
         )
     if found.residual > POOR:
         log.warning(
@@ -380,7 +380,7 @@ def _checked(found: MixingFound) -> MixingFound:
     if np.abs(found.ambient).max() > AMBIENT:
         log.info(
             "there is light from everywhere, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
-            "photo with the lamps off",
+            "photo with the lamps off [room-light]",
             100 * np.abs(found.ambient).max(),
         )
     return found

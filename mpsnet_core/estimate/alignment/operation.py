@@ -207,9 +207,14 @@ class Align(RunsModel, ReadsPhotos):
         poor = poor or best.overlap < POOR_OVERLAP
         quality = _quality(best)
         if poor:
-            log.warning("the fit is poor: %s; look at the overlay, and give points, or another mask or mesh", quality)
+            log.warning(
+                "the fit is poor: %s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
+                quality,
+            )
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * best.cost:
-            log.warning("another view fits nearly as well; look at the overlay, and give points if it is wrong")
+            log.warning(
+                "another view fits nearly as well; look at the overlay, give points if it is wrong [poor-alignment]"
+            )
         left_out = by_points.left_out if by_points else ()
         if left_out:
             log.warning("pair %d contradicts the others and was left out", left_out[0] + 1)

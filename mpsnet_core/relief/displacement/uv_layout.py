@@ -10,6 +10,9 @@ from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates
 from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.scene.mesh import Mesh
 
+# Smaller triangles than this share of the largest have no area but by rounding.
+LEAST_AREA = 1e-12
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -97,10 +100,13 @@ class Seams:
 
 
 def layout_of(mesh: Mesh, size: int) -> Layout:
-    """Lay a mesh out in a texture of `size` x `size` texels."""
+    """Lay a mesh out in a texture of `size` x `size` texels; triangles without area cover none."""
     islands = islands_of(mesh)
     corners = texel_coordinates(mesh.uvs, size)
+    points = mesh.world_vertices[mesh.triangles]
+    areas = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1)
     order = np.argsort(islands.of_triangle, kind="stable").astype(np.int32)
+    order = order[areas[order] > LEAST_AREA * areas.max()]
     laid = triangle_of_texel(corners[order], size)
     triangle = np.where(laid >= 0, order[laid], np.int32(-1))
     island = np.where(laid >= 0, islands.of_triangle[triangle], np.int32(-1))
