@@ -154,7 +154,7 @@ MORE_ITEMS = {"preset": {"CUSTOM"}, "bits": {"AUTO"}, "model": None}
 OWN_DEFAULTS = {
     ("BakeSettings", "margin"): 16,
     ("CalibrateSettings", "ball_radius"): 1.0,
-    ("DisplaceSettings", "scale"): 0.02,
+    ("DisplaceSettings", "scale"): 0.01,
     ("SamplesSettings", "count"): 100,
     ("SamplesSettings", "bounces"): 3,
 }

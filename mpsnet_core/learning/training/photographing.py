@@ -282,7 +282,7 @@ def _photographed(
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean / mean.mean(dim=1, keepdim=True))[:, :, None, None],
                     "given": given[:, :, None, None],
-                    "exact": drawn.exact[:, None, None, None],
+                    "exact": drawn.exact[:photos, None, None, None],
                 },
                 truth=unit(planes[:, NORMALS]) * counts,
                 weights=counts[:, 0],
