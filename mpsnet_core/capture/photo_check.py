@@ -161,7 +161,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
     if level == "good":
         words = "next to nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
     else:
-        words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light"
+        words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
@@ -173,7 +173,7 @@ def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
         figures["angles_deg"] = _listed(np.degrees(angles))
         if angles.max() <= ALIKE:
             words = "the three channels are all but the same, as under white light; switch the lights to red, green "
-            return Finding("channels", "bad", words + "and blue, or make one photo of three by superpose", figures)
+            return Finding("channels", "bad", words + "and blue, or superpose three photos [channels-alike]", figures)
         if angles.min() <= CLOSE_CHANNELS[0]:
             first, second = (("red", "green"), ("red", "blue"), ("green", "blue"))[int(angles.argmin())]
             level: Level = _level(float(angles.min()), CLOSE_CHANNELS)
