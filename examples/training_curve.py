@@ -53,7 +53,7 @@ def svg(trained: NDArray[np.float64], held_out: list[tuple[int, float]]) -> str:
     """Steps along a logarithmic axis, as each doubling gains about the same; degrees upwards."""
     everything = np.vstack([trained, np.array(held_out).reshape(-1, 2)])
     first, last = np.log2(everything[:, 0].min()), np.log2(everything[:, 0].max())
-    low, high = np.floor(everything[:, 1].min()) - 1, np.ceil(everything[:, 1].max())
+    low, high = np.floor(everything[:, 1].min()) - 2, np.ceil(everything[:, 1].max())
 
     def x(step: float) -> float:
         return float(MARGIN + (np.log2(step) - first) / (last - first) * (WIDTH - 2 * MARGIN))
