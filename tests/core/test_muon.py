@@ -18,10 +18,11 @@ def test_a_matrix_becomes_nearly_orthogonal_and_keeps_its_directions(shape: tupl
     assert off.abs().max() < 0.05
 
 
-def test_steps_are_as_large_as_adamw_s() -> None:
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_steps_are_as_large_as_adamw_s(dtype: torch.dtype) -> None:
     weight = torch.nn.Parameter(torch.zeros(64, 32, 3, 3))
     weight.grad = torch.randn(weight.shape, generator=torch.Generator().manual_seed(1))
-    Muon([weight], lr=0.01).step()
+    Muon([weight], lr=0.01, dtype=dtype).step()
     assert weight.detach().square().mean().sqrt().item() == pytest.approx(0.2 * 0.01, rel=0.2)
 
 

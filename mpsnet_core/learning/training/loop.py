@@ -244,7 +244,7 @@ class _Run:
         self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
         self.anneal: tuple[int, int] | None = None  # the step at which it begins, and over how many
-        self.optimisers = _optimisers(recipe, network)
+        self.optimisers = _optimisers(recipe, network, self.precision)
         self.mean_weights = self._weights()
 
     def rate(self, step: int) -> float:
@@ -388,7 +388,7 @@ class _Run:
         self.step, self.continues = exported.step, exported.record
 
 
-def _optimisers(recipe: TrainingRecipe, network: Network) -> list[torch.optim.Optimizer]:
+def _optimisers(recipe: TrainingRecipe, network: Network, precision: str) -> list[torch.optim.Optimizer]:
     single, matrices, rest = [], [], []
     for value in network.parameters():
         if value.ndim <= 1:
@@ -401,7 +401,8 @@ def _optimisers(recipe: TrainingRecipe, network: Network) -> list[torch.optim.Op
     groups = [{"params": rest, "weight_decay": recipe.weight_decay}, {"params": single, "weight_decay": 0.0}]
     optimisers: list[torch.optim.Optimizer] = [torch.optim.AdamW(groups, lr=recipe.learning_rate)]
     if matrices:
-        optimisers.append(Muon(matrices, lr=recipe.learning_rate, weight_decay=recipe.weight_decay))
+        dtype = torch.bfloat16 if precision == "bfloat16" else torch.float32
+        optimisers.append(Muon(matrices, lr=recipe.learning_rate, weight_decay=recipe.weight_decay, dtype=dtype))
     return optimisers
 
 
