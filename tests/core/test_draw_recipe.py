@@ -175,7 +175,9 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
         assert recipe.pattern.kind != "parts"
         assert not (recipe.paint.amount or recipe.dirt.amount or recipe.bump.height or recipe.light_sizes.any())
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))
-    assert slants.min() >= 18 - 1e-9 and slants.max() <= 45 + 1e-9
-    assert 0.4 < (np.abs(slants - 30) < 1e-6).all(axis=1).mean() < 0.6
-    apart = np.abs((np.diff(tilts, axis=1) + 180) % 360 - 180)
-    assert apart.min() > 80 and apart.max() < 160
+    rigs = np.array(drawing.PUBLISHED_RIGS)
+    off_slant = np.abs(slants[:, None] - rigs[:, 0]).max(axis=-1)
+    off_tilt = np.abs((tilts[:, None] - rigs[:, 1] + 180) % 360 - 180).max(axis=-1)
+    nearest = np.argmin(off_slant + off_tilt, axis=1)
+    assert np.maximum(off_slant, off_tilt)[np.arange(300), nearest].max() <= 4 + 1e-9
+    assert np.bincount(nearest, minlength=5).min() > 40  # of 60 each
