@@ -17,7 +17,7 @@ from mpsnet_core.estimate.features import Seen, window_map
 from mpsnet_core.learning.training.inputs import map_of
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import WINDOW, Photographer, Scale
+from mpsnet_core.learning.training.photographing import WINDOW, Frames, Photographer, Scale
 from mpsnet_core.synthesis.capture_model import CaptureModel
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
@@ -57,12 +57,12 @@ def equal(ones: list[Scale], others: list[Scale]) -> bool:
     )
 
 
-@pytest.mark.parametrize("canonical", [True, False])
+@pytest.mark.parametrize("frames", ["canonical", "any", "camera"])
 @pytest.mark.parametrize("finer", [EVERY_SCALE, ()])
 def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
-    spheres: PackedSamples, finer: tuple[float, ...], canonical: bool
+    spheres: PackedSamples, finer: tuple[float, ...], frames: Frames
 ) -> None:
-    photographer = Photographer(spheres, IDEAL, finer=finer, canonical=canonical)
+    photographer = Photographer(spheres, IDEAL, finer=finer, frames=frames)
     senses = set()
     for step in range(6):
         scales = photographer.batch(step, 4)
@@ -74,13 +74,15 @@ def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
             assert lit.any()
             assert float(torch.rad2deg(angle_between(found, scale.truth))[lit].max()) < 1
             senses |= set(torch.linalg.det(scale.maps["lights"].reshape(-1, 3, 3)).sign().tolist())
-    assert senses == ({1.0} if canonical else {1.0, -1.0}), "canonical lights run counter-clockwise"
+    own = {float(np.sign(np.linalg.det(sample.directions))) for sample in spheres}
+    # Canonical lights run counter-clockwise.
+    assert senses == {"canonical": {1.0}, "any": {1.0, -1.0}, "camera": own}[frames]
 
 
 def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: PackedSamples) -> None:
     places = torch.arange(float(WINDOW))
     for finer in ((1.0,), ()):
-        photographer = Photographer(spheres, IDEAL, finer=finer, canonical=False, window=WINDOW)
+        photographer = Photographer(spheres, IDEAL, finer=finer, frames="any", window=WINDOW)
         for step in range(6):
             (scale,) = photographer.batch(step, 2)
             for truth, weights in zip(scale.truth, scale.weights > 0, strict=True):

@@ -53,6 +53,11 @@ def test_a_recipe_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read_recipe(tmp_path / "a.toml") == recipe
 
 
+def test_whether_to_augment_is_true_or_false() -> None:
+    with pytest.raises(SettingsError, match="augment must be true or false, not 1"):
+        recipe_from_data(recipe_data("multiscale", augment=1))
+
+
 def test_a_recipe_changes_ranges_of_the_capture_model() -> None:
     model = capture_model({"crosstalk": [0, 0], "exact": 1.0, "bits": [16]})
     assert model == replace(CaptureModel(), crosstalk=(0, 0), exact=1.0, bits=(16,))

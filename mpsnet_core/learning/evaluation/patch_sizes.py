@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
@@ -20,7 +20,7 @@ from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer
-from mpsnet_core.learning.training.recipe import TrainingRecipe
+from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model, read_recipe
 from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, part, silent
 
@@ -44,8 +44,10 @@ class PatchRow:
 
 
 def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
-    """One of the ten networks' recipe; they differ in side and normals alone."""
-    return TrainingRecipe(
+    """One of the ten networks' recipe; they differ in side and normals alone. Photographs are as the paper's."""
+    warm_up = min(100, math.ceil(steps / 10))
+    return replace(
+        read_recipe("mpsnet-published"),
         name=f"patch-{side}{'-normals' if normals else ''}",
         title=f"MPS-Net, patches of {side} x {side}",
         network="mpsnet",
@@ -54,8 +56,9 @@ def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> Tra
         batch=PICTURES_A_STEP,
         crop=0,
         patches=PATCHES_A_PICTURE,
-        warm_up=min(100, math.ceil(steps / 10)),
-        ema=0.995,
+        warm_up=warm_up,
+        decay=steps - warm_up,
+        ema=0.99,
     )
 
 
@@ -117,7 +120,15 @@ def _validated(
     progress(0.0, recipe.title)
     places = Places(checkpoint, checkpoint if checkpoint.exists() else None)
     trained = train(recipe, samples, [], places=places, progress=progress)
-    photographer = Photographer.of(trained.network, held_out, seed=VALIDATION_SEED, window=0, shuffled=False)
+    photographer = Photographer.of(
+        trained.network,
+        held_out,
+        capture_model(recipe.capture),
+        seed=VALIDATION_SEED,
+        window=0,
+        augment=recipe.augment,
+        shuffled=False,
+    )
     return validate(trained.network, photographer, a_picture), trained.seconds
 
 

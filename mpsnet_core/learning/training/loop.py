@@ -230,12 +230,21 @@ class _Run:
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
         packed = PackedSamples(samples, progress)
         model = capture_model(recipe.capture)
-        self.photographer = Photographer.of(network, packed, model, seed=recipe.seed, window=recipe.crop, device=device)
+        self.photographer = Photographer.of(
+            network, packed, model, seed=recipe.seed, window=recipe.crop, augment=recipe.augment, device=device
+        )
         self.held_out: Photographer | None = None
         if validation:
             held_out = PackedSamples(validation, progress)
             self.held_out = Photographer.of(
-                network, held_out, model, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device
+                network,
+                held_out,
+                model,
+                seed=VALIDATION_SEED,
+                window=VALIDATION_CROP,
+                augment=recipe.augment,
+                shuffled=False,
+                device=device,
             )
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _computed(precision, device)

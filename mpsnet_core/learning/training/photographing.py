@@ -9,7 +9,7 @@ photos of smooth things. For other networks, and in evaluations, the sample's ow
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -27,6 +27,7 @@ from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, blur_weights, turned
 
 WINDOW = 128  # pixels a side
+Frames = Literal["canonical", "any", "camera"]
 COARSEST = (64.0, 128.0)  # pixels of the object's longer side on the first scale
 # How many scales follow the first one.
 FINER_SHARES = (0.1, 0.4, 0.25, 0.15, 0.1)
@@ -82,9 +83,10 @@ class Photographer:
         Pixels a side, around pixels that count; 0, where there is one scale, for whole pictures.
     finer : sequence of float
         Shares of how many scales follow the first; none for one scale, the samples' own pixels.
-    canonical : bool
-        Whether in frames in which the first light stands most nearly straight up, the lights counter-clockwise; else
-        turned by any quarters, mirrored or not, the lights in any order.
+    frames : str
+        Frames that samples are seen in: "canonical", those in which the first light stands most nearly straight up, the
+        lights counter-clockwise; "any", turned by any quarters, mirrored or not, the lights in any order; "camera", as
+        the samples are.
     shuffled : bool
         Whether every epoch has an order of its own.
     device : torch.device, optional
@@ -99,12 +101,12 @@ class Photographer:
         seed: int = 0,
         window: int = WINDOW,
         finer: Sequence[float] = FINER_SHARES,
-        canonical: bool = True,
+        frames: Frames = "canonical",
         shuffled: bool = True,
         device: torch.device | None = None,
     ) -> None:
         self.samples, self.model, self.seed, self.window = samples, model or CaptureModel(), seed, window
-        self.finer, self.canonical, self.shuffled = np.cumsum(finer) / np.sum(finer), canonical, shuffled
+        self.finer, self.frames, self.shuffled = np.cumsum(finer) / np.sum(finer), frames, shuffled
         self.device = device or torch.device("cpu")
         self._order: tuple[int, NDArray[np.int64]] = (-1, np.empty(0, np.int64))
 
@@ -117,14 +119,18 @@ class Photographer:
         *,
         seed: int,
         window: int,
+        augment: bool = True,
         shuffled: bool = True,
         device: torch.device | None = None,
     ) -> "Photographer":
-        """For the photographs that a network, or the one of a card, sees."""
+        """For the photographs that a network, or the one of a card, sees.
+
+        augment: whether in any frame where the network's is the camera's.
+        """
         finer = FINER_SHARES if network.kind == "pyramid" else ()
-        canonical = network.frame == "canonical"
+        frames: Frames = "canonical" if network.frame == "canonical" else "any" if augment else "camera"
         return cls(
-            samples, model, seed=seed, window=window, finer=finer, canonical=canonical, shuffled=shuffled, device=device
+            samples, model, seed=seed, window=window, finer=finer, frames=frames, shuffled=shuffled, device=device
         )
 
     def batch(self, step: int, size: int) -> list[Scale]:
@@ -149,7 +155,9 @@ class Photographer:
 
     def _example(self, packed: Packed, rng: np.random.Generator) -> "_Example":
         draw = self.model.draw(rng)
-        frame = _near_frame(packed.directions, rng) if self.canonical else _any_frame(rng)
+        frame = CAMERA_FRAME
+        if self.frames != "camera":
+            frame = _near_frame(packed.directions, rng) if self.frames == "canonical" else _any_frame(rng)
         example = _arranged(packed, draw, frame, self.device)
         if not len(self.finer):
             return example

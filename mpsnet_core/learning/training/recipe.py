@@ -47,7 +47,9 @@ class TrainingRecipe:
     line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
     weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
     model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
-    difference between the normals' gradients and the true ones. capture: ranges and chances of
+    difference between the normals' gradients and the true ones. augment: whether samples are turned by quarters,
+    mirrored, and their lights put in any order, anew each time they are seen; networks with a canonical frame turn them
+    by themselves. capture: ranges and chances of
     :class:`mpsnet_core.synthesis.capture_model.CaptureModel` that differ from its own. seed: of the first weights, the
     photographs and their order.
 
@@ -71,6 +73,7 @@ class TrainingRecipe:
     error_weight: float = 1.0
     gradient_weight: float = 0.0
     optimiser: str = "adamw"
+    augment: bool = True
     capture: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
 
@@ -86,6 +89,8 @@ class TrainingRecipe:
             raise SettingsError("the recipe's samples must be a list of texts")
         if self.optimiser not in OPTIMISERS:
             raise SettingsError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
+        if not isinstance(self.augment, bool):
+            raise SettingsError(f"the recipe's augment must be true or false, not {self.augment!r}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
