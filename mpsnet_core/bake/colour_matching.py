@@ -7,6 +7,7 @@ balance or the light was another. Where two views see one place, the ratio of th
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ def _bright(values: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.
     return seen[:, None] & (values > np.maximum(least, 1e-9))
 
 
-def _darkening(before: NDArray[np.float32], after: NDArray[np.float64]) -> float:
+def _darkening(before: NDArray[np.floating[Any]], after: NDArray[np.floating[Any]]) -> float:
     """By how much all gains have to be smaller."""
     if not len(before):
         return 1.0

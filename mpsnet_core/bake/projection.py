@@ -174,8 +174,8 @@ class Projector:
         below += beside
         below -= above
         below *= down
-        above += below
-        return above
+        mean: NDArray[np.float32] = np.add(above, below, out=above)
+        return mean
 
 
 def _repeated(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:

@@ -43,7 +43,10 @@ def linear_rather(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: Lig
     stored = linear_to_srgb(pixels)
     usable = mask & (stored.min(axis=-1) > DARKEST) & (stored.max(axis=-1) < BRIGHTEST)
     unmixing = np.linalg.inv(rig.mixing).T.astype(np.float32)
-    as_srgb, as_linear = (_curl(values @ unmixing, usable, block, rig) for values in (srgb_to_linear(stored), stored))
+    as_srgb, as_linear = (
+        _curl((values @ unmixing).astype(np.float32, copy=False), usable, block, rig)
+        for values in (srgb_to_linear(stored), stored)
+    )
     return float(np.log(as_srgb / as_linear)) if as_srgb and as_linear else 0.0
 
 

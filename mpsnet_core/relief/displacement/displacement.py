@@ -182,7 +182,9 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
     if not scale:
         return np.zeros(len(areas), np.float32)
     broadest = float(scale * np.linalg.norm(np.ptp(own.mesh.world_vertices, axis=0)) / (2 * np.pi))
-    return (areas / np.where(seen > 0, broadest, min(_fade(own, areas), broadest)) ** 2).astype(np.float32)
+    width = np.where(seen > 0, broadest, min(_fade(own, areas), broadest))
+    held: NDArray[np.float32] = (areas / width**2).astype(np.float32)
+    return held
 
 
 def _solved(

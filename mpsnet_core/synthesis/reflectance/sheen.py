@@ -47,5 +47,5 @@ def sheen_lobe(
     towards_view = (cos_between - cos_light * cos_view) / sine
     length = spread * spread * (1 - cos_light * cos_light)
     length += cos_light * (2 * spread * shear * towards_view + (shear * shear + 1) * cos_light)
-    lobe: NDArray[np.float32] = (spread / np.maximum(length, 1e-6)) ** 2 / np.float32(np.pi)
-    return lobe
+    lobe = np.square(spread / np.maximum(length, 1e-6)) / np.float32(np.pi)
+    return lobe.astype(np.float32, copy=False)

@@ -71,8 +71,8 @@ def _gathered(
             # A ray's number determines how steep it is, and steep rays leave a hollow for good. Over a tile each
             # number is followed by each equally often, or else some ways through a hollow would count for others.
             chosen = (2 * bounce + 1) * tile[owner] + bounce
-            number = ray + bounce * (bounce + 1) // 2 * tile[owner]
-            place = places[chosen % _TILE**2, number % RAYS]
+            of_bounce = ray + bounce * (bounce + 1) // 2 * tile[owner]
+            place = places[chosen % _TILE**2, of_bounce % RAYS]
             heading = _cosine_distributed(place, here)
             hits = surface.scene.hits(here.start, heading)
             found = np.flatnonzero(hits.triangle >= 0)
