@@ -52,7 +52,8 @@ class SampleJob:
     bounces: the most that light makes between surfaces, 0 or more; for synthesis up to 3. samples: Cycles samples a
     pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
     pixel's side. style: "photographs", as wide as what users photograph, or "paper", as the MPS-Net paper's: its rig,
-    rigs of its evaluation, two measured materials or more, no paint, dirt or fine relief (synthesis only).
+    rigs of its evaluation, two measured materials or more that are matt and of weak colour, no paint, dirt or fine
+    relief (synthesis only).
     sample_seconds: how long a worker may take for a sample before it is ended.
 
     Raises SettingsError where a value is out of its range or two of them do not go together.

@@ -171,7 +171,8 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
     )
     recipes = [draw_recipe(job, number) for number in range(300)]
     for recipe in recipes:
-        assert len(recipe.materials) >= 2 and {material.kind for material in recipe.materials} == {"fit"}
+        # Not of the strong red, whose equation 2 is off by much.
+        assert len(recipe.materials) >= 2 and {material.source for material in recipe.materials} == {"a"}
         assert recipe.pattern.kind != "parts"
         assert not (recipe.paint.amount or recipe.dirt.amount or recipe.bump.height or recipe.light_sizes.any())
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))

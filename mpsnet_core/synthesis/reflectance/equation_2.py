@@ -1,0 +1,40 @@
+"""How far equation 2 of the MPS-Net paper is off on a material: by its colour, and by what is not matt about it."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.scene.rig import published_rig
+from mpsnet_core.synthesis.recipe import Material
+from mpsnet_core.synthesis.reflectance import Reflectance, load_reflectance, material_names
+
+# Of the paper's images: a channel is 5/9 its own colour and 2/9 each of the other two.
+PUBLISHED_MIXING = np.full((3, 3), 2 / 9) + np.eye(3) / 3
+SIDE = 41  # of a grid over a sphere
+
+
+def equation_2_error(reflectance: Reflectance) -> float:
+    """Mean angular error in degrees over a sphere under the paper's rig and mixing, where all three lights reach."""
+    lights = published_rig().directions
+    y, x = np.mgrid[-1 : 1 : SIDE * 1j, -1 : 1 : SIDE * 1j].reshape(2, -1)
+    front = x * x + y * y < 0.98
+    normals = np.stack([x, y, np.sqrt(np.where(front, 1 - x * x - y * y, 0))], axis=1)[front]
+    normals = normals[(normals @ lights.T > 0).all(axis=1)]
+    views = np.broadcast_to([0.0, 0.0, 1.0], normals.shape)
+    channels = [
+        reflectance(normals, np.broadcast_to(light, normals.shape), views) * (normals @ light)[:, None] @ weights
+        for light, weights in zip(lights, PUBLISHED_MIXING, strict=True)
+    ]
+    found = normalised(np.stack(channels, axis=1) @ np.linalg.inv(lights).T)
+    cosine = np.clip(np.einsum("ij,ij->i", found, normals), -1, 1)
+    return float(np.degrees(np.arccos(cosine)).mean())
+
+
+@lru_cache(maxsize=8)
+def measured_errors(merl: str) -> dict[str, float]:
+    """The error of equation 2 on each measured material of a folder or file, as `load_reflectance` takes it."""
+    return {
+        source: equation_2_error(load_reflectance(Material(kind=kind, source=source), merl))
+        for kind, source in material_names(merl)
+    }
