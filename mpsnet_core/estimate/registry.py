@@ -83,7 +83,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "5c40eabc62639a423b286c20bf9d999ab3f907f4962f979c60d68b90713cf384",
+        "b373c67183a74412d0ed13344ed9a992a295d66e880ba332d262a36c88b034fc",
     ),
     _rival(
         "mpsnet-dense",
@@ -95,7 +95,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "6175a251a4f9aa45f8f39a3957abfc6e885319ec8b0a83deb28fc5bd63c5be27",
+        "ad7c80a4016703a7c190f4007ce5f22903c194476c48cf283600a91fbafa689d",
     ),
     _rival(
         "demultiplexer",
