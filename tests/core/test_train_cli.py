@@ -183,7 +183,7 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
             (
                 "misspelled key",
                 lambda b: train(b, stesp=3),
-                "tiny.toml: the recipe's 'stesp' is not known; choose batch, capture, crop, decay",
+                "tiny.toml: the recipe's 'stesp' is not known; choose augment, batch, capture, crop, decay",
             ),
             ("no steps", lambda b: train(b, steps=None), 'the recipe lacks "steps"; add it'),
             ("no step", lambda b: train(b, steps=0), "recipe's steps must be from 1 to…not 0"),
