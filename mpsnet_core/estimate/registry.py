@@ -101,7 +101,7 @@ _MODELS = (
         "demultiplexer",
         "Demultiplexer",
         "Ju et al. 2018: three intensities from each pixel, then equation 2",
-        "169f34afb91d9e4595086015b6700dc5aba45b52f9bec39c88695c8c073dc805",
+        "6b355a5b53681663a7fff50806dc57162557dc0cef8431b855255db49b60d998",
     ),
     RegisteredModel(
         LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
