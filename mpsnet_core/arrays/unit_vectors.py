@@ -21,6 +21,15 @@ def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
     return unit
 
 
+def transformed(matrix: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A matrix (M, 3) times vectors (3, N), which is (M, N); each column the same however many there are.
+
+    BLAS has ways of its own for few columns and for the last ones, which round otherwise.
+    """
+    product: NDArray[np.float32] = np.einsum("mi,in->mn", matrix, vectors)
+    return product
+
+
 def angular_error(estimate: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
     """Angle between unit vectors, by the half-angle formula of Kahan: arccos loses its digits near 0° and 180°.
 

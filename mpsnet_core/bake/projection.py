@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.unit_vectors import transformed
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
 from mpsnet_core.errors import GeometryError
@@ -113,14 +114,14 @@ class Projector:
         """
         flat = self.camera.projection == "orthographic"
         if flat:
-            facing = self.turn[2] @ normals
+            (facing,) = transformed(self.turn[2:], normals)
         else:
             towards = self.eye[:, None] - points
             facing = np.einsum("in,in->n", normals, towards)
             facing /= np.sqrt(np.einsum("in,in->n", towards, towards))
         seen = np.flatnonzero(facing > MIN_FACING)
         points = points.take(seen, axis=1)
-        x, y, z = self.turn @ points
+        x, y, z = transformed(self.turn, points)
         x += self.middle[0]
         y += self.middle[1]
         depth = -z

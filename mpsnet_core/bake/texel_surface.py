@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates
-from mpsnet_core.arrays.unit_vectors import SHORTEST
+from mpsnet_core.arrays.unit_vectors import SHORTEST, transformed
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.scene.mesh import Mesh
 
@@ -87,7 +87,7 @@ class UnderTexels:
 
     def points(self, place: Place) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(3, N) points, and (3, N) unit shading normals in world space."""
-        normal = self.world_from_object_normals @ self.at(place, self.normal)
+        normal = transformed(self.world_from_object_normals, self.at(place, self.normal))
         return self.at(place, self.position), _scaled_to_unit(normal)
 
     def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
@@ -96,13 +96,15 @@ class UnderTexels:
         strength: what the gradients against the surface's own normals are multiplied by.
         """
         normal = self.at(place, self.normal)
-        baked = self.object_from_world_normals @ vectors
+        baked = transformed(self.object_from_world_normals, vectors)
         missing = np.flatnonzero(~vectors.any(axis=0))
         baked[:, missing] = normal[:, missing]
         if strength != 1:
             own = _scaled_to_unit(normal.copy())
             along = own * _dot(baked, own)
-            baked = along + np.float32(strength) * (baked - along)
+            baked -= along
+            baked *= np.float32(strength)
+            baked += along
         if space == "tangent":
             baked = _to_tangent_space(baked, normal, self.at(place, self.tangent), self.sign.take(place.triangle))
         return _scaled_to_unit(baked)

@@ -27,11 +27,12 @@ from mpsnet_core.learning.evaluation.published import (
     diligent_figures,
 )
 from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.synthesis.reflectance.equation_2 import PUBLISHED_MIXING
 
 # How a white photograph's R, G, B make up one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, NDArray[np.float64]] = {
     "separated": np.eye(3),
-    "published": np.full((3, 3), 2 / 9) + np.eye(3) * (5 / 9 - 2 / 9),
+    "published": PUBLISHED_MIXING,
     "white": np.full((3, 3), 1 / 3),
 }
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors

@@ -26,7 +26,6 @@ from mpsnet_core.progress import Progress, part, silent
 
 SIDES = (1, 3, 5, 7, 9)
 INPUTS = {"image": False, "image and initial normals": True}
-PICTURES_A_STEP, PATCHES_A_PICTURE = 10, 50
 
 
 @dataclass(frozen=True)
@@ -50,12 +49,8 @@ def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> Tra
         read_recipe("mpsnet-published"),
         name=f"patch-{side}{'-normals' if normals else ''}",
         title=f"MPS-Net, patches of {side} x {side}",
-        network="mpsnet",
         options={"width": width, "patch": side, "normals": normals},
         steps=steps,
-        batch=PICTURES_A_STEP,
-        crop=0,
-        patches=PATCHES_A_PICTURE,
         warm_up=warm_up,
         decay=steps - warm_up,
         ema=0.99,

@@ -4,13 +4,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.estimate.features import initial_normals
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import Reflectance, load_reflectance, material_names
 
 # Of the paper's images: a channel is 5/9 its own colour and 2/9 each of the other two.
-PUBLISHED_MIXING = np.full((3, 3), 2 / 9) + np.eye(3) / 3
+PUBLISHED_MIXING = np.full((3, 3), 2 / 9) + np.eye(3) * (5 / 9 - 2 / 9)
 SIDE = 41  # of a grid over a sphere
 
 
@@ -26,9 +27,8 @@ def equation_2_error(reflectance: Reflectance) -> float:
         reflectance(normals, np.broadcast_to(light, normals.shape), views) * (normals @ light)[:, None] @ weights
         for light, weights in zip(lights, PUBLISHED_MIXING, strict=True)
     ]
-    found = normalised(np.stack(channels, axis=1) @ np.linalg.inv(lights).T)
-    cosine = np.clip(np.einsum("ij,ij->i", found, normals), -1, 1)
-    return float(np.degrees(np.arccos(cosine)).mean())
+    found = initial_normals(np.stack(channels, axis=1), lights)
+    return float(angular_error(found, normals).mean())
 
 
 @lru_cache(maxsize=8)

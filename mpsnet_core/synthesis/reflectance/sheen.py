@@ -48,5 +48,4 @@ def sheen_lobe(
     length = spread * spread * (1 - cos_light * cos_light)
     length += cos_light * (2 * spread * shear * towards_view + (shear * shear + 1) * cos_light)
     lobe = np.square(spread / np.maximum(length, 1e-6)) / np.float32(np.pi)
-    single: NDArray[np.float32] = lobe.astype(np.float32, copy=False)
-    return single
+    return np.asarray(lobe, np.float32)
