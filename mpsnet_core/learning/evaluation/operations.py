@@ -216,7 +216,7 @@ class EvaluatePatchSizes(Operation):
     validation: tuple[str, ...] = option(metavar="DIR", help="held out")
     runs: str = option(metavar="DIR", help="for checkpoints; a cancelled run goes on from them", provenance="none")
     width: float = option(default=0.125, help="factor of the published numbers of maps")
-    steps: int = option(default=600, help="of each of the ten trainings, of 500 patches")
+    steps: int = option(default=600, help="of each of the ten trainings, of 512 patches")
     patches: int = option(default=500_000, low=1, help="to measure on")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(

@@ -1,0 +1,98 @@
+"""Draw figures 5, 6 and 8 of the MPS-Net paper again, with the networks of this package.
+
+    python examples/paper_figures.py --merl fits.npz --meshes meshes --diligent pmsData
+
+Leaves three files in output:
+
+    figure_5.svg    one blob under each measured material: the error of each network
+    figure_6.png    meshes of one and of several materials: normals and errors
+    figure_8.png    errors on DiLiGenT's objects, with the paper's figure
+
+Leave out an option, and its figure is left out. The patch-wise MPS-Net takes its time: half an hour of a core for all
+three.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core import InputError
+from mpsnet_core.io.images import write_image
+from mpsnet_core.learning.evaluation.diligent import Diligent
+from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.materials import Materials
+from mpsnet_core.learning.evaluation.measure import Result, measure
+from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS, TABLE_2
+from mpsnet_core.learning.evaluation.rendered import Rendered
+from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, case_picture
+from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, cropped, error_picture, sheet
+
+OUTPUT = Path(__file__).resolve().parent / "output"
+MODELS = ("lambertian", "demultiplexer", "psfcn", "mpsnet", "multiscale")
+BLOB_SIZE, MESH_SIZE, TILE = 48, 128, 240  # pixels
+LIGHTS = PUBLISHED_LIGHTS[0]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--merl", default="", help="measured materials: MERL's folder, or the .npz of fits to it")
+    parser.add_argument("--meshes", type=Path, help="mesh files")
+    parser.add_argument("--diligent", type=Path, help="DiLiGenT's pmsData")
+    given = parser.parse_args()
+    OUTPUT.mkdir(exist_ok=True)
+    try:
+        if given.merl:
+            (OUTPUT / "figure_5.svg").write_text(figure_5(given.merl), encoding="utf-8")
+        if given.meshes:
+            write_picture("figure_6.png", figure_6(given.meshes, given.merl))
+        if given.diligent:
+            write_picture("figure_8.png", figure_8(given.diligent))
+    except InputError as error:
+        raise SystemExit(f"paper_figures: {error}") from None
+
+
+def figure_5(merl: str) -> str:
+    """The chart of the materials' errors."""
+    materials = Materials(merl, size=BLOB_SIZE)
+    rows = [row for results in measured(materials) for row in materials.rows(results)]
+    print(materials.table(rows))
+    return materials.charts(rows)[0]
+
+
+def figure_6(meshes: Path, merl: str) -> NDArray[np.float32]:
+    """One view of each mesh, of one and of several materials: normals and errors of each network."""
+    rendered = Rendered([meshes], merl=merl, views=1, size=MESH_SIZE)
+    pictures = [case_picture(results) for results in measured(rendered)]
+    width = max(picture.shape[1] for picture in pictures)
+    wide = [(0, 0), (0, width), (0, 0)]
+    return np.concatenate([np.pad(one, wide, constant_values=BACKGROUND)[:, :width] for one in pictures])
+
+
+def figure_8(root: Path) -> NDArray[np.float32]:
+    """Errors on DiLiGenT's objects: a row for each, a column for each network."""
+    tiles = []
+    objects = Diligent(root, lights=[LIGHTS], protocols=["published"])
+    for results in measured(objects):
+        case = results[0].case
+        pictures = [error_picture(one.error.astype(np.float64), case.scored, HIGHEST_ERROR) for one in results]
+        paper = {"mpsnet": f", the paper's {TABLE_2[LIGHTS][case.labels['object']]:.1f}°"}
+        titles = [f"{one.model} {one.mae_deg:.1f}°{paper.get(one.model, '')}" for one in results]
+        tiles += list(zip(titles, cropped(pictures, case.scored), strict=True))
+        tiles.append(("degrees", colour_scale(HIGHEST_ERROR, TILE)))
+    return sheet(tiles, len(MODELS) + 1, TILE)
+
+
+def measured(evaluation: Evaluation) -> Iterator[list[Result]]:
+    return measure(evaluation.cases, MODELS, lambda share, message: print(f"{share:4.0%} {message}"))
+
+
+def write_picture(name: str, picture: NDArray[np.float32]) -> None:
+    write_image(OUTPUT / name, picture, bits=8, color_space="sRGB")
+    print(f"wrote {OUTPUT / name}")
+
+
+if __name__ == "__main__":
+    main()
