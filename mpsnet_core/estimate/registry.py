@@ -83,7 +83,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "b373c67183a74412d0ed13344ed9a992a295d66e880ba332d262a36c88b034fc",
+        "ede8706bc3a3f942486a60ba0aae5c98347305e6937b271b1bf81ce93df1d3fe",
     ),
     _rival(
         "mpsnet-dense",
