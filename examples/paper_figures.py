@@ -42,6 +42,8 @@ def main() -> None:
     parser.add_argument("--meshes", type=Path, help="mesh files")
     parser.add_argument("--diligent", type=Path, help="DiLiGenT's pmsData")
     given = parser.parse_args()
+    if not (given.merl or given.meshes or given.diligent):
+        parser.error("nothing to draw: give --merl, --meshes or --diligent")
     OUTPUT.mkdir(exist_ok=True)
     try:
         if given.merl:
@@ -67,8 +69,10 @@ def figure_6(meshes: Path, merl: str) -> NDArray[np.float32]:
     rendered = Rendered([meshes], merl=merl, views=1, size=MESH_SIZE)
     pictures = [case_picture(results) for results in measured(rendered)]
     width = max(picture.shape[1] for picture in pictures)
-    wide = [(0, 0), (0, width), (0, 0)]
-    return np.concatenate([np.pad(one, wide, constant_values=BACKGROUND)[:, :width] for one in pictures])
+    missing = [[(0, 0), (0, width - one.shape[1]), (0, 0)] for one in pictures]
+    return np.concatenate(
+        [np.pad(one, wide, constant_values=BACKGROUND) for one, wide in zip(pictures, missing, strict=True)]
+    )
 
 
 def figure_8(root: Path) -> NDArray[np.float32]:
