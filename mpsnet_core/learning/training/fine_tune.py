@@ -19,6 +19,9 @@ from mpsnet_core.learning.training.networks import Network
 
 MAX_BYTES = 1 << 30
 CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
+# Root mean square of a map's weights before a batch norm, near where long training leaves them. The norm takes any
+# scale out of the answer, but the scale decides how far one step of the optimiser turns the weights.
+WEIGHT_SCALE = 0.06
 
 
 @dataclass(frozen=True)
@@ -68,19 +71,25 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
 
     Export folds each batch norm into the convolution before it. Here every batch norm takes its mean and variance from
     `inputs` (the network's, some pictures or patches) and undoes them by its own scale and shift. So the network's
-    answers are the exported one's, and it is normalised as any other when training resumes.
+    answers are the exported one's, and it is normalised as any other when training resumes: the weights before a batch
+    norm have one scale again, where folding left some layers ten times as fast to change as others.
 
     Raises FormatError where the file is of a network of another build.
     """
     filters = iter(exported.filters)
-    bias: Tensor | None = None  # of the last convolution, which its batch norm must add
+    # Of the last convolution: what its batch norm must add, and divide by.
+    bias: Tensor | None = None
+    scale = torch.ones(())
 
     def before_convolution(layer: nn.Module, _: Any) -> None:
-        nonlocal bias
+        nonlocal bias, scale
         weight, bias = (None if values is None else torch.from_numpy(values.copy()) for values in next(filters))
         assert isinstance(layer, CONVOLUTIONS) and weight is not None
         if weight.shape != layer.weight.shape or (layer.bias is not None and bias is None):
             raise ValueError
+        if layer.bias is None and bias is not None:  # a batch norm was folded into it
+            scale = (WEIGHT_SCALE / weight.square().mean(dim=(1, 2, 3)).sqrt().clamp(min=1e-6)).to(layer.weight.device)
+            weight = weight.to(scale.device) * scale[:, None, None, None]
         layer.weight.copy_(weight)
         if layer.bias is not None and bias is not None:
             layer.bias.copy_(bias)
@@ -92,8 +101,8 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
         variance, mean = torch.var_mean(values[0], dim=(0, 2, 3), correction=0)
         layer.running_mean.copy_(mean)
         layer.running_var.copy_(variance)
-        layer.weight.copy_(torch.sqrt(variance + layer.eps))
-        layer.bias.copy_(bias.to(mean.device) + mean)
+        layer.weight.copy_(torch.sqrt(variance + layer.eps) / scale)
+        layer.bias.copy_(bias.to(mean.device) + mean / scale)
 
     hooks = []
     for layer in network.modules():

@@ -21,6 +21,7 @@ from torch.nn.parallel import DistributedDataParallel
 from torch.utils.tensorboard import SummaryWriter
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.io.files import existing_file
 from mpsnet_core.learning.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from mpsnet_core.learning.training.fine_tune import read_exported, take_weights
 from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
@@ -172,8 +173,10 @@ def _whole_step(run: "_Run", model: nn.Module) -> Loss:
 
 
 def _check_places(places: Places, anneal: int) -> None:
-    """Raises InputError where there is nothing to anneal, or the run would write over the checkpoint of another."""
+    """Raises InputError where there is nothing to go on from, or the run would write over another's checkpoint."""
     checkpoint, resume = places.checkpoint, places.resume
+    if resume is not None:  # before the samples are packed, which takes minutes
+        existing_file(resume, "model" if resume.suffix.lower() == ".onnx" else "checkpoint")
     if anneal and resume is None:
         raise SettingsError("there is nothing to anneal; name a checkpoint to resume from")
     if anneal or checkpoint is None or not checkpoint.exists():
