@@ -132,7 +132,11 @@ class Capture:
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is saturated, and so wrong."""
-        return self.image >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
+        return self.saturated_in(slice(None))
+
+    def saturated_in(self, rows: slice) -> NDArray[np.bool_]:
+        """(h, W, 3) where a channel is saturated in some rows."""
+        return self.image[rows] >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped[rows]
 
 
 def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDArray[T]:

@@ -63,15 +63,19 @@ def _relit(capture: Capture, *, turned: bool) -> Capture:
 
 
 def lights_by_rows(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Bands of rows, and the lights there: (h, W, 3, 3), or (3, 3) where they are the same for all. A light a row, its
-    direction times its brightness."""
-    near, camera, depth = capture.rig.near, capture.camera, capture.depth
+    """Bands of rows, and the lights there as :func:`lights_in` has them."""
     for rows in bands(len(capture.mask), ROWS):
-        if near is None:
-            yield rows, capture.rig.directions
-        else:
-            assert camera is not None and depth is not None  # a capture with near lights has both
-            yield rows, near.light_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
+        yield rows, lights_in(capture, rows)
+
+
+def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
+    """The lights in some rows: (h, W, 3, 3), or (3, 3) where they are the same for all. A light a row, its direction
+    times its brightness."""
+    near, camera, depth = capture.rig.near, capture.camera, capture.depth
+    if near is None:
+        return capture.rig.directions
+    assert camera is not None and depth is not None  # a capture with near lights has both
+    return near.light_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
 
 
 def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.float64]) -> NDArray[np.float64]:
