@@ -43,6 +43,9 @@ ERROR_LEFT_BY_ONE = 0.8
 # Shares of full light: what bounces into shadows, what is black there, and what a light that arrives is at least.
 BOUNCED, BLACK, ARRIVING = 0.02, 0.03, 0.08
 BLACK_SHADOWS = 0.7  # how many shadows are black; others have a rim of every grey
+# What a light may show at most, how far from the camera a normal may turn (its z), and the least sine by which two
+# lights, or one, determine a normal: below, errors would grow without bound.
+FULL, FACING, LEAST_SINE = 1.02, -0.05, 0.2
 # Prior shares of two lights, one light and none of all this where not all three reach.
 TWO, ONE, OTHER = 0.5, 0.2, 0.3
 LEAST_PRIOR = 0.02
@@ -228,10 +231,10 @@ def _hypotheses(pixels: _Pixels, albedo: UniformAlbedo) -> Iterator[_Hypothesis]
     error = ERROR_OF_SPREAD * max(albedo.spread, LEAST_SPREAD) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
     own = np.maximum(SPREAD_OF_ERROR * pixels.error, 0.01)
     yield _all_three(light, lights, pixels, albedo, error, own)
-    for first, second, third in PAIRS:
-        yield _two(light, lights, (first, second, third), pixels.normals, albedo, error, own)
-    for first in range(3):
-        yield _one(light, lights, first, pixels.normals, error, own)
+    for order in PAIRS:
+        yield _two(light, lights, order, pixels.normals, albedo, error, own)
+    for number in range(3):
+        yield _one(light, lights, number, pixels.normals, error, own)
 
 
 def _all_three(
@@ -268,12 +271,12 @@ def _two(
     height = np.sqrt(np.maximum(1 - length**2, 0))
     side = np.where(np.einsum("...i,...i->...", normals, across) >= 0, height, -height)
     vectors = normalised(plane + side[:, None] * across)
-    steep = np.maximum(height, 0.2)
+    steep = np.maximum(height, LEAST_SINE)
     off = np.hypot(error, BOUNCED) / steep
     likelihood = _density_of_direction(_angle(vectors, normals), np.hypot(own, off)) / (sine * steep)
     likelihood *= _density_of_blocked(light[:, order[2]], np.einsum("...i,...i->...", vectors, blocked))
-    likelihood *= np.exp(-0.5 * (np.maximum(length - 1, 0) / max(2 * albedo.spread, 0.02)) ** 2)
-    likelihood *= (a > ARRIVING) & (b > ARRIVING) & (vectors[:, 2] > -0.05)
+    likelihood *= np.exp(-0.5 * (np.maximum(length - 1, 0) / max(2 * albedo.spread, FULL - 1)) ** 2)
+    likelihood *= (a > ARRIVING) & (b > ARRIVING) & (vectors[:, 2] > FACING)
     return _Hypothesis(vectors, likelihood, off, own)
 
 
@@ -284,13 +287,13 @@ def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: flo
     away /= np.maximum(np.linalg.norm(away, axis=-1), 1e-6)[:, None]
     sine = np.sqrt(1 - cosine**2)
     vectors = normalised(cosine[:, None] * towards + sine[:, None] * away)
-    steep = np.maximum(sine, 0.2)
+    steep = np.maximum(sine, LEAST_SINE)
     off = np.hypot(error, BOUNCED) / steep
     likelihood = _gaussian(_angle(vectors, normals), np.hypot(own, off)) / steep
     for other in (number + 1) % 3, (number + 2) % 3:
         full = np.einsum("...i,...i->...", vectors, lights[..., other, :])
         likelihood *= _density_of_blocked(light[:, other], full)
-    likelihood *= (light[:, number] > ARRIVING) & (light[:, number] < 1.02)
+    likelihood *= (light[:, number] > ARRIVING) & (light[:, number] < FULL)
     return _Hypothesis(vectors, likelihood, off, own, ERROR_LEFT_BY_ONE)
 
 
