@@ -30,7 +30,8 @@ SHARPEST = 0.02
 # this many times as many pixels of that length as of others (per unit of length, and at least LEAST_DENSITY of those),
 PEAK, LEAST_DENSITY = 12.0, 0.05
 # on a surface of so many directions (the perplexity of their histogram), as three flat faces fit any colour,
-DIRECTIONS, DIRECTION_STEP = 8.0, 0.2
+# each with this share of the pixels at most, so that one large face hides no others,
+DIRECTIONS, DIRECTION_STEP, LARGEST_FACE = 12.0, 0.2, 0.01
 # that determine the colour (least eigenvalue of the fit's normal equations, for one pixel),
 DETERMINED = 0.01
 # and on this share of the object.
@@ -162,6 +163,7 @@ def _directions(vectors: NDArray[np.float64], weights: NDArray[np.float64]) -> f
     sure = weights > 0.3
     cells = np.floor(vectors[sure, :2] / DIRECTION_STEP).astype(np.int64)
     _, cell = np.unique(cells, axis=0, return_inverse=True)
-    shares = np.bincount(cell.reshape(-1), weights[sure])
-    shares = shares[shares > 0] / max(shares.sum(), 1e-9)
+    counts = np.bincount(cell.reshape(-1), weights[sure])
+    counts = np.minimum(counts, LARGEST_FACE * len(weights))
+    shares = counts / max(counts.sum(), 1e-9)
     return float(np.exp(-(shares * np.log(shares)).sum())) if len(shares) else 0.0
