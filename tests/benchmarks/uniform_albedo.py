@@ -1,0 +1,58 @@
+"""How long solving a matt surface of one colour takes, beside a pass of the default network on the same photo.
+
+python tests/benchmarks/uniform_albedo.py [--size 1200]
+
+Processor time of a painted ball, of which the photo proves its colour, and of a glossy one, of which it does not.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from mpsnet_core import Capture, NormalMap, published_rig
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.estimate.registry import MODELS_FOLDER
+from mpsnet_core.estimate.uniform_albedo import refined
+
+PAINT = (0.9, 0.5, 0.3)
+
+
+def ball(size: int, gloss: float) -> Capture:
+    down, right = 2 * (np.mgrid[:size, :size] + 0.5) / size - 1
+    x, y = right, -down
+    mask = x * x + y * y < 0.98
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x * x - y * y, 0))], axis=-1)
+    rig = published_rig()
+    cosines = np.maximum(normals @ rig.directions.T, 0)
+    return Capture((cosines * PAINT + gloss * cosines**20).astype(np.float32), mask, rig)
+
+
+def spent(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--size", type=int, default=1200)
+    size = parser.parse_args().size
+    network = OnnxModel(MODELS_FOLDER / "multiscale.onnx", passes=1)
+    for name, gloss in (("matt", 0.0), ("glossy", 0.5)):
+        capture = ball(size, gloss)
+        answers: list[NormalMap] = []
+        one_pass = spent(lambda capture=capture, answers=answers: answers.append(network(capture)))
+        before = answers[0].vectors.copy()
+        solving = spent(lambda capture=capture, answers=answers: refined(capture, answers[0]))
+        proven = "as it was" if np.array_equal(before, answers[0].vectors) else "solved"
+        pixels = capture.mask.sum() / 1e6
+        print(
+            f"{name}, {proven}: {solving / pixels:.2f} s a megapixel of object, "
+            f"{solving / one_pass:.2f} of a pass of the network"
+        )
+
+
+if __name__ == "__main__":
+    main()
