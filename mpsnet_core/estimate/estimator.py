@@ -12,7 +12,7 @@ from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.features import divided
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refined
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
 log = logging.getLogger(__name__)
@@ -71,11 +71,12 @@ class Estimator:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
-        if self._network is not None:
+        if self._network is None:
+            normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
+        elif self._network.card.kind == "pyramid":  # others, as the paper's, expect no error of themselves
+            normals = refined(capture, self._network(capture, part(progress, 0.0, 0.8)), part(progress, 0.8, 1.0))
+        else:
             normals = self._network(capture, progress)
-            # Only the default's family learned an expected error; the paper's networks stay as they are.
-            return refined(capture, normals) if self._network.card.kind == "pyramid" else normals
-        normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         progress(1.0, "normals estimated")
         return normals
 

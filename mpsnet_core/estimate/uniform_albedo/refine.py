@@ -26,6 +26,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
 from mpsnet_core.estimate.uniform_albedo.fit import LEAST_SPREAD, Floats, UniformAlbedo, find_uniform_albedo
+from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
 RIGHT_ANGLE = np.pi / 2
@@ -84,7 +85,7 @@ class _Hypothesis(NamedTuple):
     left: float = 0.0
 
 
-def refined(capture: Capture, estimate: NormalMap) -> NormalMap:
+def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
     """Normals of `capture` by a network, made exact where its photo proves a matt surface of one colour.
 
     Elsewhere they stay, and so they all do where there is no such proof.
@@ -96,6 +97,8 @@ def refined(capture: Capture, estimate: NormalMap) -> NormalMap:
     estimate : NormalMap
         A network's normals in camera space, and its expected error as confidence: 1 for none, 0 for a right angle. Its
         arrays are overwritten.
+    progress : callable
+        Receives the share that is done, 0 to 1, and what is being done.
     """
     albedo = find_uniform_albedo(*_sample(capture, estimate))
     if albedo is None:
@@ -107,6 +110,7 @@ def refined(capture: Capture, estimate: NormalMap) -> NormalMap:
         for before, *values in waiting:
             estimate.vectors[before], estimate.confidence[before] = values
         waiting = [(rows, vectors, confidence)]
+        progress(rows.stop / len(capture.mask), "solving a matt surface of one colour")
     for before, *values in waiting:
         estimate.vectors[before], estimate.confidence[before] = values
     return estimate
