@@ -154,29 +154,6 @@ def test_patches_of_table_1_end_in_one_pixel(side: int) -> None:
         assert network(*inputs_of(network, side)).normals.shape == (2, 3)
 
 
-def test_conv2_s_maps_are_permuted_in_training_alone() -> None:
-    network = small("mpsnet")
-    inputs = inputs_of(network, 5)
-    with torch.no_grad():
-        plain = network(*inputs).normals
-        assert torch.equal(plain, network(*inputs).normals)
-        for module in network.modules():  # what training changes beside it
-            module.training = module is network
-        torch.manual_seed(3)
-        permuted = network(*inputs).normals
-        assert not torch.allclose(plain, permuted, atol=1e-3)
-        torch.manual_seed(4)
-        assert not torch.allclose(permuted, network(*inputs).normals, atol=1e-3)
-        # The same by hand: conv3's weights for conv2's maps, in the order drawn; not those for the initial normals.
-        network.eval()
-        torch.manual_seed(3)
-        weight = network.conv3[0].weight
-        order = torch.randperm(weight.shape[1] - 3)
-        moved = weight[:, :-3].clone()
-        weight[:, order] = moved
-        torch.testing.assert_close(network(*inputs).normals, permuted)
-
-
 def test_dropout_takes_single_places_away_in_training_alone() -> None:
     network = small("mpsnet", width=0.2)
     seen: list[tuple[Tensor, Tensor]] = []

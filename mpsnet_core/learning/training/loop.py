@@ -270,7 +270,7 @@ class _Run:
         """One step of the optimisers."""
         recipe, seed = self.recipe, _seed(self.recipe.seed, self.step, self.processes.rank)
         self.whole = False
-        # What dropout and permutation draw depends on the step alone, so that a resumed run draws the same.
+        # What dropout draws depends on the step alone, so that a resumed run draws the same.
         torch.manual_seed(seed)
         autocast = torch.autocast(self.processes.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
         self.network.eval()
