@@ -78,7 +78,7 @@ def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
     return near.light_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
 
 
-def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.float64]) -> NDArray[np.float64]:
+def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Equation 2 where every pixel has lights of its own: normals times albedo, (..., 3).
 
     light: (..., 3) each light alone (unmixed). lights: (..., 3, 3), a light a row, as long as it is bright.
