@@ -238,6 +238,19 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
         run(recipe(network, steps=4), samples, tmp_path / "again", resume=exported)
 
 
+def test_frozen_norms_keep_their_means_and_variances(samples: Path, tmp_path: Path) -> None:
+    exported = tmp_path / "model.onnx"
+    export_onnx(run(recipe("multiscale", steps=4), samples, tmp_path / "first"), exported)
+    of = recipe("multiscale", steps=7, frozen_norms=True)
+    begun = run(of, samples, tmp_path / "c", resume=exported, stop_after=5).network.state_dict()
+    ended = run(of, samples, tmp_path / "c", resume=tmp_path / "c").network.state_dict()
+    running = [name for name in begun if "running" in name]
+    assert running and all(torch.equal(begun[name], ended[name]) for name in running)
+    assert not torch.equal(begun["answer.weight"], ended["answer.weight"])
+    with pytest.raises(InputError, match="frozen_norms is for a network that is trained further; name it with --resume"):
+        run(of, samples, tmp_path / "d")
+
+
 @pytest.mark.parametrize("network", ["mpsnet", "multiscale"])
 def test_a_resumed_run_ends_with_the_same_bits(network: str, samples: Path, tmp_path: Path) -> None:
     of, whole, halves = recipe(network), tmp_path / "whole", tmp_path / "halves"

@@ -53,9 +53,10 @@ def test_a_recipe_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read_recipe(tmp_path / "a.toml") == recipe
 
 
-def test_whether_to_augment_is_true_or_false() -> None:
-    with pytest.raises(SettingsError, match="augment must be true or false, not 1"):
-        recipe_from_data(recipe_data("multiscale", augment=1))
+@pytest.mark.parametrize("name", ["augment", "frozen_norms"])
+def test_a_switch_is_true_or_false(name: str) -> None:
+    with pytest.raises(SettingsError, match=f"{name} must be true or false, not 1"):
+        recipe_from_data(recipe_data("multiscale", **{name: 1}))
 
 
 def test_a_recipe_changes_ranges_of_the_capture_model() -> None:

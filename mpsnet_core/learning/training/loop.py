@@ -280,7 +280,7 @@ class _Run:
             for group in optimiser.param_groups:
                 group["lr"] = self.rate(self.step)
             optimiser.zero_grad(set_to_none=True)
-        model.train()
+        self._training_mode(model)
         with autocast:
             # Convolutions of few channels are quicker in this order.
             prediction = model(*(values.contiguous(memory_format=torch.channels_last) for values in batch.inputs))
@@ -299,6 +299,13 @@ class _Run:
         self._follow()
         self.whole = True
         return loss
+
+    def _training_mode(self, model: nn.Module) -> None:
+        model.train()
+        if self.recipe.frozen_norms:
+            for layer in self.network.modules():
+                if isinstance(layer, nn.BatchNorm2d):
+                    layer.eval()
 
     @torch.no_grad()
     def _batch(self, scales: list[Scale], seed: int) -> Batch:
@@ -362,6 +369,8 @@ class _Run:
 
     def begin(self, path: Path | None) -> None:
         """Start from a checkpoint or an exported network, where there is one."""
+        if path is None and self.recipe.frozen_norms:
+            raise SettingsError("frozen_norms is for a network that is trained further; name it with --resume")
         if path is not None and path.suffix.lower() == ".onnx":
             self.fine_tune(path)
         elif path is not None:

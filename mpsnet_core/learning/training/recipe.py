@@ -49,7 +49,8 @@ class TrainingRecipe:
     model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
     difference between the normals' gradients and the true ones. augment: whether samples are turned by quarters,
     mirrored, and their lights put in any order, anew each time they are seen; networks with a canonical frame turn them
-    by themselves. capture: ranges and chances of
+    by themselves. frozen_norms: whether batch norms keep the means and variances that they begin with, for a network
+    that is trained further: those of a small batch differ from step to step. capture: ranges and chances of
     :class:`mpsnet_core.synthesis.capture_model.CaptureModel` that differ from its own. seed: of the first weights, the
     photographs and their order.
 
@@ -74,6 +75,7 @@ class TrainingRecipe:
     gradient_weight: float = 0.0
     optimiser: str = "adamw"
     augment: bool = True
+    frozen_norms: bool = False
     capture: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
 
@@ -89,8 +91,10 @@ class TrainingRecipe:
             raise SettingsError("the recipe's samples must be a list of texts")
         if self.optimiser not in OPTIMISERS:
             raise SettingsError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
-        if not isinstance(self.augment, bool):
-            raise SettingsError(f"the recipe's augment must be true or false, not {self.augment!r}")
+        for name in ("augment", "frozen_norms"):
+            value = getattr(self, name)
+            if not isinstance(value, bool):
+                raise SettingsError(f"the recipe's {name} must be true or false, not {value!r}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
