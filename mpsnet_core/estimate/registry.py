@@ -83,7 +83,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "ede8706bc3a3f942486a60ba0aae5c98347305e6937b271b1bf81ce93df1d3fe",
+        "16a93bac8ddad1e1698f10ad48b3bdf71bd3bad9dd284a90b1c00c339deef88c",
     ),
     _rival(
         "mpsnet-dense",
