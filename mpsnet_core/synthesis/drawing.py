@@ -5,6 +5,7 @@ perspective, soft shadows and painted, dirty, metallic surfaces are what its err
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
@@ -100,7 +101,7 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
     """
     rng = generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
-    if job.style == "paper":
+    if job.style != "photographs":
         return _paper_recipe(job, number, rng, shape)
     finish = picked(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
     count = picked(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
@@ -138,7 +139,9 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
         shape=shape,
         rotation=_rotation(rng, shape["pose"]),
         camera=_camera(rng, job.size),
-        light_directions=_published_directions(rng),
+        light_directions=_published_directions(
+            rng, PUBLISHED_RIGS[:1] if job.style == "paper-one-rig" else PUBLISHED_RIGS
+        ),
         light_sizes=np.zeros(3),
         materials=tuple(Material(kind=kind, source=source) for kind, source in chosen),
         pattern=pattern,
@@ -189,8 +192,8 @@ def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
 
 
-def _published_directions(rng: np.random.Generator) -> NDArray[np.float64]:
-    slants, tilts = np.array(picked(rng, PUBLISHED_RIGS)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
+def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> NDArray[np.float64]:
+    slants, tilts = np.array(picked(rng, rigs)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
     return direction_from_angles(slants, tilts)
 
 

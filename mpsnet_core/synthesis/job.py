@@ -17,7 +17,7 @@ JOB_FILE = "job.json"
 CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
 MERL_PARTS = ("all", "training", "validation")
-STYLES = ("photographs", "paper")
+STYLES = ("photographs", "paper", "paper-one-rig")
 SHAPES = ("blobs", "drapery", "reliefs", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
 MAX_BOUNCES = 3  # that the synthesis follows
@@ -53,7 +53,7 @@ class SampleJob:
     pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
     pixel's side. style: "photographs", as wide as what users photograph, or "paper", as the MPS-Net paper's: its rig,
     rigs of its evaluation, two measured materials or more that are matt and of weak colour, no paint, dirt or fine
-    relief (synthesis only).
+    relief (synthesis only). "paper-one-rig" has the paper's own rig alone.
     sample_seconds: how long a worker may take for a sample before it is ended.
 
     Raises SettingsError where a value is out of its range or two of them do not go together.
@@ -73,7 +73,7 @@ class SampleJob:
     samples: int = 48
     denoise: bool = True
     supersampling: int = 1
-    style: Literal["photographs", "paper"] = "photographs"
+    style: Literal["photographs", "paper", "paper-one-rig"] = "photographs"
     sample_seconds: int = 3600
 
     def __post_init__(self) -> None:
@@ -121,7 +121,7 @@ class SampleJob:
             raise SettingsError(
                 f"synthesis follows light over {MAX_BOUNCES} bounces, not {self.bounces}; choose 0 to {MAX_BOUNCES}"
             )
-        if self.style == "paper" and not self.merl:
+        if self.style != "photographs" and not self.merl:
             raise SettingsError("the paper's samples are of measured materials; name them (merl)")
         if self.renderer == "cycles" and self.merl:
             raise SettingsError("measured materials (merl) are for synthesis alone; leave them out for Blender")

@@ -103,11 +103,12 @@ class Synthesize(RunsWorkers):
         choices={"all": "", "training": "four in five", "validation": "the fifth that was left out"},
         help="which of the measured materials",
     )
-    style: Literal["photographs", "paper"] = option(
+    style: Literal["photographs", "paper", "paper-one-rig"] = option(
         default=SampleJob.style,
         choices={
             "photographs": "what users photograph",
             "paper": "as the MPS-Net paper: its rigs, measured materials only",
+            "paper-one-rig": "the same, under its own rig alone, as for its table 1",
         },
         help="what the samples are like",
     )

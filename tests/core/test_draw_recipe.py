@@ -2,6 +2,7 @@
 
 import colorsys
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -182,3 +183,8 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
     nearest = np.argmin(off_slant + off_tilt, axis=1)
     assert np.maximum(off_slant, off_tilt)[np.arange(300), nearest].max() <= 4 + 1e-9
     assert np.bincount(nearest, minlength=5).min() > 40  # of 60 each
+
+    one_rig = [draw_recipe(replace(job, style="paper-one-rig"), number) for number in range(20)]
+    slants, tilts = angles_of(np.array([recipe.light_directions for recipe in one_rig]))
+    assert np.abs(slants - 30).max() <= 4 + 1e-9
+    assert np.abs(tilts - (90, 210, 330)).max() <= 4 + 1e-9
