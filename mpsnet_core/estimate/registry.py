@@ -83,7 +83,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "16a93bac8ddad1e1698f10ad48b3bdf71bd3bad9dd284a90b1c00c339deef88c",
+        "798afb099561296ffc913e66956868e882f82cb9f8148262787160cd1a297d8d",
     ),
     _rival(
         "mpsnet-dense",
