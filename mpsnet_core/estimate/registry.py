@@ -95,7 +95,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "ad7c80a4016703a7c190f4007ce5f22903c194476c48cf283600a91fbafa689d",
+        "c62f55c83fbaedbe4ace39378251dbb22e989ba8122231f511bc32afe764eb78",
     ),
     _rival(
         "demultiplexer",
