@@ -201,5 +201,7 @@ def materials(folder: Path) -> None:
     names = [f"material {number}" for number in range(10)]
     shapes = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
     values = {key: random.normal(0, 0.3, (len(names), *shape)).astype(np.float32) for key, shape in shapes.items()}
+    for value in values.values():
+        value[:6] *= 0.02  # grey and matt, as the paper's; in both parts of the materials
     values["b3"] += 0.5  # bright all over
     np.savez(folder / "fits.npz", names=np.array(names), **values)
