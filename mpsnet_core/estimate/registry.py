@@ -83,7 +83,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "798afb099561296ffc913e66956868e882f82cb9f8148262787160cd1a297d8d",
+        "925d4c05315f580f87a2b01938c74523d45a3974ac4b640d2f6581e456dbb8ae",
     ),
     _rival(
         "mpsnet-dense",
@@ -95,7 +95,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "c62f55c83fbaedbe4ace39378251dbb22e989ba8122231f511bc32afe764eb78",
+        "357d1b107051484dac38927945fb0615a9dbd1aacaf09fea9a4222cc88f03362",
     ),
     _rival(
         "demultiplexer",

@@ -55,12 +55,14 @@ class CaptureDraw:
 class CaptureModel:
     """The ranges that photographs are drawn from, (least, most) each. Chances are from 0 to 1.
 
-    crosstalk: the most that a channel sees of a light that is not its own, as a share of what it sees of its own; each
-        of the six shares is drawn from 0 to that. The spectral sensitivities of cameras' channels overlap (Jiang et
+    crosstalk: the most that a channel sees of a light that is not its own, as a share of what it sees of its own. The
+        spectral sensitivities of cameras' channels overlap (Jiang et
         al., "What is the space of spectral sensitivity functions for digital color cameras?", WACV 2013), the more the
         broader the lights' spectra are.
     colour_overlap: the same of a surface's colour. A sample is rendered in red, green and blue, but real channels and
         lights are broad, and see of each other's colour. The MPS-Net paper's images have 2/9 to 5/9, which is 0.4.
+    overlap_shares: how much of the most each of a photograph's six shares of crosstalk, and of colour, has. The paper's
+        images have all of it.
     light_strengths: of each light against the others, log-uniform. LEDs of three colours are of three kinds and are
         seldom brought to one brightness; our estimate.
     channel_gains: of each camera channel, log-uniform. Daylight multipliers of cameras' raw files are some 2, 1 and 1.5
@@ -92,13 +94,15 @@ class CaptureModel:
     blur: pixels, standard deviation of a Gaussian. Lenses and demosaicing that leave half the contrast at 0.16 to 0.5
         cycles a pixel (MTF50) have 1.2 to 0.4.
     mosaic: chance that the camera's sensor sees one colour a pixel (Bayer) and the others are interpolated.
-    white: chance that a second photo shows the same under white light. white_strengths: of each light in it.
+    white: chance that a second photo shows the same under white light. white_strengths: of each light in it; three of
+        one make differ by some 10%.
     mask_error: pixels by which the mask is too large, or too small where negative; our estimate for masks by threshold
         and by hand.
     """
 
     crosstalk: Range = (0.0, 0.4)
     colour_overlap: Range = (0.0, 0.6)
+    overlap_shares: Range = (0.0, 1.0)
     light_strengths: Range = (0.7, 1.4)
     channel_gains: Range = (0.6, 1.6)
     exact: float = 0.33
@@ -121,12 +125,12 @@ class CaptureModel:
     blur: Range = (0.0, 1.2)
     mosaic: float = 0.3
     white: float = 0.25
-    white_strengths: Range = (0.3, 1.4)
+    white_strengths: Range = (0.87, 1.15)
     mask_error: tuple[int, int] = (-3, 2)
 
     def draw(self, rng: np.random.Generator) -> CaptureDraw:
         """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
-        mixing, colours = _overlap(rng, self.crosstalk), _overlap(rng, self.colour_overlap)
+        mixing, colours = (_overlap(rng, most, self.overlap_shares) for most in (self.crosstalk, self.colour_overlap))
         colours = colours / colours.sum(axis=1, keepdims=True)
         strengths = [between_log(rng, *self.light_strengths) for _ in range(3)]
         gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
@@ -200,9 +204,10 @@ def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDAr
     return result
 
 
-def _overlap(rng: np.random.Generator, limits: Range) -> NDArray[np.float64]:
-    """(3, 3) ones on the diagonal, and up to a level drawn from `limits` elsewhere."""
-    return np.eye(3) + between(rng, *limits) * rng.random((3, 3)) * (1 - np.eye(3))
+def _overlap(rng: np.random.Generator, limits: Range, shares: Range) -> NDArray[np.float64]:
+    """(3, 3) ones on the diagonal, and elsewhere shares of a level that is drawn from `limits`."""
+    level, (least, most) = between(rng, *limits), shares
+    return np.eye(3) + level * (least + (most - least) * rng.random((3, 3))) * (1 - np.eye(3))
 
 
 def _whole(rng: np.random.Generator, limits: tuple[int, int]) -> int:

@@ -275,6 +275,13 @@ def test_draws_fill_their_ranges() -> None:
     assert len({draw.noise_seed for draw in draws}) == 1200
 
 
+def test_the_paper_s_mixing_is_the_same_in_every_photograph() -> None:
+    model = replace(CaptureModel(), colour_overlap=(0.4, 0.4), overlap_shares=(1.0, 1.0))
+    for seed in range(3):
+        colours = model.draw(generator(seed)).colours
+        np.testing.assert_allclose(colours, np.full((3, 3), 2 / 9) + np.eye(3) / 3, atol=1e-12)
+
+
 def test_changing_one_range_leaves_the_other_numbers() -> None:
     changed = replace(CaptureModel(), blur=(5.0, 5.0), full_well=(np.inf, np.inf), crosstalk=(0.0, 0.0), jpeg=0.0)
     changed = replace(changed, bits=(16,), jpeg_quality=(80, 80), srgb=1.0)
