@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
@@ -63,11 +63,15 @@ class Capture:
         keep their value, a lower bound.
     white_clipped : (H, W, 3) bool
         Where a channel of `white` is saturated; None where none is.
+    white_light : (3,) float64
+        Unit vector from the surface to the one lamp that lit `white`; None where it was the rig's lights, all three of
+        them turned white.
 
     Raises
     ------
     GeometryError
-        Where shapes differ, the mask is empty, the photo is black inside it, or near lights lack camera or depth.
+        Where shapes differ, the mask is empty, the photo is black inside it, near lights lack camera or depth, or the
+        white photo's lamp is behind the object.
     FormatError
         Where an image has not three channels, or is not finite inside the mask.
 
@@ -89,6 +93,7 @@ class Capture:
     clipped: NDArray[np.bool_] | None = None
     white: NDArray[np.float32] | None = None
     white_clipped: NDArray[np.bool_] | None = None
+    white_light: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         image, mask = np.asarray(self.image), np.asarray(self.mask, bool)
@@ -116,6 +121,8 @@ class Capture:
             object.__setattr__(self, "depth", depth)
         if self.white is not None:
             object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
+        if self.white_light is not None:
+            object.__setattr__(self, "white_light", _towards_lamp(self.white_light))
         object.__setattr__(self, "image", image)
         object.__setattr__(self, "mask", mask)
 
@@ -176,6 +183,15 @@ def _checked_white(
     return white
 
 
+def _towards_lamp(direction: ArrayLike) -> NDArray[np.float64]:
+    towards = np.asarray(direction, np.float64)
+    if towards.shape != (3,) or not np.isfinite(towards).all() or towards[2] <= 0:
+        raise GeometryError(
+            f"the white light is not in front of the object ({direction!r}); give where it was, z above 0"
+        )
+    return np.asarray(towards / np.linalg.norm(towards))
+
+
 def read_capture(
     path: str | os.PathLike[str],
     rig: LightRig,
@@ -187,6 +203,7 @@ def read_capture(
     depth: NDArray[np.float32] | float | None = None,
     correction: Correction | None = None,
     white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    white_light: ArrayLike | None = None,
 ) -> Capture:
     """Read a photo as a capture.
 
@@ -209,6 +226,9 @@ def read_capture(
         Dark frame and flat field, of the white photo too.
     white : str, path or sequence of them, optional
         A photo of the same pose under white light, or several to be added up: one for each light, turned white.
+    white_light : (3,) array, optional
+        Direction from the surface to the one lamp that lit the white photo, in camera space. By default the rig's
+        lights were turned white.
 
     Raises
     ------
@@ -232,7 +252,7 @@ def read_capture(
         capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
-        capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+        capture = with_white(capture, several, light=white_light, encoding=encoding, layer=layer, correction=correction)
     note_doubts(capture)
     return capture
 
@@ -263,6 +283,7 @@ def with_white(
     capture: Capture,
     photos: Sequence[str | os.PathLike[str]],
     *,
+    light: ArrayLike | None = None,
     encoding: Encoding = "auto",
     layer: str | None = None,
     correction: Correction | None = None,
@@ -270,7 +291,8 @@ def with_white(
 ) -> Capture:
     """The capture with the sum of `photos`, read as the photo was, as its white photo.
 
-    straightened: takes the lens's distortion out of an image, where it was taken out of the photo.
+    light: direction to the one lamp that lit them, None for the rig's lights. straightened: takes the lens's distortion
+    out of an image, where it was taken out of the photo.
 
     Raises InputError where one cannot be read, is the photo itself, or does not fit it.
     """
@@ -286,7 +308,8 @@ def with_white(
         clipped |= image.saturated
     if np.array_equal(total, capture.image):
         raise SettingsError(f"{photos[0]}: the white photo is the photo itself; give the one under white light")
-    return replace(capture, white=total, white_clipped=clipped if clipped.any() else None)
+    lamp = None if light is None else np.asarray(light, np.float64)
+    return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=lamp)
 
 
 def capture_from(

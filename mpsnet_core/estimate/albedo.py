@@ -4,10 +4,9 @@ One shot under three coloured lights has three values a pixel, and its normals a
 and what is shape, no pixel shows. A photo of the same pose under white light does, once the normals are known: it is
 the albedo times the shading, ``w = a Σ v_k max(n·l_k, 0)``, so dividing by the shading leaves the albedo.
 
-Which of the lights a shadow blocks (``v_k``, 0 to 1) follows from both photos. The coloured one is ``c = a M s``,
-channel by channel, with ``s_k = κ_k v_k max(n·l_k, 0)`` of each light k: in ``c / w`` the albedo cancels out, and with
-it all colour. Unmixed, and divided by ``κ_k n·l_k``, it is the smaller for one light than for the others the more of
-that light a shadow blocks.
+Which of the lights a shadow blocks (``v_k``, 0 to 1) follows from both photos, which show how much of each light
+arrives (:mod:`mpsnet_core.estimate.white_photo`). Divided by ``n·l_k`` that is the smaller for one light than for the
+others the more of that light a shadow blocks.
 
 What it assumes: that the surface is matt (highlights stay in the albedo, and are too bright in it); that the
 three lights are equally bright when they are white; and that what light bounces between surfaces is little.
@@ -16,12 +15,13 @@ three lights are equally bright when they are white; and that what light bounces
 import os
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.distant_lights import lights_by_rows
+from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import read_image, write_image
 from mpsnet_core.scene.normal_map import NormalMap
@@ -42,18 +42,15 @@ DARK = 0.02
 BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
 
 
-def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | None = None) -> NDArray[np.float32]:
+def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float32]:
     """The albedo of a matt surface by the capture's white photo.
 
     Parameters
     ----------
     capture : Capture
-        With its white photo.
+        With its white photo. Where the rig's lights lit that, shadows that block one or two of them are allowed for.
     normals : NormalMap
         Of the capture, in camera space.
-    light : (3,) array, optional
-        Direction from the surface to the one light of the white photo, in camera space. By default the rig's three
-        lights were turned white, and shadows that block one or two of them are allowed for.
 
     Returns
     -------
@@ -66,8 +63,6 @@ def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | N
     ------
     SettingsError
         Where there is no white photo.
-    GeometryError
-        Where the light is behind the object.
 
     Examples
     --------
@@ -82,10 +77,10 @@ def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | N
     if capture.white is None:
         raise SettingsError("the albedo is made from a white photo, and there is none; give one")
     white = np.maximum(capture.white, 0)
-    if light is None:
+    if capture.white_light is None:
         shading = _by_rig(capture, white, normals.vectors)
     else:
-        shading = np.maximum(normals.vectors @ _towards(light), 0)
+        shading = np.maximum(normals.vectors @ capture.white_light.astype(np.float32), 0)
     albedo = white
     for rows in bands(len(albedo)):
         albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(LEAST_SHADING))
@@ -156,31 +151,22 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     return np.where(image.alpha[..., None] > 0.5, image.pixels, np.float32(np.nan))
 
 
-def _towards(light: ArrayLike) -> NDArray[np.float32]:
-    direction = np.asarray(light, np.float32)
-    if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] <= 0:
-        raise GeometryError(f"the white light is not in front of the object ({light!r}); give where it was, z above 0")
-    return np.asarray(direction / np.linalg.norm(direction), np.float32)
-
-
 def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) the shading by the rig's three lights, as far as no shadow blocks them."""
     cosines = np.empty(normals.shape, np.float32)
     for rows, lights in lights_by_rows(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
     shading: NDArray[np.float32] = cosines.sum(axis=-1)
-    ratio = capture.rig.unmixed(capture.image / np.maximum(white, np.float32(1e-9)))
+    grey = painted_grey(capture)
+    if grey.white is None:
+        return shading
     comparable = _comparable(capture, white) & (cosines > GRAZING)
     arrives = np.ones_like(cosines)
-    # First as if there were no shadow; then the lights' strengths are measured where none was found.
-    for _ in range(2):
-        lit = (comparable & (arrives == 1)).all(axis=-1)
-        strength = np.median(ratio[lit] * shading[lit][:, None] / cosines[lit], axis=0) if lit.any() else np.zeros(3)
-        if not (strength > 0).all():
-            break
-        share = np.where(comparable, ratio / (strength.astype(np.float32) * np.maximum(cosines, GRAZING)), 0)
+    for rows in bands(len(white)):
+        share = np.where(comparable[rows], grey.image[rows] / np.maximum(cosines[rows], GRAZING), 0)
         best = np.maximum(share.max(axis=-1, keepdims=True), np.float32(1e-9))
-        arrives = np.where(comparable, np.clip((share / best - SHADOW) / (FULL - SHADOW), 0, 1), np.float32(1))
+        found = np.clip((share / best - SHADOW) / (FULL - SHADOW), 0, 1)
+        arrives[rows] = np.where(comparable[rows], found, 1)
     lit = (comparable & (arrives == 1)).all(axis=-1)
     if not lit.any():
         return shading

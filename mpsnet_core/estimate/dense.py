@@ -15,8 +15,6 @@ from mpsnet_core.estimate.features import (
     Seen,
     channel_count,
     mean_light,
-    white_means,
-    white_valid,
     window_map,
 )
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
@@ -90,7 +88,7 @@ class _Photo:
     def __init__(self, capture: Capture) -> None:
         self.box = bounding_box(capture.mask)
         self.capture = capture
-        self._means, self._white_means = mean_light(capture), white_means(capture)
+        self._means = mean_light(capture)
 
     def shape(self, halving: int) -> tuple[int, int]:
         """Height and width of the box on a scale."""
@@ -111,14 +109,14 @@ class _Photo:
 
     def seen(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> Seen:
         """A window on a scale, with the answer (h, w, 4) on the one before."""
-        light, white, mask = self._read(window, halving)
+        light, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
-        return Seen(light, mask, self.capture.rig.directions, self._means, white, before, self.capture.rig.exact)
+        rig, grey = self.capture.rig, self.capture.white is not None
+        return Seen(light, mask, rig.directions, self._means, before, rig.exact, grey)
 
-    def _read(self, window: Window, halving: int) -> tuple[Floats, Floats | None, NDArray[np.bool_]]:
+    def _read(self, window: Window, halving: int) -> tuple[Floats, NDArray[np.bool_]]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
         image, mask = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
-        white = None if self._white_means is None else np.zeros((*shape, 3), np.float32)
         # Rows of the window at a time, so that few of the photo's own pixels are in hand at once.
         rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
         for top in range(0, shape[0], rows):
@@ -129,12 +127,7 @@ class _Photo:
             inside = self.capture.mask[pixels_of_part]
             pixels = self.capture.image[pixels_of_part].astype(np.float32, copy=False)
             image[part], mask[part] = _means(pixels, inside, halving)
-            if white is not None and self.capture.white is not None:
-                pixels = self.capture.white[pixels_of_part].astype(np.float32, copy=False)
-                white[part], _ = _means(pixels, white_valid(self.capture, *pixels_of_part), halving)
-        if white is not None:
-            white /= np.asarray(self._white_means, np.float32)
-        return self.capture.rig.unmixed(image), white, mask
+        return self.capture.rig.unmixed(image), mask
 
     def _own_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
         first, second = (
@@ -241,8 +234,6 @@ def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
         padded[: values.shape[0], : values.shape[1]] = values
         return frame.picture(padded)
 
-    # The camera's channels go with the lights that they see.
-    white = None if seen.white is None else picture(seen.white)[..., order]
     previous = None
     if seen.previous is not None:
         previous = picture(seen.previous)
@@ -252,9 +243,9 @@ def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
         picture(seen.mask),
         frame.lights(seen.directions),
         seen.means[order],
-        white,
         previous,
         seen.exact,
+        seen.grey,
     )
 
 

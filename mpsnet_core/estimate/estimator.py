@@ -12,6 +12,7 @@ from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.features import divided
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refined
+from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -71,6 +72,7 @@ class Estimator:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
+        capture = painted_grey(capture)
         if self._network is None:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         elif self._network.card.kind == "pyramid":  # others, as the paper's, expect no error of themselves

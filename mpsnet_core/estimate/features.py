@@ -17,12 +17,11 @@ FEATURE_CHANNELS = {
     "initial_normals": 3,  # equation 2 on "photo"
     "initial_normals_grey_world": 3,  # equation 2 on "grey_world"
     "mask": 1,
-    "white": 3,  # the white photo, each channel divided by its own mean over the mask; zero where clipped
     "previous": 4,  # of pyramids: normals and expected error (radians) on the scale before; zero on the first
     "lights": 9,  # the three directions (x, y, z each); one pixel, for an input of its own
     "channel_means": 3,  # of "photo" over the mask; one pixel
     "exact": 1,  # 1 where the lights and their mixing are known exactly, as those of a render are, else 0; one pixel
-    "given": 2,  # 1 where there is an answer of the scale before, and where there is a white photo, else 0; one pixel
+    "given": 2,  # 1 where there is an answer of the scale before, and where a white photo took the colour; one pixel
 }
 
 # Not maps: one pixel that holds for the whole capture, so they cannot be stacked with maps.
@@ -55,29 +54,28 @@ class Seen(NamedTuple):
     """A window of a photo on some scale, with what holds for the whole photo.
 
     light: (H, W, 3) each light alone (unmixed). mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
-    light over the whole mask. white: (H, W, 3), the map "white", or None. previous: (H, W, 4) the map "previous", or
-    None on the first scale. exact: whether the lights are known exactly.
+    light over the whole mask. previous: (H, W, 4) the map "previous", or None on the first scale. exact: whether the
+    lights are known exactly. grey: whether a white photo took the surface's colour away.
     """
 
     light: NDArray[np.float32]
     mask: NDArray[np.bool_]
     directions: NDArray[np.float64]
     means: NDArray[np.float64]
-    white: NDArray[np.float32] | None = None
     previous: NDArray[np.float32] | None = None
     exact: bool = False
+    grey: bool = False
 
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    white = white_map(capture)
     seen = Seen(
         capture.rig.unmixed(capture.image),
         capture.mask,
         capture.rig.directions,
         mean_light(capture),
-        white,
         exact=capture.rig.exact,
+        grey=capture.white is not None,
     )
     return {name: window_map(name, seen) for name in names}
 
@@ -90,33 +88,6 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def white_valid(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
-    """(H, W) where the white photo is valid: inside the mask, and no channel clipped."""
-    inside = capture.mask[rows, columns]
-    return inside if capture.white_clipped is None else inside & ~capture.white_clipped[rows, columns].any(axis=-1)
-
-
-def white_means(capture: Capture) -> NDArray[np.float64] | None:
-    """(3,) means of the white photo's channels where it is valid; None where there is none, or none of it is valid."""
-    if capture.white is None:
-        return None
-    total, count = np.zeros(3), 0
-    for rows in bands(len(capture.mask)):
-        valid = white_valid(capture, rows)
-        total += capture.white[rows][valid].sum(axis=0, dtype=np.float64)
-        count += int(valid.sum())
-    return np.where(total > 0, total / count, 1.0) if count else None
-
-
-def white_map(capture: Capture) -> NDArray[np.float32] | None:
-    """The map "white" of a whole photo, (H, W, 3), or None where there is no white photo."""
-    means = white_means(capture)
-    if capture.white is None or means is None:
-        return None
-    scaled = divided(capture.white, means)
-    return np.where(white_valid(capture)[..., None], scaled, np.float32(0))
-
-
 def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
     """The named map of a window, (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     light, mask, directions, means = seen.light, seen.mask, seen.directions, seen.means
@@ -127,7 +98,7 @@ def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
         shares: NDArray[np.float64] = floor / floor.mean()
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
-        return np.array([seen.previous is not None, seen.white is not None], np.float32).reshape(2, 1, 1)
+        return np.array([seen.previous is not None, seen.grey], np.float32).reshape(2, 1, 1)
     if name == "exact":
         return np.full((1, 1, 1), seen.exact, np.float32)
     if name in ("photo", "initial_normals"):
@@ -136,8 +107,6 @@ def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
         values = divided(light, means)
     elif name == "mask":
         values = np.ones((*mask.shape, 1), np.float32)
-    elif name == "white":
-        values = np.zeros_like(light) if seen.white is None else seen.white
     elif name == "previous":
         values = np.zeros((*mask.shape, 4), np.float32) if seen.previous is None else seen.previous
     else:

@@ -153,8 +153,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     white_light: str | None = option(
         default=None,
         metavar="rig|SLANT,TILT",
-        help="what lit the white photo, for --albedo: the rig's three lights turned white, or one light in this "
-        "direction in degrees",
+        help="what lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees",
         unset="rig",
         provenance="none",
     )
@@ -224,6 +223,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             depth=depth,
             correction=correction,
             white=self.white or None,
+            white_light=white_light,
         )
 
         progress(0.1, f"normals by {self.model}")
@@ -236,7 +236,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             if self.confidence:
                 write_image(self.confidence, normals.confidence)
             if self.albedo:
-                write_albedo(self.albedo, albedo_from_white(capture, normals, white_light), capture.mask)
+                write_albedo(self.albedo, albedo_from_white(capture, normals), capture.mask)
         progress(1.0, "done")
         text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
@@ -245,10 +245,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
         if self.albedo and not self.white:
             raise SettingsError("--albedo is made from a photo under white light; give it with --white")
-        if self.white_light and not self.albedo:
-            raise SettingsError(
-                "--white-light tells what lit the photo that --albedo is made from; give both, or neither"
-            )
+        if self.white_light and not self.white:
+            raise SettingsError("--white-light says what lit the photo of --white; give both, or neither")
         if self.white_light in (None, "rig"):
             return None
         from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt

@@ -18,10 +18,8 @@ def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: 
     used = np.flatnonzero(capture.mask.any(axis=1)), np.flatnonzero(capture.mask.any(axis=0))
     box = tuple(slice(places[0], places[-1] + 1) for places in used)
     mask = capture.mask[box]
-    white = None if capture.white is None else capture.white[box]
-    clipped = None if capture.white_clipped is None else capture.white_clipped[box]
     # Maps are zero outside the mask, so beyond the box as well.
-    cut = Capture(capture.image[box], mask, capture.rig, white=white, white_clipped=clipped)
+    cut = Capture(capture.image[box], mask, capture.rig, white=None if capture.white is None else capture.white[box])
     maps = feature_maps(cut, {name for names in card.inputs.values() for name in names})
     inputs = {name: np.concatenate([maps[f] for f in features]) for name, features in card.inputs.items()}
     # What holds for every patch, and views of every patch, by its middle pixel.

@@ -14,7 +14,7 @@ from mpsnet_core.estimate.card import CARD_KEY, ModelCard
 Shape = Sequence[int | str]
 DENSE: Shape = ("n", 3, "h", "w")
 # What the default network sees.
-ALL = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given")}
+ALL = {"pixels": ("photo", "mask", "previous"), "rig": ("lights", "channel_means", "given")}
 
 
 def card(**changes: Any) -> ModelCard:
@@ -66,7 +66,7 @@ def pass_through(path: Path, model_card: Any = None, **changes: Any) -> Path:
 
 def sees_all(path: Path, **facts: Any) -> Path:
     """Random weights, pooled once; it sees everything that the default network sees. facts: of its card."""
-    weights = random_weights(7, a=(8, 11, 5, 5), l=(8, 14, 1, 1), b=(8, 8, 3, 3), c=(3, 8, 3, 3), d=(1, 8, 1, 1))
+    weights = random_weights(7, a=(8, 8, 5, 5), l=(8, 14, 1, 1), b=(8, 8, 3, 3), c=(3, 8, 3, 3), d=(1, 8, 1, 1))
     weights |= {"s": np.float32([1, 1, 2, 2]), "tilted": np.float32([[[[0]], [[0]], [[4]]]])}
     nodes = [
         conv("pixels", "p", "a", pads=[2] * 4),
@@ -87,7 +87,7 @@ def sees_all(path: Path, **facts: Any) -> Path:
         nodes,
         weights,
         card(**{"kind": "pyramid", "inputs": ALL, "halo": 8, "multiple": 2, "frame": "canonical", **facts}),
-        inputs={"pixels": ("n", 11, "h", "w"), "rig": ("n", 14, 1, 1)},
+        inputs={"pixels": ("n", 8, "h", "w"), "rig": ("n", 14, 1, 1)},
         outputs={"normals": ("n", 3, "h", "w"), "confidence": ("n", 1, "h", "w")},
     )
 

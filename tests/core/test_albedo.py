@@ -62,9 +62,12 @@ def test_the_albedo_of_a_sphere_of_two_colours_is_exact_by_the_true_normals() ->
     assert found.dtype == np.float32 and not found[~painted.capture.mask].any()
 
 
-def test_colours_channels_that_overlap_are_not_taken_for_shadows() -> None:
+@pytest.mark.parametrize("gains", [(1, 1, 1), (0.5, 1.0, 2.0)], ids=str)
+def test_colours_channels_that_overlap_are_not_taken_for_shadows(gains: tuple[float, ...]) -> None:
+    """Whatever the white balance of the white photo is, which tints the albedo."""
     painted = Painted(LightRig(TILTED.directions, np.array(CROSSTALK)))
-    found = albedo_from_white(painted.capture, painted.normals)
+    capture = replace(painted.capture, white=painted.capture.white * np.float32(gains))
+    found = albedo_from_white(capture, painted.normals) / gains
     assert painted.errors(found, painted.reached).max() < 0.02
 
 
@@ -108,8 +111,8 @@ def test_the_white_photo_may_have_been_lit_from_one_other_side() -> None:
     painted = Painted()
     light = direction_from_angles(20, 300)
     cosine = np.maximum(painted.normals.vectors @ light, 0)[..., None]
-    capture = replace(painted.capture, white=painted.albedo * cosine)
-    found = albedo_from_white(capture, painted.normals, light)
+    capture = replace(painted.capture, white=painted.albedo * cosine, white_light=light)
+    found = albedo_from_white(capture, painted.normals)
     assert painted.errors(found, painted.capture.mask & (cosine[..., 0] > 0.15)).max() < 0.02
 
 
@@ -211,19 +214,16 @@ def test_estimate_writes_the_albedo_beside_the_normals(tmp_path: Path, mpsnet: M
     assert json.loads(done.stdout.splitlines()[-1])["result"]["albedo"] == str(albedo)
     found = read_albedo(albedo)
     left, right = found[20:28, 14:20].mean(axis=(0, 1)), found[20:28, 30:34].mean(axis=(0, 1))
-    # Equation 2 bends the normals of what is coloured, so the brightness is not quite right, but the hues are.
-    np.testing.assert_allclose(left / left.sum(), OCHRE / OCHRE.sum(), rtol=0.01)
-    np.testing.assert_allclose(right / right.sum(), TEAL / TEAL.sum(), rtol=0.01)
+    np.testing.assert_allclose([left / OCHRE, right / TEAL], (left / OCHRE).mean(), rtol=0.01)
 
 
 def test_the_direction_of_the_white_light_is_told_in_degrees(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path) -> None:
     painted = Painted(published_rig())
     light = direction_from_angles(40, 20)
     cosine = np.maximum(painted.normals.vectors @ light, 0)[..., None]
-    grey = replace(painted.capture, image=np.maximum(painted.normals.vectors @ published_rig().directions.T, 0))
     photo, white = (
         write_file(tmp_path / f"{name}.exr", values, "float")
-        for name, values in (("photo", grey.image), ("white", painted.albedo * cosine))
+        for name, values in (("photo", painted.image), ("white", painted.albedo * cosine))
     )
     mask, albedo = write_file(tmp_path / "mask.png", painted.capture.mask, "uint8"), tmp_path / "albedo.png"
     command = ["estimate", photo, "--rig", rig_file, "--mask", mask, "--model", "lambertian", "--white", white]
@@ -286,9 +286,9 @@ test_a_bad_white_photo_gets_one_clear_sentence = gets_one_clear_sentence(
             "would overwrite…white.exr",
         ),
         (
-            "light without an albedo",
-            lambda b: b.estimate(**{"white": b.photo("white.exr"), "white-light": "rig"}),
-            "--white-light tells what lit the photo that --albedo is made from; give both, or neither",
+            "light without one",
+            lambda b: b.estimate(**{"white-light": "rig"}),
+            "--white-light says what lit the photo of --white; give both, or neither",
         ),
         (
             "light from nowhere",
@@ -297,9 +297,7 @@ test_a_bad_white_photo_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (
             "light from behind",
-            lambda b: albedo_from_white(
-                SPHERE.capture(white=SPHERE.image), NormalMap(SPHERE.normals, SPHERE.mask), (0, 1, -1)
-            ),
+            lambda b: SPHERE.capture(white=SPHERE.image, white_light=(0, 1, -1)),
             "the white light is not in front of the object",
         ),
     ]

@@ -36,6 +36,18 @@ def test_a_capture_is_multiplexed_by_its_protocol(tmp_path: Path, protocol: str)
     np.testing.assert_array_equal(capture.mask, sphere.mask)
     shading = np.maximum(np.stack([sphere.normals @ sphere.rig.directions[k] for k in (1, 2, 0)], axis=-1), 0)
     np.testing.assert_allclose(capture.image, shading * CHANNELS[protocol], atol=3e-5)
+    assert capture.white is None
+
+
+@pytest.mark.parametrize("protocol", CHANNELS)
+def test_the_white_photo_has_all_three_lights_and_the_same_channels(tmp_path: Path, protocol: str) -> None:
+    sphere = diligent_object(tmp_path, "ball", COLOURED)
+    test = Diligent(tmp_path, lights=[(2, 3, 1)], protocols=[protocol], white=True)
+    (alone,), (beside,) = measure(test.cases, ["lambertian"])
+    total = sum(np.maximum(sphere.normals @ sphere.rig.directions[k], 0) for k in (0, 1, 2))
+    np.testing.assert_allclose(beside.case.capture.white, total[..., None] * CHANNELS[protocol], atol=1e-4)
+    np.testing.assert_array_equal(alone.case.capture.image, beside.case.capture.image)
+    assert [result.row().labels["photos"] for result in (alone, beside)] == [1, 2]
 
 
 def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Path) -> None:
@@ -120,7 +132,7 @@ def test_the_baseline_on_the_photographs(diligent: Path, tmp_path: Path, mpsnet:
     assert (done.returncode, done.stderr) == (0, "")
     data = json.loads(out.read_text())
     assert list(data) == ["rows", "published", "confidence", "skipped"]
-    labels, figures = ["object", "lights", "protocol", "model", "magnify"], ["mae_deg", "median_deg"]
+    labels, figures = ["object", "lights", "protocol", "photos", "model", "magnify"], ["mae_deg", "median_deg"]
     ranks = ["confidence_rank_correlation", "confidence_decile_deg"]
     assert list(data["rows"][0]) == [*labels, *figures, "bright_facing_mae_deg", *ranks]
     assert list(data["published"][0]) == ["object", "lights", "model", "mae_deg", "source", "protocol"]

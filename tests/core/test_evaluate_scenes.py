@@ -115,6 +115,17 @@ def test_measured_materials_are_the_held_out_ones(tmp_path: Path) -> None:
         assert green < 1.1 * red
 
 
+def test_colours_may_have_a_white_photo_which_takes_them_away() -> None:
+    """Divided by it, the blob in many colours is nearly as the white one: both shine alike, but one paint is dark."""
+    cases = [make() for make in ColourChanges(size=SIZE, protocols=["published"], white=True).cases]
+    kinds = {(case.labels["colouring"], case.labels["photos"]): case.capture for case in cases}
+    plain, painted = kinds["white", 2], kinds["hard cells", 2]
+    assert kinds["white", 1].white is None and plain.white is not None and painted.white is not None
+    lit = plain.mask & (plain.white > 0.05).all(axis=-1)
+    divided = np.abs(painted.image[lit] / painted.white[lit] - plain.image[lit] / plain.white[lit]).mean()
+    assert divided < 0.1 * np.abs(painted.image[lit] - plain.image[lit]).mean()
+
+
 def test_what_is_near_a_change_of_colour() -> None:
     colours = np.full((20, 30, 3), 0.5, np.float32)
     colours[:, 15:] *= 1 + 2 * CHANGE

@@ -17,6 +17,7 @@ from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import FEATURE_CHANNELS
 from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.progress import silent
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
@@ -77,21 +78,18 @@ def doubled(answer: np.ndarray, mask: np.ndarray, shape: tuple[int, ...]) -> np.
 
 def by_hand(path: Path, capture: Capture) -> np.ndarray:
     """(H, W, 4) normals and confidence, in the camera's frame, of a network of :func:`networks.sees_all`."""
-    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    session, capture = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"]), painted_grey(capture)
     rows, columns = (np.flatnonzero(capture.mask.any(axis=axis)) for axis in (1, 0))
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     mask, light = capture.mask[box], capture.image[box].astype(float) @ np.linalg.inv(capture.rig.mixing).T
-    assert capture.white is not None and capture.white_clipped is not None
-    white, told = capture.white[box].astype(float), mask & ~capture.white_clipped[box].any(axis=-1)
     means = light[mask].mean(axis=0)
     previous, there = None, None
     for side in (4, 2, 1):
         photo, inside = means_of_blocks(light / means.mean(), mask, side)
-        white_here, _ = means_of_blocks(white / white[told].mean(axis=0), told, side)
         before = np.zeros((*inside.shape, 4))
         if previous is not None and there is not None:
             before = doubled(previous, there, inside.shape) * inside[..., None]
-        pixels = np.concatenate([photo, inside[..., None], white_here, before], axis=-1)
+        pixels = np.concatenate([photo, inside[..., None], before], axis=-1)
         pixels = np.pad(pixels, [(0, -inside.shape[0] % 2), (0, -inside.shape[1] % 2), (0, 0)])
         rig = np.concatenate([capture.rig.directions.ravel(), means / means.mean(), [previous is not None, True]])
         normals, confidence = session.run(
@@ -202,7 +200,7 @@ def test_what_a_magnified_photo_s_network_sees_of_the_scale_before_is_its_answer
     assert [pixels.shape[2:] for pixels in seen] == [(70, 50), (140, 100), (280, 200)]
     error = (1 - answer.confidence) * np.pi / 2
     expected = doubled(np.concatenate([answer.vectors, error[..., None]], axis=-1), mask, (280, 200))
-    found = seen[-1][0, 7:].transpose(1, 2, 0)
+    found = seen[-1][0, 4:].transpose(1, 2, 0)
     np.testing.assert_allclose(found, expected * large.mask[..., None], rtol=0, atol=1e-4)
 
 
@@ -237,23 +235,6 @@ def test_the_first_scale_shows_the_whole_object_on_128_pixels_at_most(size: int,
     calls = shown(Capture(np.ones((*mask.shape, 3)), mask, RIG), "mask", "given", tile=4096)
     assert [call["mask"].shape for call in calls] == [(1, 1, 1, side) for side in sides]
     assert [call["given"][0, :, 0, 0].tolist() for call in calls] == [[0, 0]] + [[1, 0]] * (len(sides) - 1)
-
-
-def test_the_white_photo_s_channels_go_with_the_lights_in_every_frame_and_scale(ragged: Capture) -> None:
-    """A white photo that is the photo in other strengths is grey world, which is in the lights' order."""
-    rig = LightRig(RIG.directions)
-    capture = Capture(ragged.image, ragged.mask, rig, white=ragged.image * np.float32([1, 2, 3]))
-    calls = shown(capture, "white", "grey_world", "given", "lights", frame="canonical", passes=6)
-    assert len({call["lights"].tobytes() for call in calls}) == 6 and len(calls) == 18
-    for call in calls:
-        np.testing.assert_allclose(call["white"], call["grey_world"], atol=1e-5)
-        assert call["given"][0, 1] == 1
-
-
-def test_a_white_photo_that_is_clipped_all_over_is_not_given(ragged: Capture) -> None:
-    blown = replace(ragged, white_clipped=np.ones(ragged.image.shape, bool))
-    for call in shown(blown, "white", "given"):
-        assert not call["white"].any() and not call["given"][0, 1]
 
 
 def test_tiles_that_hold_nothing_of_the_object_are_not_run() -> None:

@@ -214,6 +214,7 @@ def test_white_photos_become_one_albedo(table: Table) -> None:
         seen = shot(corner, 96, rng, noise=0.0, off=0.0)
         white = seen.image.sum(axis=-1, keepdims=True) * paint(seen.points) * tint
         write_file(table / "white" / f"side{number}_white.exr", white, "float")
+        write_file(table / "photos" / f"side{number}.exr", seen.image * paint(seen.points), "float")
     keep = ("--keep", table / "kept", "--white", table / "white", "--level", "off")
     table.run(*keep, "--json", table / "figures.json", "--report", table / "report.html")
     texels = sphere_texels(64)

@@ -47,20 +47,29 @@ NEAR = 3  # pixels
 class ColourChanges(Evaluation):
     """A blob that no training data shows, in one and in many colours of equal roughness, under direct light.
 
-    protocols, size: as in :class:`mpsnet_core.learning.evaluation.materials.Materials`.
+    protocols, size: as in :class:`mpsnet_core.learning.evaluation.materials.Materials`. white: whether each is measured
+    once more with a white photo beside it.
     """
 
     title = "One blob, many colours"
 
-    def __init__(self, *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE) -> None:
-        self._white: dict[tuple[str, str], NDArray[np.float32]] = {}
-        self.cases = [partial(_case, name, protocol, size) for name in COLOURINGS for protocol in protocols]
+    def __init__(
+        self, *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE, white: bool = False
+    ) -> None:
+        self._white: dict[tuple[str, int, str], NDArray[np.float32]] = {}
+        self.cases = [
+            partial(_case, name, protocol, size, beside)
+            for name in COLOURINGS
+            for protocol in protocols
+            for beside in ((False, True) if white else (False,))
+        ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
         """Rows that also have "moved_deg": the mean angle between this estimate and that of the same shape in white."""
         rows = []
         for result, row in zip(results, super().rows(results), strict=True):
-            white = self._white.setdefault((row.labels["protocol"], result.model), result.estimate.vectors)
+            kind = row.labels["protocol"], row.labels["photos"], result.model
+            white = self._white.setdefault(kind, result.estimate.vectors)
             moved = angular_error(result.estimate.vectors, white)[result.case.scored].mean()
             further = {"moved_deg": round(float(moved), 4)} if row.labels["colouring"] != "white" else {}
             rows.append(replace(row, further=further))
@@ -85,15 +94,15 @@ class ColourChanges(Evaluation):
         ]
 
 
-def _case(name: str, protocol: str, size: int) -> Case:
+def _case(name: str, protocol: str, size: int, white: bool) -> Case:
     colours, pattern = COLOURINGS[name]
     materials = tuple(Material(base_color=colour, roughness=ROUGHNESS) for colour in colours)
     recipe = published_view(HELD_OUT_BLOB, materials, size, pattern=pattern)
     sample = synthesise(recipe, held_out_blob(), [load_reflectance(material) for material in materials])
     near = near_colour_edges(surface_colours(recipe, held_out_blob()))
     return Case(
-        {"object": "blob", "colouring": name, "protocol": protocol},
-        ideal_photograph(sample, protocol),
+        {"object": "blob", "colouring": name, "protocol": protocol, "photos": 1 + white},
+        ideal_photograph(sample, protocol, white=white),
         sample.normals,
         {"near_edges": near, "far_from_edges": ~near},
     )

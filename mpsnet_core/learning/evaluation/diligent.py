@@ -47,11 +47,11 @@ def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
     return None
 
 
-def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str) -> Capture:
+def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str, *, white: bool = False) -> Capture:
     """Multiplex a capture from three of an object's white photographs.
 
     lights: numbers from 1 of the red, green and blue channels' lights. Each photograph is divided by its light's
-    intensity. protocol: a key of :data:`PROTOCOLS`.
+    intensity. protocol: a key of :data:`PROTOCOLS`. white: whether their sum is its white photo.
 
     Raises InputError where a file is missing or does not fit.
     """
@@ -65,16 +65,16 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
     for light in lights:
         if not 1 <= light <= count:
             raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
-    mixed = []
-    for weights, light in zip(PROTOCOLS[protocol], lights, strict=True):
-        # The photographs' 16-bit values are linear, whatever their files' metadata.
-        photo, _ = read_data(folder / names[light - 1])
-        mixed.append(photo / intensities[light - 1] @ weights)
+    # The photographs' 16-bit values are linear, whatever their files' metadata.
+    photos = [read_data(folder / names[light - 1])[0] / intensities[light - 1] for light in lights]
+    weights = PROTOCOLS[protocol]
+    mixed = [photo @ channel for photo, channel in zip(photos, weights, strict=True)]
+    beside = (np.sum(photos, axis=0) @ weights.T).astype(np.float32) if white else None
     try:
         rig = LightRig(directions[[light - 1 for light in lights]])
     except InputError as error:
         raise GeometryError(f"{folder.name}, lights {lights}: {error}") from None
-    return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig)
+    return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig, white=beside)
 
 
 def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
@@ -89,8 +89,8 @@ class Diligent(Evaluation):
     """The photographs of DiLiGenT under a root folder, multiplexed.
 
     objects: of :data:`OBJECTS`; absent ones are skipped and reported. lights, protocols: as for
-    :func:`read_diligent`. magnify: how many times the photographs are magnified, see
-    :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
+    :func:`read_diligent`. white: whether each is measured once more with a white photo. magnify: how many times the
+    photographs are magnified, see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
 
     The data has no shapes, so cast shadows are not known. Instead rows have "bright_facing_mae_deg": the mean over the
     pixels whose true normal faces all three lights and whose channels are all above 2% of their 99th percentile. Light
@@ -109,6 +109,7 @@ class Diligent(Evaluation):
         lights: Sequence[Lights] = PUBLISHED_LIGHTS,
         protocols: Sequence[str] = tuple(PROTOCOLS),
         magnify: Sequence[int] = (1,),
+        white: bool = False,
     ) -> None:
         folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
         if not any(folders.values()):
@@ -117,12 +118,13 @@ class Diligent(Evaluation):
         self.lights = list(lights)
         self.absent = [name for name, folder in folders.items() if folder is None]
         self.cases = [
-            partial(_case, name, folder, triple, protocol, times)
+            partial(_case, name, folder, triple, protocol, times, beside)
             for name, folder in folders.items()
             if folder is not None
             for triple in lights
             for protocol in protocols
             for times in magnify
+            for beside in ((False, True) if white else (False,))
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
@@ -172,9 +174,9 @@ class Diligent(Evaluation):
         return [f"absent, skipped: {', '.join(self.absent)}"] if self.absent else []
 
 
-def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) -> Case:
-    labels = {"object": name, "lights": list(lights), "protocol": protocol}
-    capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
+def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int, white: bool) -> Case:
+    labels = {"object": name, "lights": list(lights), "protocol": protocol, "photos": 1 + white}
+    capture, truth = read_diligent(folder, lights, protocol, white=white), _truth(folder)
     if truth.shape != capture.image.shape:
         raise GeometryError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
     usable, towards = usable_channels(capture), truth @ capture.rig.directions.T > 0

@@ -76,12 +76,12 @@ def evaluate(
             rows += evaluation.rows(results)
             for result in results:
                 scored = result.case.scored
-                name = magnified_name(result.model, result.case.magnify)
+                name = _shown_name(result.model, result.case.labels, result.case.magnify)
                 pool.add(name, result.estimate.confidence[scored], result.error[scored])
             if page:
                 page.add(results)
         confidence = pool.calibration()
-        named = [row.labelled(model=magnified_name(row.labels["model"], row.magnify)) for row in rows]
+        named = [row.labelled(model=_shown_name(row.labels["model"], row.labels, row.magnify)) for row in rows]
         table = "\n\n".join(
             ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(confidence)]
         )
@@ -119,6 +119,12 @@ def table_of_measures(rows: Sequence[Row], lines: Sequence[str], measures: Mappi
         for name, key in measures.items()
     ]
     return table_of_means([*lines, "measure"], cells)
+
+
+def _shown_name(model: str, labels: Mapping[str, Any], magnify: int) -> str:
+    """A model's name in tables, with what else differs from one plain photo."""
+    name = magnified_name(model, magnify)
+    return f"{name} + white photo" if labels.get("photos", 1) > 1 else name
 
 
 def _confidence_table(confidence: Sequence[Calibration]) -> list[str]:

@@ -26,6 +26,11 @@ def picture_size(default: int) -> Any:
     return option(default=default, low=16, high=8192, help="side of a picture in pixels")
 
 
+def white_beside() -> Any:
+    """The option that measures with a white photo as well."""
+    return option(default=False, help="measure each once more with a white photo beside it")
+
+
 def mesh_view_count() -> Any:
     """The option that sets how often each mesh is shown."""
     return option(default=MESH_VIEWS, low=1, high=360, help="of each mesh, from all around")
@@ -98,6 +103,7 @@ class EvaluateDiligent(Magnifies):
     protocol: tuple[str, ...] = option(
         default=(), choices=PROTOCOLS, help="how a channel weighs colours", unset="all three"
     )
+    white: bool = white_beside()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.diligent import Diligent
@@ -108,6 +114,7 @@ class EvaluateDiligent(Magnifies):
             lights=[_triple(text) for text in self.lights] or PUBLISHED_LIGHTS,
             protocols=self.protocol or tuple(PROTOCOLS),
             magnify=self.magnify,
+            white=self.white,
         )
 
 
@@ -184,10 +191,12 @@ class EvaluateColour(PhotographsSynthetic):
 
     command: ClassVar[str] = "evaluate colour"
 
+    white: bool = white_beside()
+
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.colour import ColourChanges
 
-        return ColourChanges(protocols=self.protocol, size=self.size)
+        return ColourChanges(protocols=self.protocol, size=self.size, white=self.white)
 
 
 @dataclass(frozen=True)
@@ -198,7 +207,7 @@ class EvaluateSamples(Magnifies):
 
     folder: tuple[str, ...] = option(positional=True, help="folders of samples that training does not see")
     count: int = option(default=0, low=0, help="how many, evenly spread; 0 for all")
-    white: bool = option(default=False, help="measure each once more with a white photo beside it")
+    white: bool = white_beside()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.samples import Samples

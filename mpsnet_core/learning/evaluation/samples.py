@@ -52,8 +52,7 @@ class Samples(Evaluation):
 
     def table(self, rows: Sequence[Row]) -> str:
         """A line for each model, a column for each kind of shape, then for the number of colours; means last."""
-        lines = ("model", "photos") if any(row.labels["photos"] > 1 for row in rows) else ("model",)
-        return "\n\n".join(table_of_errors(rows, lines, column) for column in ("shape", "colours"))
+        return "\n\n".join(table_of_errors(rows, ("model",), column) for column in ("shape", "colours"))
 
     def notes(self, rows: Sequence[Row]) -> list[str]:
         """How the photographs are made."""

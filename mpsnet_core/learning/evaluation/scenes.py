@@ -59,18 +59,24 @@ def published_view(
     )
 
 
-def ideal_photograph(sample: Sample, protocol: str) -> Capture:
+def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> Capture:
     """The sample photographed without noise or error, its colours weighed by the protocol.
 
     protocol: of :data:`mpsnet_core.learning.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig, "published"
-    the paper's multiplexed images. Raises GeometryError where no light reaches the object.
+    the paper's multiplexed images. white: whether a photo under all three lights, turned white, is beside it. Raises
+    GeometryError where no light reaches the object.
     """
     weights = PROTOCOLS[protocol].astype(np.float32)
-    # Not as a matrix product, whose order of summing differs between machines.
-    image = np.stack([sum(weights[k, j] * sample.lights[k, ..., j] for j in range(3)) for k in range(3)], axis=-1)
+
+    def channel(number: int, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        # Not as a matrix product, whose order of summing differs between machines.
+        return np.asarray(sum(weights[number, j] * light[..., j] for j in range(3)))
+
+    image = np.stack([channel(k, sample.lights[k]) for k in range(3)], axis=-1)
     seen = image.max(axis=-1)[sample.mask]
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
         raise GeometryError("no pixel shows the object wholly, or no light reaches it; take another sample")
     rig = LightRig(sample.recipe.light_directions, exact=True)
-    return Capture(image * np.float32(1 / bright), sample.mask, rig)
+    beside = np.stack([channel(k, sample.lights.sum(axis=0)) for k in range(3)], axis=-1) if white else None
+    return Capture(image * np.float32(1 / bright), sample.mask, rig, white=beside)

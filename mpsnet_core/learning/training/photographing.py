@@ -20,6 +20,7 @@ from torch.nn import functional
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
+from mpsnet_core.estimate.white_photo import WhitePhoto
 from mpsnet_core.learning.training.jpeg import jpeg_losses
 from mpsnet_core.learning.training.networks.network import Network, unit
 from mpsnet_core.learning.training.packed import Packed, PackedSamples
@@ -251,7 +252,8 @@ def _photographed(
     draws = _Draws.of([example.draw for example in examples], device)
     known = np.stack([turned(example.directions, example.draw.direction_errors) for example in examples])
     # Of the photos, which have the examples' numbers, and then of the white ones.
-    exposure, means = torch.ones(2 * count, device=device), torch.ones(2 * count, 3, device=device)
+    exposure, means = torch.ones(2 * count, device=device), torch.ones(count, 3, device=device)
+    measured: dict[int, WhitePhoto | None] = {}
     chosen = list(range(count))
     places = np.zeros((count, 2), np.int64)
     scales: list[Scale] = []
@@ -268,17 +270,21 @@ def _photographed(
         if level == 0:
             exposure[numbers] = _exposures(light, mask[shown], drawn)
         light = _shot(light, drawn, exposure[numbers], finer, generator)
-        light[:photos] = unmixed(light[:photos], drawn.known_mixing[:photos])
+        light, white = light[:photos], light[photos:]
         seen = _known(mask, drawn.mask_error[:photos], finer[:photos])
-        used = torch.cat([seen, seen[whites] & _unclipped(light[photos:], drawn.bits[photos:])])
-        light *= used.float()
+        shot, light = light, unmixed(light, drawn.known_mixing[:photos])
+        for number, k, beside in zip(whites, owners[photos:], white, strict=True):
+            valid = seen[number, 0] & _unclipped(beside[None], drawn.bits[number : number + 1])[0, 0]
+            if level == 0:
+                measured[k] = _measured_white(shot[number, :, valid], beside[:, valid], examples[k].draw)
+            light[number] = _painted_grey(shot[number], beside, measured[k], light[number], valid)
+        light = light * seen.float()
         if level == 0:
-            means[numbers] = _means(light, used)
+            means = _means(light, seen)
             # A channel that is black everywhere must not blow up the others.
-            means[:count] = torch.maximum(means[:count], 1e-4 * means[:count].mean(dim=1, keepdim=True))
+            means = torch.maximum(means, 1e-4 * means.mean(dim=1, keepdim=True))
         mean = means[chosen]
-        photo, white = light[:photos] / mean.mean(dim=1)[:, None, None, None], torch.zeros_like(planes[:, PHOTO])
-        white[whites] = light[photos:] / means[numbers[photos:], :, None, None]
+        photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
         given = torch.stack([torch.full((photos,), float(level > 0), device=device), drawn.white[:photos]], dim=1)
         scales.append(
@@ -286,7 +292,6 @@ def _photographed(
                 maps={
                     "photo": photo,
                     "mask": seen.float(),
-                    "white": white,
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean / mean.mean(dim=1, keepdim=True))[:, :, None, None],
                     "given": given[:, :, None, None],
@@ -458,6 +463,24 @@ def _shot(light: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generat
 def _unclipped(white: Tensor, bits: Tensor) -> Tensor:
     """(N, 1, H, W) where white photos (N, 3, H, W) are not clipped."""
     return (white < 0.98).all(dim=1, keepdim=True) | (bits == 0)[:, None, None, None]
+
+
+def _measured_white(photo: Tensor, white: Tensor, draw: CaptureDraw) -> WhitePhoto | None:
+    """From pixels (3, N) of an example's two photos; the lights count as equally bright in the white one."""
+    return WhitePhoto.measured(photo.T.cpu().numpy(), white.T.cpu().numpy(), draw.known_mixing, np.ones(3))
+
+
+def _painted_grey(photo: Tensor, white: Tensor, measured: WhitePhoto | None, light: Tensor, valid: Tensor) -> Tensor:
+    """As :func:`mpsnet_core.estimate.white_photo.painted_grey`, (3, H, W) of each light alone, which `light` is."""
+    if measured is None:
+        return light
+    gains, least, before, after, tint = (
+        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in measured
+    )
+    albedo = torch.maximum(torch.tensordot(before, white, 1), least[:, None, None]) / gains[:, None, None]
+    factors = torch.where(valid, albedo.mean(dim=0) / albedo, tint[:, None, None])
+    grey: Tensor = torch.tensordot(after, torch.tensordot(before, photo, 1) * factors, 1)
+    return grey
 
 
 def _known(mask: Tensor, error: Tensor, finer: Tensor) -> Tensor:

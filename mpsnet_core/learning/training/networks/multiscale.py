@@ -9,11 +9,11 @@ On each scale it is a U-Net over five resolutions. What it stands on:
   nearly straight up and the lights run counter-clockwise. The network learns one arrangement instead of all.
 * *Two views of the photo*: each channel divided by its own mean (grey world), where exposure, the lights' strengths and
   the object's overall colour cannot change the answer; and the photo as it was calibrated, where equation 2 is exact
-  on anything grey. A white photo, where there is one, gives a third: the photo divided by it has no colour left.
+  on anything grey. An input says whether a white photo made it so.
 * *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
 * *The formula inside*: the network's own normals explain a part of each channel's brightness, and what they leave, over
-  some 48 pixels, is the surface's colour. Equation 2 on the calibrated photo (divided by the white one), divided by
-  that colour as far as the network wants, and times gains that it predicts, keeps the finest relief. The answer is a
+  some 48 pixels, is the surface's colour. Equation 2 on the calibrated photo, divided by that
+  colour as far as the network wants, and times gains that it predicts, keeps the finest relief. The answer is a
   mean of this and of its own normals, by a weight that it learns from which of the two is better.
 * *Exact rigs*: an input says whether the rig is known exactly, as that of a render is; equation 2 is the better then.
 * *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
@@ -39,12 +39,11 @@ from mpsnet_core.learning.training.networks.network import (
 
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
-SEEN = 24  # maps that are made of the inputs
-FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
+SEEN = 18  # maps that are made of the inputs
+FINE_MAPS, JOINED = 8, 16
 ANSWER = 9  # normals, expected error, gains, weight of the formula, share of the local colour
 MAX_GAIN = 2.0  # of the gains' logarithms
-LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
-RIG = 15  # light directions, channel means, whether there are a coarser scale and a white photo, and an exact rig
+RIG = 15  # light directions, channel means, whether there is a coarser scale, a white photo, and an exact rig
 CELL = 4  # pixels, and again as many: how finely the local colour is measured, and how smooth it is
 LEAST_EVIDENCE = 0.0003  # of the local colour, below which it counts as grey
 SURE = 0.15  # radians of expected error, above which an answer tells little about the colour
@@ -54,7 +53,7 @@ BRIGHT = 0.25  # of what a white surface would show: darker pixels may lie in sh
 class Multiscale(Network):
     """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
 
-    inputs = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given", "exact")}
+    inputs = {"pixels": ("photo", "mask", "previous"), "rig": ("lights", "channel_means", "given", "exact")}
     kind = "pyramid"
     frame = "canonical"
     multiple = 16
@@ -87,9 +86,8 @@ class Multiscale(Network):
 
     def forward(self, *inputs: Tensor) -> Prediction:
         pixels, rig = inputs
-        photo, mask, white, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:7], pixels[:, 7:11]
-        lights, means, given = rig[:, 0:9], rig[:, 9:12], rig[:, 12:14]
-        has_previous, has_white = given[:, 0:1], given[:, 1:2]
+        photo, mask, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:8]
+        lights, means, has_previous = rig[:, 0:9], rig[:, 9:12], rig[:, 12:13]
         solve = inverse(lights)
         pseudo = multiplied(solve, photo)
         length = (pseudo * pseudo).sum(dim=1, keepdim=True)
@@ -97,7 +95,6 @@ class Multiscale(Network):
         # Zero outside the mask, as the photo is.
         grey_world = unit(multiplied(solve / means.flatten(1)[:, None], photo))
         size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
-        uncoloured = unit(multiplied(solve, photo / (white + DARKEST) * (white > 0))) * has_white
         features = [
             0.5 * mask * _logarithm(photo / means),
             grey_world,
@@ -106,8 +103,6 @@ class Multiscale(Network):
             0.5 * mask * size,
             mask,
             previous,
-            0.5 * mask * has_white * _logarithm(white),
-            uncoloured,
         ]
         seen = torch.cat(features, dim=1)
         rig_maps = self.rig(rig)
@@ -121,12 +116,10 @@ class Multiscale(Network):
         start = previous[:, 0:3] * has_previous + grey_world * (1 - has_previous)
         normals = unit(start + answer[:, 0:3])
         expected = _softplus(answer[:, 3:4])
-        # A white photo takes the colour away; what gains are left belong to its light and camera.
-        light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
         found = torch.cat([normals, expected], dim=1).detach() * mask
-        colour = _local_colour(light, mask, found, lights)
+        colour = _local_colour(photo, mask, found, lights)
         gains = MAX_GAIN * torch.tanh(answer[:, 4:7]) - torch.sigmoid(answer[:, 8:9]) * colour
-        formula, trust = unit(multiplied(solve, light * torch.exp(gains))), answer[:, 7:8]
+        formula, trust = unit(multiplied(solve, photo * torch.exp(gains))), answer[:, 7:8]
         mixed = unit(torch.sigmoid(trust) * (formula - normals) + normals)
         inside = Inside(self.lit(maps).float(), formula, normals, trust) if self.training else None
         return Prediction(mixed, expected, inside)

@@ -1,0 +1,162 @@
+"""What a white photo is worth: with it the photo becomes that of the same object, painted grey.
+
+Of a matt surface of albedo a, with s of each light arriving, the photo is ``c = a M s`` or ``c = M a s``: the mixing M
+says how the camera's channels see the lights, and the albedo is one of channels where the lights' spectra are broad,
+and one of lights where they are narrow. The white photo is ``w_i = g_i a_i Σ_k t_k s_k``, of channels, or after
+unmixing of lights. Light k is as bright as t_k in it. The gains g no one knows: the two photos may have other exposures
+and another white balance. In ``g c / w`` the albedo cancels out, once the photos are unmixed before or the ratio after:
+what is left is each light's share, ``q = s / Σ_k t_k s_k``. Times the mean of ``w_i / g_i`` it is ``s`` once more,
+times one albedo for all three lights: a photo without colour.
+
+Pixels have ``Σ_k t_k q_k = 1``, in light and in shadow: they lie in one plane, and a fit of that plane finds the gains.
+Of the two orders of unmixing the one counts whose plane is the thinner. Highlights leave the plane on coloured
+surfaces, and count as outliers; on grey ones they stay in it.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.capture.capture import Capture
+
+Floats = NDArray[np.floating[Any]]
+
+# Shares of a channel's mean in the white photo: what is darker counts as this bright, as it is mostly noise.
+LEAST_WHITE = 0.02
+# Where a flat surface does not determine the plane, or gloss bends it, each light's share has the same mean over the
+# object. This counts so much, in squares of the pixels' distances from the plane.
+EVEN_SHARES = 1.0
+ROUNDS = 10  # of the robust fit
+LEAST_SPREAD = 0.005  # of the distances from the plane
+MOST = 4.0  # times the gains for which all shares have one mean
+LEAST_PIXELS = 16
+SAMPLED = 20_000  # pixels of a large photo
+
+
+class WhitePhoto(NamedTuple):
+    """How to divide by a white photo.
+
+    gains: (3,), g. least: (3,) what a channel counts as where it is darker. before: (3, 3), by which both photos are
+    multiplied, after: (3, 3), by which their ratio is; one is the mixing's inverse, and the other nothing. tint: (3,)
+    by which channels turn grey on the mean.
+    """
+
+    gains: NDArray[np.float64]
+    least: NDArray[np.float64]
+    before: NDArray[np.float64]
+    after: NDArray[np.float64]
+    tint: NDArray[np.float64]
+
+    @classmethod
+    def measured(
+        cls, photo: Floats, white: Floats, mixing: NDArray[np.float64], strengths: NDArray[np.float64]
+    ) -> "WhitePhoto | None":
+        """From pixels (N, 3) of both photos all over the object, none of them clipped.
+
+        mixing: of the photo. strengths: (3,) of the lights in the white photo, t. None where a channel of the white
+        photo is black.
+        """
+        nothing, inverse = np.eye(3), np.linalg.inv(mixing)
+        orders = [(nothing, inverse)] if np.array_equal(mixing, nothing) else [(nothing, inverse), (inverse, nothing)]
+        found: list[tuple[float, WhitePhoto]] = []
+        for before, after in orders:
+            seen, beside = photo @ before.T, white @ before.T
+            means = beside.mean(axis=0) if len(white) else np.zeros(3)
+            if (means > 0).all():
+                least = LEAST_WHITE * means
+                bright = (beside > least).all(axis=-1)
+                gains, spread = _gains(seen[bright], beside[bright], after, strengths)
+                found.append((spread, cls(gains, least, before, after, np.ones(3))))
+        if not found:
+            return None
+        _, best = min(found, key=lambda one: one[0])
+        seen = np.maximum(photo @ best.before.T, 0)
+        grey = (seen * best.factors(white)).sum(axis=0)
+        total = seen.sum(axis=0)
+        return best._replace(tint=np.divide(grey, total, out=np.ones(3), where=total > 0))
+
+    def factors(self, white: Floats) -> NDArray[np.float32]:
+        """(..., 3) by which channels turn grey at pixels (..., 3) of the white photo, and stay as bright together."""
+        albedo = np.maximum(white @ self.before.T.astype(np.float32), self.least.astype(np.float32))
+        albedo /= self.gains.astype(np.float32)
+        return np.asarray(albedo.mean(axis=-1, keepdims=True) / albedo, np.float32)
+
+    def lights(self, photo: Floats, factors: Floats) -> NDArray[np.float32]:
+        """(..., 3) each light alone at pixels (..., 3) of the photo, whose channels are multiplied by factors."""
+        seen = photo @ self.before.T.astype(np.float32)
+        return np.asarray(seen * factors @ self.after.T.astype(np.float32), np.float32)
+
+
+def painted_grey(capture: Capture) -> Capture:
+    """The capture as if its surface were grey; without a white photo where that says nothing, or is not there.
+
+    Each channel of it is one light alone. Where the white photo is clipped, the surface counts as of its mean colour.
+    """
+    measured = measured_white(capture)
+    if measured is None or capture.white is None:
+        return replace(capture, white=None, white_clipped=None)
+    image = np.zeros_like(capture.image)
+    for rows in bands(len(image)):
+        photo, white = capture.image[rows].astype(np.float32, copy=False), capture.white[rows]
+        known = white_valid(capture, rows)[..., None]
+        image[rows] = measured.lights(photo, np.where(known, measured.factors(white), measured.tint))
+    rig, saturated = replace(capture.rig, mixing=np.eye(3)), capture.saturated
+    if not np.array_equal(capture.rig.mixing, np.eye(3)):
+        # Each light is computed from all channels, so one saturated channel spoils all three.
+        saturated = np.repeat(saturated.any(axis=-1, keepdims=True), 3, axis=-1)
+    return replace(capture, image=image, rig=rig, clip=np.inf, clipped=saturated)
+
+
+def measured_white(capture: Capture) -> WhitePhoto | None:
+    """How to divide by the capture's white photo, from some of its pixels; None where there is none that says much."""
+    if capture.white is None:
+        return None
+    step = max(1, round((np.count_nonzero(capture.mask) / SAMPLED) ** 0.5))
+    some = slice(None, None, step), slice(None, None, step)
+    valid = white_valid(capture, *some) & ~capture.saturated_in(some[0])[:, some[1]].any(axis=-1)
+    photo, white = capture.image[some][valid], capture.white[some][valid]
+    return WhitePhoto.measured(photo, white, capture.rig.mixing, white_strengths(capture))
+
+
+def white_strengths(capture: Capture) -> NDArray[np.float64]:
+    """(3,) how bright each light is in the white photo; where another lamp lit it, the lights that add up to that."""
+    if capture.white_light is None:
+        return np.ones(3)
+    strengths: NDArray[np.float64] = np.linalg.solve(capture.rig.directions.T, capture.white_light)
+    return strengths
+
+
+def white_valid(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
+    """(H, W) where the white photo is valid: inside the mask, and no channel clipped."""
+    inside = capture.mask[rows, columns]
+    return inside if capture.white_clipped is None else inside & ~capture.white_clipped[rows, columns].any(axis=-1)
+
+
+def _gains(
+    photo: NDArray[np.float64],
+    white: NDArray[np.float64],
+    unmixing: NDArray[np.float64],
+    strengths: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], float]:
+    """The gains, and how far pixels are from the plane; unmixing: of the ratio."""
+    if len(photo) < LEAST_PIXELS:
+        return np.ones(3), np.inf
+    ratio = photo / white
+    share = np.linalg.inv(unmixing).sum(axis=1) / max(float(strengths.sum()), 0.1)
+    alike = share / np.maximum(photo.sum(axis=0) / white.sum(axis=0), 1e-9)
+    # Each channel's part of Σ_k t_k q_k; with the right multiple of each they add up to 1 in every pixel.
+    parts = ratio * alike * (unmixing.T @ strengths)
+    light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
+    weights, spread = light, 4 * LEAST_SPREAD
+    for _ in range(ROUNDS):
+        even = EVEN_SHARES * spread**2
+        equations = np.einsum("ni,nj,n->ij", parts, parts, weights) / weights.sum() + even * np.eye(3)
+        multiple = np.linalg.solve(equations, weights @ parts / weights.sum() + even)
+        off = np.abs(parts @ multiple - 1)
+        spread = max(1.4826 * float(np.median(off)), LEAST_SPREAD)
+        weights = light / (1 + (off / spread) ** 2)
+    gains: NDArray[np.float64] = alike * np.clip(multiple, 1 / MOST, MOST)
+    return gains, spread

@@ -1,0 +1,117 @@
+"""A white photo paints the object grey: against the photo of one that is grey."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import CROSSTALK, degrees_between, shaded_sphere
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core.estimate.white_photo import measured_white, painted_grey
+from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
+
+MIXED = LightRig(published_rig().directions, np.array(CROSSTALK))
+GAINS = np.array([0.4, 1.0, 1.9])  # of the white photo, which no one knows
+
+
+class Painted:
+    """A matt sphere of three strong colours, of which a band lies in the first light's shadow.
+
+    narrow: whether the surface reflects each light by one albedo, and not each channel.
+    """
+
+    def __init__(self, rig: LightRig = MIXED, size: int = 96, narrow: bool = False, colours: int = 3) -> None:
+        self.sphere = shaded_sphere(size)
+        rows, columns = np.mgrid[:size, :size]
+        paints = np.array([[0.7, 0.06, 0.05], [0.05, 0.4, 0.1], [0.8, 0.6, 0.05]])
+        self.albedo = paints[(rows // 11 + columns // 17) % colours] * self.sphere.mask[..., None]
+        self.light = np.maximum(self.sphere.normals @ rig.directions.T, 0)
+        self.light[size // 2 : size // 2 + 6, :, 0] = 0
+        self.lit = self.sphere.mask & (self.light > 0.02).all(axis=-1)
+        total = self.light.sum(axis=-1, keepdims=True)
+        if narrow:
+            image, white = (self.albedo * self.light) @ rig.mixing.T, (self.albedo * total * GAINS) @ rig.mixing.T
+        else:
+            image, white = self.albedo * (self.light @ rig.mixing.T), self.albedo * total * GAINS
+        self.capture = Capture(image, self.sphere.mask, rig, white=white)
+
+    def off(self, capture: Capture, where: np.ndarray) -> np.ndarray:
+        """Degrees by which equation 2 is wrong."""
+        normals = estimate_normals(capture, "lambertian").vectors
+        return degrees_between(normals, self.sphere.normals)[where]
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_of_a_matt_object_it_is_the_photo_of_a_grey_one(narrow: bool) -> None:
+    """Whatever paint, crosstalk and gains are: each light alone, on the mean of the three albedos."""
+    painted = Painted(narrow=narrow)
+    found = painted_grey(painted.capture)
+    np.testing.assert_allclose(found.image, painted.albedo.mean(axis=-1, keepdims=True) * painted.light, atol=0.004)
+    assert painted.off(painted.capture, painted.lit).max() < 0.5
+    assert painted.off(replace(painted.capture, white=None), painted.lit).mean() > 10
+
+
+def test_another_lamp_may_have_lit_the_white_photo() -> None:
+    painted, lamp = Painted(), direction_from_angles(25, 70)
+    cosine = np.maximum(painted.sphere.normals @ lamp, 0)
+    white = painted.albedo * cosine[..., None] * GAINS
+    lit = painted.lit & (cosine > 0.1)
+    known, taken_for_the_rig = (
+        painted.off(replace(painted.capture, white=white, white_light=light), lit).mean() for light in (lamp, None)
+    )
+    assert known < 0.5 and taken_for_the_rig > 5
+
+
+def test_highlights_on_a_tenth_of_the_pixels_change_the_gains_by_little() -> None:
+    painted = Painted()
+    shine = np.random.default_rng(1).random(painted.lit.shape) < 0.1
+    image = painted.capture.image + 0.5 * shine[..., None] * MIXED.mixing[:, 0]
+    white = painted.capture.white + 0.5 * shine[..., None] * GAINS
+    found = measured_white(replace(painted.capture, image=image, white=white))
+    assert found is not None
+    np.testing.assert_allclose(found.gains / found.gains[1], GAINS / GAINS[1], rtol=0.03)
+
+
+def test_a_flat_surface_gets_as_much_of_every_light() -> None:
+    """One direction determines no plane: what is left is near grey world, and no gains beyond all bounds."""
+    image = np.full((20, 20, 3), 0.4) * [1, 2, 0.5] + np.random.default_rng(2).normal(0, 0.004, (20, 20, 3))
+    capture = Capture(image, np.ones((20, 20), bool), published_rig(), white=np.full((20, 20, 3), 0.5))
+    found = painted_grey(capture).image.mean(axis=(0, 1))
+    np.testing.assert_allclose(found / found.mean(), 1, atol=0.25)
+
+
+@pytest.mark.parametrize("black", [0, 1, 2])
+def test_a_white_photo_without_one_colour_says_nothing(black: int) -> None:
+    painted = Painted()
+    white = np.array(painted.capture.white)
+    white[..., black] = 0
+    found = painted_grey(replace(painted.capture, white=white))
+    assert found.white is None
+    np.testing.assert_array_equal(found.image, painted.capture.image)
+
+
+def test_where_it_is_clipped_the_surface_is_taken_to_have_its_mean_colour() -> None:
+    """On a surface of one colour that is the truth; where the white photo is clipped all over it says nothing."""
+    painted = Painted(colours=1)
+    clipped = np.zeros(painted.capture.image.shape, bool)
+    clipped[30:60, 30:60, 1] = True
+    found = painted_grey(replace(painted.capture, white_clipped=clipped))
+    np.testing.assert_allclose(found.image, painted_grey(painted.capture).image, rtol=0.05, atol=0.01)
+    assert painted_grey(replace(painted.capture, white_clipped=np.ones_like(clipped))).white is None
+
+
+def test_a_pixel_saturated_in_one_channel_is_known_to_be_wrong_in_all() -> None:
+    painted = Painted()
+    clipped = np.zeros(painted.capture.image.shape, bool)
+    clipped[50, 50, 2] = True
+    found = painted_grey(replace(painted.capture, clipped=clipped))
+    assert found.saturated[50, 50].all() and found.saturated.sum() == 3
+
+
+def test_what_is_dark_in_the_white_photo_is_not_divided_by_its_noise() -> None:
+    painted = Painted()
+    white = np.array(painted.capture.white)
+    white[40:44, 40:44] = 1e-9
+    found = painted_grey(replace(painted.capture, white=white)).image
+    assert np.isfinite(found).all() and np.abs(found[40:44, 40:44]).max() < 2 * painted.capture.image.max()
