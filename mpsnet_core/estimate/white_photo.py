@@ -95,8 +95,10 @@ def painted_grey(capture: Capture) -> Capture:
 
     Each channel of it is one light alone. Where the white photo is clipped, the surface counts as of its mean colour.
     """
+    if capture.white is None:
+        return capture
     measured = measured_white(capture)
-    if measured is None or capture.white is None:
+    if measured is None:
         return replace(capture, white=None, white_clipped=None)
     image = np.zeros_like(capture.image)
     for rows in bands(len(image)):
