@@ -48,6 +48,7 @@ def test_the_white_photo_has_all_three_lights_and_the_same_channels(tmp_path: Pa
     np.testing.assert_allclose(beside.case.capture.white, total[..., None] * CHANNELS[protocol], atol=1e-4)
     np.testing.assert_array_equal(alone.case.capture.image, beside.case.capture.image)
     assert [result.row().labels["photos"] for result in (alone, beside)] == [1, 2]
+    assert beside.case.title == f"{alone.case.title}, with a white photo"
 
 
 def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Path) -> None:

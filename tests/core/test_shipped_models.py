@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -154,15 +155,15 @@ def test_tiles_leave_no_seams() -> None:
     assert angular_error(tiled.vectors, untiled.vectors)[large.mask].max() < 0.1
 
 
-@pytest.mark.parametrize("seed", [(1 << 62) + 1, (1 << 62) + 2])
-def test_three_passes_are_not_worse_than_one(seed: int) -> None:
-    shown = sample(0.0, seed)
-    capture = ideal_photograph(shown, "published")
-    once, thrice = (
-        angular_error(estimate_normals(capture, passes=passes).vectors, shown.normals)[capture.mask].mean()
-        for passes in (1, 3)
-    )
-    assert thrice < 1.02 * once
+def test_three_passes_are_better_than_one_on_the_mean_of_eight_scenes() -> None:
+    errors: dict[Literal[1, 3], list[float]] = {1: [], 3: []}
+    for seed in range((1 << 62) + 1, (1 << 62) + 9):
+        shown = sample(0.0, seed)
+        capture = ideal_photograph(shown, "published")
+        for passes, found in errors.items():
+            vectors = estimate_normals(capture, passes=passes).vectors
+            found.append(float(angular_error(vectors, shown.normals)[capture.mask].mean()))
+    assert np.mean(errors[3]) < np.mean(errors[1])
 
 
 def test_a_still_is_averaged_by_either_name_and_quick_variants_are_not() -> None:

@@ -46,7 +46,10 @@ class Case:
     @property
     def title(self) -> str:
         """The labels in one line."""
-        return magnified_name(", ".join(_format(value) for value in self.labels.values()), self.magnify)
+        labels = [_format(value) for name, value in self.labels.items() if name != "photos"]
+        if self.labels.get("photos", 1) > 1:
+            labels.append("with a white photo")
+        return magnified_name(", ".join(labels), self.magnify)
 
     @property
     def scored(self) -> NDArray[np.bool_]:
