@@ -141,6 +141,15 @@ class Capture:
         """(H, W, 3) where a channel is saturated, and so wrong."""
         return self.saturated_in(slice(None))
 
+    @property
+    def saturated_lights(self) -> NDArray[np.bool_]:
+        """(H, W, 3) where a light, alone after unmixing, is wrong as a channel is saturated; not to be written to."""
+        saturated = self.saturated
+        if np.array_equal(self.rig.mixing, np.eye(3)):
+            return saturated
+        # Unmixing computes each light from all channels, so one saturated channel spoils all three.
+        return np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
+
     def saturated_in(self, rows: slice) -> NDArray[np.bool_]:
         """(h, W, 3) where a channel is saturated in some rows."""
         return self.image[rows] >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped[rows]

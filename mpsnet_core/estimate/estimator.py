@@ -134,13 +134,9 @@ def estimate_normals(
 
 def usable_channels(capture: Capture) -> NDArray[np.bool_]:
     """(H, W, 3) False where a light does not reach the pixel (shadow) or its channel is saturated."""
-    saturated = capture.saturated
-    if not np.array_equal(capture.rig.mixing, np.eye(3)):
-        # Unmixing computes each light from all channels, so one saturated channel spoils all three.
-        saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
     light = capture.rig.unmixed(capture.image)
     lit: NDArray[np.bool_] = light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)
-    return lit & ~saturated
+    return lit & ~capture.saturated_lights
 
 
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:

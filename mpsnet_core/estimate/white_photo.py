@@ -105,11 +105,8 @@ def painted_grey(capture: Capture) -> Capture:
         photo, white = capture.image[rows].astype(np.float32, copy=False), capture.white[rows]
         known = white_valid(capture, rows)[..., None]
         image[rows] = measured.lights(photo, np.where(known, measured.factors(white), measured.tint))
-    rig, saturated = replace(capture.rig, mixing=np.eye(3)), capture.saturated
-    if not np.array_equal(capture.rig.mixing, np.eye(3)):
-        # Each light is computed from all channels, so one saturated channel spoils all three.
-        saturated = np.repeat(saturated.any(axis=-1, keepdims=True), 3, axis=-1)
-    return replace(capture, image=image, rig=rig, clip=np.inf, clipped=saturated)
+    rig = replace(capture.rig, mixing=np.eye(3))
+    return replace(capture, image=image, rig=rig, clip=np.inf, clipped=capture.saturated_lights)
 
 
 def measured_white(capture: Capture) -> WhitePhoto | None:

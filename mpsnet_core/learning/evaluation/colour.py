@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
-from mpsnet_core.learning.evaluation.measure import Case, Result, Row
+from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -58,10 +58,10 @@ class ColourChanges(Evaluation):
     ) -> None:
         self._white: dict[tuple[str, int, str], NDArray[np.float32]] = {}
         self.cases = [
-            partial(_case, name, protocol, size, beside)
+            partial(painted_blob, name, protocol, size, white=beside)
             for name in COLOURINGS
             for protocol in protocols
-            for beside in ((False, True) if white else (False,))
+            for beside in white_choices(white)
         ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
@@ -94,7 +94,8 @@ class ColourChanges(Evaluation):
         ]
 
 
-def _case(name: str, protocol: str, size: int, white: bool) -> Case:
+def painted_blob(name: str, protocol: str, size: int, *, white: bool) -> Case:
+    """The blob in one of :data:`COLOURINGS`. white: whether a white photo is beside its photo."""
     colours, pattern = COLOURINGS[name]
     materials = tuple(Material(base_color=colour, roughness=ROUGHNESS) for colour in colours)
     recipe = published_view(HELD_OUT_BLOB, materials, size, pattern=pattern)

@@ -18,7 +18,7 @@ from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
-from mpsnet_core.learning.evaluation.measure import Case, Row
+from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.evaluation.published import (
     OBJECTS,
     PUBLISHED_LIGHTS,
@@ -124,7 +124,7 @@ class Diligent(Evaluation):
             for triple in lights
             for protocol in protocols
             for times in magnify
-            for beside in ((False, True) if white else (False,))
+            for beside in white_choices(white)
         ]
 
     def table(self, rows: Sequence[Row]) -> str:

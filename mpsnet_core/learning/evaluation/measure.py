@@ -21,6 +21,11 @@ from mpsnet_core.scene.normal_map import NormalMap
 EVERY_MODEL = "all"
 
 
+def white_choices(white: bool) -> tuple[bool, ...]:
+    """Whether a white photo is beside each photo: never, or once not and once it is."""
+    return (False, True) if white else (False,)
+
+
 @dataclass(frozen=True)
 class Case:
     """One photo whose normals are known.

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
-from mpsnet_core.learning.evaluation.measure import Case, Row
+from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import photograph
 from mpsnet_core.synthesis.capture_model import CaptureModel
@@ -47,7 +47,7 @@ class Samples(Evaluation):
             partial(_case, self._samples, index * total // count, times, beside)
             for index in range(count)
             for times in magnify
-            for beside in ((False, True) if white else (False,))
+            for beside in white_choices(white)
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
