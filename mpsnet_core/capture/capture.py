@@ -473,7 +473,9 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             log.info(
                 "%s%.0f%% of the white photo's pixels are saturated; expose it shorter", which, 100 * spoilt / pixels
             )
-    if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
+    # A white photo takes the colour away, and which light is the stronger.
+    alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
+    if alone and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(
             "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "
             "misleads the models lambertian and mpsnet unless the mixing is in the rig; multiscale allows for it",

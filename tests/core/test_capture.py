@@ -99,6 +99,17 @@ def test_a_photo_that_gives_hardly_right_normals_is_told_of(
     assert any(words in line for line in told) if words else not told
 
 
+def test_a_coloured_photo_misleads_no_model_where_a_white_one_is_beside_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name, pixels in (("photo", [0.2, 0.5, 0.6]), ("white", [0.4, 0.4, 0.4])):
+        write_image(tmp_path / f"{name}.png", np.broadcast_to(pixels, (4, 4, 3)))
+    with caplog.at_level("INFO", "mpsnet_core"):
+        white = tmp_path / "white.png"
+        read_capture(tmp_path / "photo.png", published_rig(), mask="none", encoding="linear", white=white)
+    assert "as bright" not in caplog.text
+
+
 test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (
