@@ -72,7 +72,12 @@ class Estimator:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
-        capture = painted_grey(capture)
+        given, capture = capture.white is not None, painted_grey(capture)
+        if given and capture.white is None:
+            log.warning(
+                "the white photo is NOT USED: a channel of it is black, or it is clipped nearly everywhere; take it "
+                "once more [white-photo-unused]"
+            )
         if self._network is None:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         elif self._network.card.kind == "pyramid":  # others, as the paper's, expect no error of themselves

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.distant_lights import lights_in
 
 Floats = NDArray[np.floating[Any]]
 
@@ -31,8 +32,9 @@ LEAST_WHITE = 0.02
 EVEN_SHARES = 1.0
 ROUNDS = 10  # of the robust fit
 LEAST_SPREAD = 0.005  # of the distances from the plane
-MOST = 4.0  # times the gains for which all shares have one mean
+MOST = 20.0  # times the gains for which all shares have one mean
 LEAST_PIXELS = 16
+HIGHEST = 95  # percentile; beyond it are highlights, and what the white lamp hardly reaches
 SAMPLED = 20_000  # pixels of a large photo
 
 
@@ -56,8 +58,8 @@ class WhitePhoto(NamedTuple):
     ) -> "WhitePhoto | None":
         """From pixels (N, 3) of both photos all over the object, none of them clipped.
 
-        mixing: of the photo. strengths: (3,) of the lights in the white photo, t. None where a channel of the white
-        photo is black.
+        mixing: of the photo. strengths: of the lights in the white photo, t, (3,) or (N, 3). None where the white
+        photo says too little: a channel of it is black, or too few pixels are bright.
         """
         nothing, inverse = np.eye(3), np.linalg.inv(mixing)
         orders = [(nothing, inverse)] if np.array_equal(mixing, nothing) else [(nothing, inverse), (inverse, nothing)]
@@ -68,11 +70,12 @@ class WhitePhoto(NamedTuple):
             if (means > 0).all():
                 least = LEAST_WHITE * means
                 bright = (beside > least).all(axis=-1)
-                gains, spread = _gains(seen[bright], beside[bright], after, strengths)
+                known = strengths if strengths.ndim == 1 else strengths[bright]
+                gains, spread = _gains(seen[bright], beside[bright], after, known)
                 found.append((spread, cls(gains, least, before, after, np.ones(3))))
-        if not found:
+        spread, best = min(found, key=lambda one: one[0], default=(np.inf, None))
+        if best is None or not np.isfinite(spread):
             return None
-        _, best = min(found, key=lambda one: one[0])
         seen = np.maximum(photo @ best.before.T, 0)
         grey = (seen * best.factors(white)).sum(axis=0)
         total = seen.sum(axis=0)
@@ -117,15 +120,20 @@ def measured_white(capture: Capture) -> WhitePhoto | None:
     some = slice(None, None, step), slice(None, None, step)
     valid = white_valid(capture, *some) & ~capture.saturated_in(some[0])[:, some[1]].any(axis=-1)
     photo, white = capture.image[some][valid], capture.white[some][valid]
-    return WhitePhoto.measured(photo, white, capture.rig.mixing, white_strengths(capture))
+    return WhitePhoto.measured(photo, white, capture.rig.mixing, _white_strengths(capture, step, valid))
 
 
-def white_strengths(capture: Capture) -> NDArray[np.float64]:
-    """(3,) how bright each light is in the white photo; where another lamp lit it, the lights that add up to that."""
-    if capture.white_light is None:
+def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(3,), or (N, 3) for each valid pixel of every `step`, how bright each light is in the white photo; where another
+    lamp lit it, the lights that add up to that."""
+    lamp = capture.white_light
+    if lamp is None:
         return np.ones(3)
-    strengths: NDArray[np.float64] = np.linalg.solve(capture.rig.directions.T, capture.white_light)
-    return strengths
+    if capture.rig.near is None:
+        return np.asarray(np.linalg.solve(capture.rig.directions.T, lamp))
+    rows = range(0, len(capture.mask), step)
+    lights = np.concatenate([lights_in(capture, slice(row, row + 1))[:, ::step] for row in rows])[valid]
+    return np.asarray(np.linalg.solve(np.swapaxes(lights, -1, -2), lamp[None, :, None])[..., 0])
 
 
 def white_valid(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
@@ -140,14 +148,16 @@ def _gains(
     unmixing: NDArray[np.float64],
     strengths: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], float]:
-    """The gains, and how far pixels are from the plane; unmixing: of the ratio."""
-    if len(photo) < LEAST_PIXELS:
+    """The gains, and how far pixels are from the plane, infinity where they cannot be found; unmixing: of the ratio."""
+    mixed = np.linalg.inv(unmixing).sum(axis=1)
+    if len(photo) < LEAST_PIXELS or (mixed <= 0).any():
         return np.ones(3), np.inf
     ratio = photo / white
-    share = np.linalg.inv(unmixing).sum(axis=1) / max(float(strengths.sum()), 0.1)
-    alike = share / np.maximum(photo.sum(axis=0) / white.sum(axis=0), 1e-9)
+    share = mixed / max(float(strengths.sum(axis=-1).mean()), 0.1)
+    bright, usual = (np.minimum(values, np.percentile(values, HIGHEST, axis=0)) for values in (white, ratio))
+    alike = share / np.maximum((usual * bright).sum(axis=0) / bright.sum(axis=0), 1e-9)
     # Each channel's part of Σ_k t_k q_k; with the right multiple of each they add up to 1 in every pixel.
-    parts = ratio * alike * (unmixing.T @ strengths)
+    parts = ratio * alike * (strengths @ unmixing)
     light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
     weights, spread = light, 4 * LEAST_SPREAD
     for _ in range(ROUNDS):

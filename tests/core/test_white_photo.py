@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from near_scene import NEAR, ball
 from synthetic import CROSSTALK, degrees_between, shaded_sphere
 
 from mpsnet_core.capture.capture import Capture
@@ -73,6 +74,46 @@ def test_highlights_on_a_tenth_of_the_pixels_change_the_gains_by_little() -> Non
     np.testing.assert_allclose(found.gains / found.gains[1], GAINS / GAINS[1], rtol=0.03)
 
 
+@pytest.mark.parametrize(("value", "pixels"), [(100.0, 12), (2500.0, 4)])
+def test_a_few_pixels_of_glare_change_nothing_elsewhere(value: float, pixels: int) -> None:
+    painted = Painted()
+    image, white = np.array(painted.capture.image), np.array(painted.capture.white)
+    rows, columns = (places[:pixels] for places in np.nonzero(painted.lit))
+    image[rows, columns] += value
+    white[rows, columns] += value
+    others = painted.lit.copy()
+    others[rows, columns] = False
+    assert painted.off(replace(painted.capture, image=image, white=white), others).mean() < 0.5
+
+
+@pytest.mark.parametrize("slant", [70, 80, 84])
+def test_the_lamp_of_the_white_photo_may_rake(slant: float) -> None:
+    painted, lamp = Painted(), direction_from_angles(slant, 70)
+    cosine = np.maximum(painted.sphere.normals @ lamp, 0)
+    white = painted.albedo * cosine[..., None] * GAINS
+    found = painted.off(replace(painted.capture, white=white, white_light=lamp), painted.lit & (cosine > 0.1))
+    assert np.median(found) < 0.5
+
+
+def test_under_near_lights_every_pixel_has_its_own_lamp() -> None:
+    """The three lights stand 1.5 times the ball's size away, and the one lamp is far."""
+    scene, lamp = ball(near=NEAR, size=80), direction_from_angles(20, 0)
+    columns = np.arange(80) // 13 % 3
+    albedo = np.array([[0.7, 0.06, 0.05], [0.05, 0.4, 0.1], [0.8, 0.6, 0.05]])[columns]
+    white = (albedo * np.maximum(scene.normals @ lamp, 0)[..., None] * GAINS).astype(np.float32)
+    capture = scene.capture(image=(albedo * scene.image).astype(np.float32), white=white, white_light=lamp)
+    where = scene.lit & (scene.normals @ lamp > 0.1)
+    off = degrees_between(estimate_normals(capture, "lambertian").vectors, scene.normals)[where]
+    assert np.median(off) < 1
+
+
+def test_an_order_of_unmixing_without_shares_is_left_out() -> None:
+    """A channel whose lights cancel out has no share of grey light; of narrow lights the other order does it."""
+    rig = LightRig(published_rig().directions, np.array([[1.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+    painted = Painted(rig, narrow=True)
+    assert painted.off(painted.capture, painted.lit).mean() < 0.5
+
+
 def test_a_flat_surface_gets_as_much_of_every_light() -> None:
     """One direction determines no plane: what is left is near grey world, and no gains beyond all bounds."""
     image = np.full((20, 20, 3), 0.4) * [1, 2, 0.5] + np.random.default_rng(2).normal(0, 0.004, (20, 20, 3))
@@ -91,14 +132,20 @@ def test_a_white_photo_without_one_colour_says_nothing(black: int) -> None:
     np.testing.assert_array_equal(found.image, painted.capture.image)
 
 
-def test_where_it_is_clipped_the_surface_is_taken_to_have_its_mean_colour() -> None:
+def test_where_it_is_clipped_the_surface_is_taken_to_have_its_mean_colour(caplog: pytest.LogCaptureFixture) -> None:
     """On a surface of one colour that is the truth; where the white photo is clipped all over it says nothing."""
     painted = Painted(colours=1)
     clipped = np.zeros(painted.capture.image.shape, bool)
     clipped[30:60, 30:60, 1] = True
     found = painted_grey(replace(painted.capture, white_clipped=clipped))
     np.testing.assert_allclose(found.image, painted_grey(painted.capture).image, rtol=0.05, atol=0.01)
-    assert painted_grey(replace(painted.capture, white_clipped=np.ones_like(clipped))).white is None
+    clipped[painted.sphere.mask] = True
+    assert painted_grey(replace(painted.capture, white_clipped=clipped)).white is None
+    clipped[40, 40:55] = False  # too few to measure by
+    nearly_all = replace(painted.capture, white_clipped=clipped)
+    assert painted_grey(nearly_all).white is None
+    estimate_normals(nearly_all, "lambertian")
+    assert "the white photo is NOT USED" in caplog.text
 
 
 def test_a_pixel_saturated_in_one_channel_is_known_to_be_wrong_in_all() -> None:

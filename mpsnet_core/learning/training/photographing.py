@@ -276,7 +276,8 @@ def _photographed(
         for number, k, beside in zip(whites, owners[photos:], white, strict=True):
             valid = seen[number, 0] & _unclipped(beside[None], drawn.bits[number : number + 1])[0, 0]
             if level == 0:
-                measured[k] = _measured_white(shot[number, :, valid], beside[:, valid], examples[k].draw)
+                sure = valid & _unclipped(shot[number][None], drawn.bits[number : number + 1])[0, 0]
+                measured[k] = _measured_white(shot[number, :, sure], beside[:, sure], examples[k].draw)
             light[number] = _painted_grey(shot[number], beside, measured[k], light[number], valid)
         light = light * seen.float()
         if level == 0:
@@ -286,7 +287,8 @@ def _photographed(
         mean = means[chosen]
         photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
-        given = torch.stack([torch.full((photos,), float(level > 0), device=device), drawn.white[:photos]], dim=1)
+        painted = torch.tensor([float(measured.get(k) is not None) for k in chosen], device=device)
+        given = torch.stack([torch.full((photos,), float(level > 0), device=device), painted], dim=1)
         scales.append(
             Scale(
                 maps={
@@ -461,7 +463,7 @@ def _shot(light: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generat
 
 
 def _unclipped(white: Tensor, bits: Tensor) -> Tensor:
-    """(N, 1, H, W) where white photos (N, 3, H, W) are not clipped."""
+    """(N, 1, H, W) where photos (N, 3, H, W) are not clipped."""
     return (white < 0.98).all(dim=1, keepdim=True) | (bits == 0)[:, None, None, None]
 
 
