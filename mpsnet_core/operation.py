@@ -233,7 +233,7 @@ def _check(setting: Setting, value: Any) -> None:
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         least = _number(-math.inf if low is None else low)
         known = f"{least} or more" if high is None else f"{least} to {_number(high)}"
-        raise SettingsError(f"{name} {_number(value)} cannot be; choose {known}")
+        raise SettingsError(f"{name} {_number(value)} is out of range; choose {known}")
 
 
 def _number(value: float) -> str:

@@ -87,6 +87,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             **network(self),
             passes=None if moves or self.average_passes else 1,
             white=(bpy.path.abspath(self.white),) if self.white and not moves else (),
+            white_light=(self.white_light or None) if self.white and not moves else None,
             confidence=confidence,
             albedo=albedo,
             smooth=self.smooth if moves else 0,

@@ -100,6 +100,8 @@ class MPS_PT_real(Step):
         column.prop(estimate, "dark", placeholder="None")
         column.prop(estimate, "flat", placeholder="None")
         column.prop(estimate, "white", placeholder="None")
+        if estimate.white:
+            column.prop(estimate, "white_light", placeholder="Rig")
         self.progress_or(context, "check_photo", "VIEWZOOM")
 
 

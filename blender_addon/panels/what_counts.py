@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.frames import is_several
 from mpsnet_core.scene.rig import LightRig, read_rig
 
 from ..estimate.photo_options import rig_file_for
@@ -109,6 +110,7 @@ def lacks_named(settings: Any, name: str, *, optional: bool) -> str:
     path, label = getattr(settings, name), settings.bl_rna.properties[name].name
     if not path:
         return "" if optional else f"Choose the {label.lower()}"
-    if (optional and "*" in path) or is_there(Path(bpy.path.abspath(path))):
+    found = bpy.path.abspath(path)
+    if (optional and is_several(found)) or is_there(Path(found)):
         return ""
     return f"{label} {path} does not exist; choose another"

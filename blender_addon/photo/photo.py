@@ -82,8 +82,9 @@ class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its photo is in {result['output']}"
-        photo = rig_at(self.scene(result_is), self._rig_place, result_is).photo
-        photo.image = image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
+        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
+        _take(rig, image)
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
@@ -170,7 +171,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
 
 def _take(rig: Any, image: bpy.types.Image) -> None:
-    """Make an image that was taken with a real camera the photo of a rig."""
+    """Make an image the photo of a rig."""
     if rig.photo.image not in (None, image):
         rig.estimate.white = ""  # it is of the other photo's pose
     rig.photo.image = image

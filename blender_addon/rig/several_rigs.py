@@ -131,7 +131,7 @@ def new_rig(scene: Any) -> None:
     for step, settings in _STEPS.items():
         group = getattr(mps, step)
         for name in _names(group):
-            if name not in settings.__annotations__ or name in {"output", "rig_file", "white"}:
+            if name not in settings.__annotations__ or name in {"output", "rig_file", "white", "white_light"}:
                 group.property_unset(name)
     _forget(mps)
 

@@ -55,6 +55,7 @@ class EstimateSettings:
     dark: from_option(Estimate, "dark", name="Dark Frame")
     flat: from_option(Estimate, "flat", name="Flat Field")
     white: from_option(Estimate, "white", name="White Photo")
+    white_light: from_option(Estimate, "white_light", name="White Light", unset="the rig's three lights")
     rig_file: FileSetting(
         name="Rig File",
         description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "

@@ -958,6 +958,13 @@ TIPS = {
     "Width and height of the pictures in pixels. 0: the pixels that the photo has there": (
         "Breite und Höhe der Bilder in Pixeln. 0: die Pixel, die das Foto dort hat"
     ),
+    (
+        "What lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees. "
+        "Empty: the rig's three lights"
+    ): (
+        "Was das Weißlichtfoto beleuchtet hat: die drei Lichter des Rigs auf Weiß gestellt, oder eine Lampe in dieser "
+        "Richtung in Grad. Leer: die drei Lichter des Rigs"
+    ),
     "Width and height of the texture in pixels": "Breite und Höhe der Textur in Pixeln",
     "Width of the photo in pixels": "Breite des Fotos in Pixeln",
     "With forward Y and up Z, as Blender's importer of PLY does": (

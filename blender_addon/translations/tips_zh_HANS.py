@@ -758,6 +758,10 @@ TIPS = {
     "Width and height of the pictures in pixels. 0: the pixels that the photo has there": (
         "图片的宽度和高度（像素）。0：照片在该处的像素数"
     ),
+    (
+        "What lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees. "
+        "Empty: the rig's three lights"
+    ): ("白光照片由什么照亮：装置的三盏灯调成白色，或位于该方向（度）的一盏灯。留空：装置的三盏灯"),
     "Width and height of the texture in pixels": "纹理的宽度和高度（像素）",
     "Width of the photo in pixels": "照片的宽度（像素）",
     "With forward Y and up Z, as Blender's importer of PLY does": "Y 向前、Z 向上，与 Blender 的 PLY 导入器相同",

@@ -489,6 +489,13 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         path="folder",
         provenance="none",  # in each view's own line
     )
+    passes: Literal[1, 3] | None = option(
+        default=None,
+        choices={1: "a third of the time", 3: "the mean of its answers on the scene turned and mirrored"},
+        help="passes of the network over each photo",
+        unset="3 for the default model",
+        provenance="none",
+    )
     level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL)
     keep: str | None = option(
         default=None,
@@ -537,10 +544,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         progress(0.0, "reading the mesh")
         plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])], albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)
-        recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts())
+        recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
         sources = sources_of(views, photography, mesh, recipe)
         scene = RayScene(mesh.world_vertices, mesh.triangles)
-        estimator = self.estimator()
+        estimator = self.estimator(self.passes)
         with contextlib.ExitStack() as stack:
             folder = self._folder(stack)
             kept = [KeptView(folder, view.name, bool(self.white)) for view in views]

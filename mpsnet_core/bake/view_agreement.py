@@ -121,11 +121,12 @@ def note_doubts(views: Sequence[ViewAgreement]) -> None:
     """Warn of views that depart from the others, or from the mesh, by more than estimates do."""
     for view in views:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
+            apart = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
             log.warning(
-                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, camera and mesh belong "
-                "together, and is --lights-in right? [views-apart]",
+                "view %s %swas levelled by %.0f°: do rig, camera and mesh belong together, and is --lights-in right? "
+                "[views-apart]",
                 view.name,
-                np.nan_to_num(view.before),
+                apart,
                 view.level,
             )
 

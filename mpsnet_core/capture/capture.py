@@ -15,8 +15,9 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.sizes import SAME_CAMERA, SAME_SIZE, check_same_size, size
-from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
+from mpsnet_core.capture.transfer_curve import is_taken_as_linear
 from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
+from mpsnet_core.io.files import resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import SATURATED_SHARE, Image
 from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
@@ -255,37 +256,18 @@ def read_capture(
             raise type(error)(f"{path}: {error}") from None
 
     capture = taken(image)
-    if image.assumed and _linear_rather(path, image, capture, decide=correction is None):
+    # Dark frames and flat fields have been read as sRGB.
+    if is_taken_as_linear(Path(path).name, image, capture.mask, rig, decide=correction is None):
         encoding, image = "linear", as_stored(image)
         # What is found by brightness lies elsewhere by another curve; any other mask stays.
         capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
+        if any(resolved(file) == resolved(path) for file in several):
+            raise _white_is_the_photo(path)
         capture = with_white(capture, several, light=white_light, encoding=encoding, layer=layer, correction=correction)
     note_doubts(capture)
     return capture
-
-
-def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture, decide: bool) -> bool:
-    """Whether to read a file that does not state its encoding as linear, not as sRGB; warns where that is or may be so.
-
-    decide: whether it may be read so; dark frames and flat fields have been read as sRGB.
-    """
-    rather = linear_rather(image.pixels, capture.mask, capture.rig)
-    if rather > DECIDED and decide:
-        log.warning(
-            "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
-            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb) [transfer-curve]",
-            Path(path).name,
-        )
-        return True
-    if rather > CLOSE:
-        log.warning(
-            "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
-            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more [transfer-curve]",
-            Path(path).name,
-        )
-    return False
 
 
 def with_white(
@@ -315,10 +297,14 @@ def with_white(
         except InputError as error:
             raise type(error)(f"{file}: {error}") from None
         clipped |= image.saturated
-    if np.array_equal(total, capture.image):
-        raise SettingsError(f"{photos[0]}: the white photo is the photo itself; give the one under white light")
+    if np.array_equal(total.astype(capture.image.dtype), capture.image):
+        raise _white_is_the_photo(photos[0])
     lamp = None if light is None else np.asarray(light, np.float64)
     return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=lamp)
+
+
+def _white_is_the_photo(path: str | os.PathLike[str]) -> SettingsError:
+    return SettingsError(f"{path}: the white photo is the photo itself; give the one under white light")
 
 
 def capture_from(

@@ -131,7 +131,8 @@ def corrected(image: Image, correction: Correction) -> Image:
             pixels[rows] = np.maximum(pixels[rows] - correction.dark[rows], 0)
         if correction.gain is not None:
             pixels[rows] *= correction.gain[rows]
-    return replace(image, pixels=pixels, clip=np.inf, clipped=clipped)
+    # Their curve cannot be judged any more.
+    return replace(image, pixels=pixels, clip=np.inf, clipped=clipped, assumed=False)
 
 
 def _mean_frame(

@@ -24,6 +24,9 @@ log = logging.getLogger(__name__)
 
 Notes = Literal["all", "doubts", "none"]
 
+# What a choice of mask may be, besides a file, threshold:T and background:FILE.
+WORDS = ("alpha", "auto", "alpha-or-auto", "alpha-or-all", "none")
+
 # Object and background are separated in a picture of at most this side; the outline is then drawn at full size,
 # within so many of that picture's pixels.
 WORKING_SIDE, OUTLINE = 1024, 2
@@ -61,8 +64,8 @@ def find_mask(
     choice : str or path, or None
         A mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
         :func:`auto_mask`; "background:FILE", the same scene without the object, see :func:`background_mask`;
-        "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo where nothing stands out.
-        None: alpha where the photo has it, else the whole photo.
+        "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo where nothing stands out;
+        "alpha-or-all", which None stands for: alpha where the photo has it, else the whole photo.
     encoding, layer, correction
         How the photo was read and corrected; the background's photo is too, but for the layer where it has only one.
     notes : {"all", "doubts", "none"}
@@ -77,13 +80,14 @@ def find_mask(
     InputError
         Where a file is missing or broken, or nothing stands out from the background.
     """
-    words = "" if choice is None else os.fspath(choice)
+    words = os.fspath(choice or "alpha-or-all")
     kind, _, argument = words.partition(":")
-    if words == "none" or (not words and image.alpha is None):
-        if not words:
-            log.warning("no mask and no alpha: the whole photo is assumed to be the object [no-mask]")
+    if words == "alpha-or-all" and image.alpha is None:
+        log.warning("no mask and no alpha: the whole photo is assumed to be the object [no-mask]")
         return _whole(image)
-    if words in ("", "alpha"):
+    if words == "none":
+        return _whole(image)
+    if words in ("alpha-or-all", "alpha"):
         return _alpha_mask(image)
     if words == "alpha-or-auto":
         try:
@@ -101,8 +105,9 @@ def find_mask(
         background = _read_background(argument, encoding, layer, correction)
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
+        known = ", ".join(WORDS)
         raise FileError(
-            f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
+            f"mask {words} does not exist, and is none of {known}, threshold:T and background:FILE; check it"
         )
     return read_mask(words)
 
@@ -127,7 +132,7 @@ def _whole(image: Image) -> NDArray[np.bool_]:
 
 def mask_source(choice: str) -> str | None:
     """The file, folder or pattern that a choice of mask names; None for a word, even if a folder is named so."""
-    if choice in ("alpha", "auto", "alpha-or-auto", "none") or choice.startswith("threshold:"):
+    if choice in WORDS or choice.startswith("threshold:"):
         return None
     return choice.removeprefix("background:")
 

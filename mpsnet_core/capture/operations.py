@@ -55,8 +55,7 @@ class ReadsPhotos(ReadsPictures):
         return read_correction(self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth)
 
     def photo_and_mask(self, photo: str, choice: str, progress: Progress) -> "tuple[Image, NDArray[np.bool_]]":
-        """A photo, corrected, and (H, W) where the object is. choice: as :func:`mpsnet_core.find_mask` takes it, or
-        alpha-or-all.
+        """A photo, corrected, and (H, W) where the object is. choice: as :func:`mpsnet_core.find_mask` takes it.
 
         Raises InputError where a file cannot be read, no object is found, or the mask has another size.
         """
@@ -71,8 +70,7 @@ class ReadsPhotos(ReadsPictures):
         with located(photo):
             if correction is not None:
                 image = corrected(image, correction)
-            words = None if choice == "alpha-or-all" else choice
-            mask = find_mask(image, words, encoding=self.encoding, layer=self.layer, correction=correction)
+            mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
         if mask.shape != image.pixels.shape[:2]:
             sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
             raise GeometryError(f"{choice} is {sizes[0]} but {photo} is {sizes[1]}; they must be the same size")
@@ -212,9 +210,10 @@ class FindMask(ReadsPhotos):
 
     image: str = option(positional=True, help="photo")
     mask: str = option(
-        default="auto",
-        help="auto: before a dark or plain background; background:FILE, a photo of the scene without the object; "
-        "threshold:0.05, alpha, or a mask file to look at; alpha-or-all is what `estimate` does without --mask",
+        default="alpha-or-auto",
+        help="alpha; auto: before a dark or plain background; alpha-or-auto: auto where the photo has no alpha; "
+        "background:FILE, a photo of the scene without the object; threshold:0.05, or a mask file to look at; "
+        "alpha-or-all is what `estimate` does without --mask",
     )
     overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
     output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")

@@ -11,6 +11,7 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
+from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LightRig
 
@@ -55,7 +56,7 @@ class Finding:
     Parameters
     ----------
     item : str
-        "exposure", "clipping", "channels", "lights", "reach" or "focus".
+        "encoding", "exposure", "clipping", "channels", "lights", "reach" or "focus".
     level : {"good", "watch", "bad"}
     sentence : str
         What was found and, unless it is good, how to mend it.
@@ -85,6 +86,10 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
     ------
     FormatError
         Where the photo is not finite inside the mask.
+
+    Notes
+    -----
+    Of a file that does not state its encoding there is one item more, under a rig: whether its values may be linear.
     """
     whole = finite_inside(image.pixels, mask, "photo")
     step = -(-mask.size // PIXELS)
@@ -97,6 +102,7 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
     return [
+        *([] if rig is None or not image.assumed else [_encoding(image, mask, rig)]),
         _exposure(values, noise, full_scale),
         _clipping(values, clipped[inside]),
         _channels(values, rig),
@@ -126,6 +132,18 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
     return [round(float(one), 4) for one in values]
 
 
+def _encoding(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> Finding:
+    rather = linear_rather(image.pixels, mask, rig)
+    figures: dict[str, float | list[float]] = {"linear_rather": round(rather, 3)}
+    level = _level(rather, (CLOSE, DECIDED))
+    if level == "good":
+        words = "the file does not say how its values are meant; nothing speaks against sRGB"
+        return Finding("encoding", level, words, figures)
+    likely = "must" if level == "bad" else "may well"
+    words = f"the file does not say how its values are meant, and by its shading they {likely} be linear; then set the "
+    return Finding("encoding", level, words + "encoding to linear (--encoding linear) [transfer-curve]", figures)
+
+
 def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scale: float | None) -> Finding:
     bright = np.percentile(values, 99, axis=0)
     highest, weakest = float(bright.max()), int(bright.argmin())
@@ -137,8 +155,9 @@ def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scal
     level = _worse(dark, weak, noisy)
     of_what = "full scale" if full_scale else "the brightest channel"
     if level == "good":
-        words = f"the object's brightest hundredth reaches {bright.min() / (full_scale or highest):.0%} of {of_what} "
-        return Finding("exposure", level, words + "or more in each channel", figures)
+        words = "the object's brightest hundredth reaches at least "
+        reached = bright.min() / (full_scale or highest)
+        return Finding("exposure", level, f"{words}{reached:.0%} of {of_what} in every channel", figures)
     if dark == level:
         longer = AIM / max(highest, 1e-3)
         words = f"the object's brightest hundredth reaches only {highest:.1%} of full scale"

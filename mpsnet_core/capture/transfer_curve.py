@@ -1,11 +1,15 @@
 """Whether a photo's values are linear or sRGB, where its file does not say: which normals are rather of one surface."""
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
+from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
+
+log = logging.getLogger(__name__)
 
 # Above DECIDED the values are assumed linear. 1,320 photos, photographed and synthesised, with paint, gloss, shadows,
 # noise and rigs that are known badly: as sRGB 1 of them was above it, as linear 223. Above CLOSE: 46 and 590.
@@ -23,6 +27,32 @@ LEAST_FACING = 0.15
 ROUNDS = 15
 # How little the lights' strengths are assumed to differ, against what the pixels show.
 STRENGTH_PRIOR = 0.05
+
+
+def is_taken_as_linear(
+    name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig, *, decide: bool = False
+) -> bool:
+    """Whether to read a file that does not state its encoding as linear, not as sRGB; warns where that is or may be so.
+
+    image: as it was read, not corrected. decide: whether it may be read so; otherwise this only warns.
+    """
+    if not image.assumed:
+        return False
+    rather = linear_rather(image.pixels, mask, rig)
+    if rather > DECIDED and decide:
+        log.warning(
+            "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
+            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb) [transfer-curve]",
+            name,
+        )
+        return True
+    if rather > CLOSE:
+        log.warning(
+            "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
+            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more [transfer-curve]",
+            name,
+        )
+    return False
 
 
 def linear_rather(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> float:

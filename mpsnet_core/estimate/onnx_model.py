@@ -58,7 +58,7 @@ class OnnxModel:
         if tile < 64:
             raise SettingsError(f"a tile of {tile} pixels is too small; use 64 or more")
         if threads < 0:
-            raise SettingsError(f"{threads} threads cannot be; use 0 for all cores or a number above")
+            raise SettingsError(f"{threads} threads is out of range; use 0 for all cores or a number above")
         self.tile = tile
         check_operators(self.path)
         self.session = _session(self.path, provider, threads)

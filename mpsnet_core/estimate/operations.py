@@ -166,7 +166,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="also write how far each normal can be trusted, a map for one photo",
         provenance="none",
     )
-    format: str = option(default="png", help="png, tif or exr, where the output is a folder")
+    format: str | None = option(default=None, help="png, tif or exr, where the output is a folder", unset="png")
     smooth: int = option(
         default=0,
         metavar="N",
@@ -322,6 +322,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int = 1) -> "Outcome":
         from mpsnet_core.capture.capture import capture_from
+        from mpsnet_core.capture.transfer_curve import is_taken_as_linear
         from mpsnet_core.estimate.sequence.run import estimate_sequence
         from mpsnet_core.io.files import located
         from mpsnet_core.io.provenance import operation_facts
@@ -345,6 +346,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                     correction=correction,
                     notes=notes,
                 )
+            if notes != "none":
+                is_taken_as_linear(frame.name, image, capture.mask, rig)
             notes = "none"  # the other frames are much like the first
             return capture
 

@@ -73,7 +73,7 @@ _MODELS = (
     _network(
         AVERAGED_MODEL,
         "Multiscale Averaged",
-        "The default as stills get it, three passes averaged, for sequences too",
+        "The old name of the default with --passes 3: three passes averaged, for sequences too",
         STILL_PASSES,
         comparison=True,
         file=DEFAULT_MODEL,
@@ -109,7 +109,7 @@ _MODELS = (
     RegisteredModel(
         LAMBERTIAN_GREY_WORLD,
         "Lambertian Grey World",
-        "The baseline for a matt surface of one colour: each channel is divided by its own mean first",
+        "The baseline for flat, matt cloth, leather or plaster of one colour: each channel divided by its mean",
         comparison=True,
     ),
 )

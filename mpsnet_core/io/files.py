@@ -27,7 +27,7 @@ from typing import Any
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 
 # Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
-MAX_JSON_BYTES = 1 << 20
+MAX_TEXT_BYTES = 1 << 20
 
 # Photos by their suffixes; camera raw as far as LibRaw reads it.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
@@ -238,10 +238,8 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
     """
     choices = WRITABLE_BITS.get(path.suffix.lower())
     if choices is None:
-        kind = path.suffix or "no suffix"
-        raise SettingsError(
-            f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}"
-        )
+        kind = f"{path.suffix} is not an image format of ours" if path.suffix else "its name has no ending"
+        raise SettingsError(f"cannot write {path}: {kind}; use {', '.join(WRITABLE_BITS)}")
     if bits is None:
         return choices[0]
     if bits not in choices:
@@ -401,7 +399,7 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
     keys: its other keys. Raises FileError; FormatError for anything else, and for an unknown key, mostly a misspelling.
     """
     path = existing_file(path, f"{format_name.removeprefix('mpsnet-')} file")
-    if path.stat().st_size > MAX_JSON_BYTES:
+    if path.stat().st_size > MAX_TEXT_BYTES:
         raise FormatError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
     try:
         data = json.loads(path.read_text(encoding="utf-8-sig"))  # Notepad writes a byte order mark

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mpsnet_core.errors import FileError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import (
     IMAGE_SUFFIXES,
     PHOTO_SUFFIXES,
@@ -158,18 +158,20 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
     return files
 
 
-def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str) -> list[Path]:
+def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str | None = None) -> list[Path]:
     """The file of each photo's normals: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
-    kind: of file in a folder, as "png".
+    kind: of file in a folder, as "png", which it is unless given.
 
-    Raises FileError where two results would share a name, or cannot be written.
+    Raises FileError where two results would share a name, or cannot be written; SettingsError where `output` is a file
+    of another kind.
     """
-    target = Path(output)
+    target, suffix = Path(output), file_suffix(kind)
     if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
+        if kind and suffix != target.suffix.lower():
+            raise SettingsError(f"--format {kind} is not what {target} ends in; change one, or leave --format out")
         return [writable_image(target)]
     results_folder(target, f"there are {len(photos)} photos")
-    suffix = f".{kind.lstrip('.')}"
     checked_bits(Path(f"normals{suffix}"))
     numbered = numbering(photos)
     stems = numbered.stems if numbered else [photo.stem for photo in photos]
@@ -178,6 +180,11 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
         twice = next(file for file, times in Counter(files).items() if times > 1)
         raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     return files
+
+
+def file_suffix(kind: str | None) -> str:
+    """The ending of a kind of file, as "png", which it is unless given."""
+    return f".{(kind or 'png').lstrip('.').lower()}"
 
 
 def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:

@@ -30,6 +30,7 @@ _IS_LINEAR = Choices[bool | None]("encoding", {"auto": None, "linear": True, "sr
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
+MAX_LAYER_VALUES = 4 * MAX_PIXELS  # of all the channels that are read at once
 # Far above the sun's, and its square is finite in float32; larger values count as not finite.
 MAX_VALUE = 1e15
 
@@ -481,7 +482,12 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
-        names = spec.channelnames
+        try:
+            names = spec.channelnames
+        except UnicodeDecodeError:
+            raise FormatError(
+                f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
+            ) from None
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
             # Blender 5 writes a part per pass and repeats its name in the channels only where a pass has a layer.
@@ -528,6 +534,11 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
+        if spec.width * spec.height * (last + 1 - first) > MAX_LAYER_VALUES:
+            raise FormatError(
+                f"{path} has {last + 1 - first} channels in a layer of {spec.width} x {spec.height}, more than this "
+                "program reads; export the photo alone"
+            )
         kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
         values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
         reason = complaint(source)

@@ -34,7 +34,8 @@ def read_raw(path: Path) -> Image:
         rawpy = importlib.import_module("rawpy")
     except ImportError:
         raise InputError(
-            f"{path} is a camera raw file, which needs rawpy: pip install 'mpsnet[raw]', or convert it to a linear TIFF"
+            f"{path} is a camera raw file, which needs rawpy: pip install 'mpsnet[raw]', or convert it to a "
+            "linear TIFF and set the encoding to linear (--encoding linear)"
         ) from None
     try:
         with rawpy.RawPy() as raw:
@@ -46,7 +47,8 @@ def read_raw(path: Path) -> Image:
         message = error.args[0] if error.args else ""
         reason = message.decode("ascii", "replace") if isinstance(message, bytes) else str(message)
         raise FormatError(
-            f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF"
+            f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF and set "
+            "the encoding to linear (--encoding linear)"
         ) from None
     except UnicodeError:
         raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
@@ -85,7 +87,7 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
     if developed.shape != clipped.shape:
         raise FormatError(
             f"{path} is from a sensor whose pixels are not square or stand in slanted rows, which this program does "
-            "not read; convert it to a linear TIFF"
+            "not read; convert it to a linear TIFF and set the encoding to linear (--encoding linear)"
         )
     developed, clipped = _upright(developed, flip), _upright(clipped, flip)
     pixels = np.empty(developed.shape, np.float32)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import (
-    MAX_JSON_BYTES,
+    MAX_TEXT_BYTES,
     checked_bits,
     existing_file,
     read_json,
@@ -284,7 +284,7 @@ def _kept_data(path: Path) -> dict[str, Any] | None:
     """The scale as the picture's own description has it, None where another program took it out."""
     text = image_description(path)
     try:
-        data = json.loads(text) if len(text) < MAX_JSON_BYTES else None
+        data = json.loads(text) if len(text) < MAX_TEXT_BYTES else None
     except (ValueError, RecursionError):
         return None
     return data if isinstance(data, dict) else None

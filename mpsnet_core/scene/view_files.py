@@ -17,6 +17,10 @@ def write_views(path: str | os.PathLike[str], views: Iterable[tuple[str, str | o
     write_json(path, {"format": VIEWS_FORMAT, "version": VIEWS_VERSION, "views": listed})
 
 
+def _is_name(name: str) -> bool:
+    return name.isprintable() and not set(name) & set("/\\:")
+
+
 def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
     """What :func:`write_views` wrote, sorted by name; photos are found from the file's own folder.
 
@@ -31,8 +35,11 @@ def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
         if not isinstance(view, dict) or not isinstance(view.get("camera"), dict):
             raise FormatError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
         name, photo = view.get("name"), view.get("photo")
-        if not isinstance(name, str) or not isinstance(photo, str) or not name or set(name) & set("/\\:"):
-            raise FormatError(f'{file}: view {number} needs a "name" without slashes or colons and a path, "photo"')
+        if not isinstance(name, str) or not isinstance(photo, str) or not name or not _is_name(name):
+            raise FormatError(
+                f'{file}: view {number} needs a "name" of printable letters, without slashes or colons, and a path, '
+                '"photo"'
+            )
         with located(f"{file}: view {name}"):
             found.append((name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
     return sorted(found, key=lambda view: view[0])

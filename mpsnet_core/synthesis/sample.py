@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
-from mpsnet_core.io.files import MAX_JSON_BYTES, existing_file, written_whole
+from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file, written_whole
 from mpsnet_core.io.images import MAX_VALUE, complaint, image_attribute, image_input, libraries_silent
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
@@ -223,7 +223,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
 def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     """The metadata and the recipe in it, known to be whole and to fit the picture."""
     text = image_attribute(source.spec(), METADATA, str)
-    if text is None or len(text) > MAX_JSON_BYTES:
+    if text is None or len(text) > MAX_TEXT_BYTES:
         raise FormatError(
             f"{path} is no sample: it has no description; give a file that mpsnet synthesize or Blender made"
         )

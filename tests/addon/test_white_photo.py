@@ -8,6 +8,7 @@ from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.scene.normal_map import read_normals
 
 COLOUR = np.array([0.6, 0.3, 0.15])
 
@@ -94,3 +95,26 @@ def test_a_white_photo_does_not_stay_for_another_photo(white, scene, tmp_path):
     scene.mps.estimate.white = white
     bpy.ops.mps.open_photo(filepath=white)
     assert scene.mps.estimate.white == ""
+
+
+def test_a_photo_that_is_rendered_has_no_white_photo_of_another(white, scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=white)
+    scene.mps.estimate.white = white
+    bpy.ops.mps.render_photo(output=str(tmp_path / "anew.exr"))
+    assert scene.mps.estimate.white == ""
+
+
+def test_one_lamp_may_have_lit_the_white_photo(white, photographed, scene, tmp_path):
+    """A lamp on the axis: the normals' z is the shading, and the albedo has no trace of it."""
+    bpy.ops.mps.estimate(model="LAMBERTIAN", white="", output=str(tmp_path / "n.png"))
+    normals = read_normals(tmp_path / "n.png")
+    write_image(white, np.maximum(normals.vectors[..., 2:], 0) * COLOUR)
+    bpy.ops.mps.estimate(white=white, white_light="0,0", albedo=True, output=str(tmp_path / "lamp.png"))
+    albedo = read_albedo(tmp_path / "lamp_albedo.png")
+    facing = normals.mask & (normals.vectors[..., 2] > 0.3)
+    assert np.ptp(albedo[facing, 0]) < 0.05 * albedo[facing, 0].mean()
+
+
+def test_a_pattern_of_white_photos_is_a_file_that_is_there(white, scene, tmp_path):
+    scene.mps.estimate.white = str(tmp_path / "white_?.exr")
+    assert "White Photo" not in MPS_PT_estimate.state(bpy.context).why

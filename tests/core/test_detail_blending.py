@@ -186,7 +186,7 @@ def test_the_present_maps_convention_is_told(bench: Bench) -> None:
         (["--onto-shown", "yes"], "--onto-convention and --onto-shown describe the map of --onto"),
         (["--onto-convention", "directx"], "--onto-convention and --onto-shown describe the map of --onto"),
         (["--format", "exr"], "out.png ends in; change one, or leave --format out"),
-        (["--onto", "good", "--strength", "3"], "strength 3 cannot be; choose 0 to 2"),
+        (["--onto", "good", "--strength", "3"], "strength 3 is out of range; choose 0 to 2"),
         (["--onto", "photo"], "photo.png is not a normal map: its colours are not unit vectors"),
         (["--onto", "black"], "black.png is not a normal map"),
         (["--onto", "object"], "object.png is not in tangent space: many of its normals point inwards"),

@@ -273,7 +273,7 @@ test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a picture too small",
             lambda b: b.run("evaluate", "colour", "--size", "8", "--model", "lambertian"),
-            "size 8 cannot be; choose 16 to 8192",
+            "size 8 is out of range; choose 16 to 8192",
         ),
         (
             "colours by an unknown protocol",

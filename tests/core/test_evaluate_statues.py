@@ -175,7 +175,7 @@ test_a_bad_evaluation_of_statues_gets_one_clear_sentence = gets_one_clear_senten
         (
             "statues magnified 100 times",
             lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--magnify", "100"),
-            "magnify 100 cannot be; choose 1 to 8",
+            "magnify 100 is out of range; choose 1 to 8",
         ),
         (
             "lights behind statues",

@@ -43,7 +43,7 @@ def test_brackets_in_a_name_are_not_a_pattern(tmp_path: Path) -> None:
 
 
 def test_one_photo_goes_to_the_file_that_is_named(tmp_path: Path) -> None:
-    assert output_files([tmp_path / "a.png"], tmp_path / "n.exr", ".png") == [tmp_path / "n.exr"]
+    assert output_files([tmp_path / "a.png"], tmp_path / "n.exr", ".exr") == [tmp_path / "n.exr"]
 
 
 @pytest.mark.parametrize("photos", [["a.png"], ["a.png", "b.exr"]])
@@ -134,6 +134,11 @@ test_a_bad_output_gets_one_clear_sentence = gets_one_clear_sentence(
             "folder of frames in no folder",
             lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="no/where"),
             "no/where…does not exist; create it first",
+        ),
+        (
+            "another format than its name",
+            lambda b: b.estimate(format="exr"),
+            "--format exr is not what …out.png ends in; change one, or leave --format out",
         ),
         ("unknown suffix", lambda b: b.estimate(output="out.gif"), "out.gif…not an image format of ours; use .png"),
         (

@@ -282,6 +282,16 @@ def huge_png(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + parts
 
 
+def many_channels(bench: Bench) -> Path:
+    """An EXR of 1400 x 1300 whose header alone is there."""
+    spec = oiio.ImageSpec(1400, 1300, 1023, oiio.HALF)
+    spec.channelnames = ("R", "G", "B", *(f"x{number}" for number in range(1020)))
+    output = oiio.ImageOutput.create("exr")
+    assert output.open(str(bench / "c.exr"), spec)
+    output.close()
+    return bench / "c.exr"
+
+
 def huge_exr(b: Bench) -> Path:
     """An EXR whose header says it is 100000 x 100000."""
     data = b.photo("huge.exr").read_bytes()
@@ -398,6 +408,16 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_image(write_file(b / "c.exr", np.zeros((2, 2, 1100)), "half")),
             "c.exr…1100 channels",
         ),
-        ("no suffix", lambda b: write_image(b / "out", SPHERE.image), "out…no suffix…use .png"),
+        (
+            "a channel's name in Latin-1",
+            lambda b: read_image(b.replaced(b.photo("c.exr"), b"B\0\2\0\0\0", b"\xe4\0\2\0\0\0")),
+            "c.exr names a channel or layer in letters that are not UTF-8; rename it",
+        ),
+        (
+            "a layer of far too many values",
+            lambda b: read_image(many_channels(b)),
+            "c.exr has 1023 channels in a layer of 1400 x 1300, more than this program reads; export the photo alone",
+        ),
+        ("no suffix", lambda b: write_image(b / "out", SPHERE.image), "out…its name has no ending; use .png"),
     ]
 )

@@ -160,7 +160,7 @@ BAD: list[tuple[str, str]] = [
         "h_<OBJECT>.png stands for several textures; name one of them, with a",
     ),
     ("n.png --mesh m.stl", ".stl is not a mesh format of ours"),
-    ("n.png --mesh m.ply --faces 0", "faces 0 cannot be; choose 1 to 10000000"),
+    ("n.png --mesh m.ply --faces 0", "faces 0 is out of range; choose 1 to 10000000"),
     ("n.png --mesh m.ply --faces many", "invalid int value: 'many'"),
     ("n.png --mesh m.ply --open 91", "between 0 and 90 degrees on, not 91"),
     ("n.png --mesh m.ply --up x", "up 'x' is not known; choose y or z"),

@@ -520,7 +520,7 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "fewer than no threads",
             lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=-1),
-            "-1 threads cannot be; use 0",
+            "-1 threads is out of range; use 0",
         ),
         (
             "unknown provider",

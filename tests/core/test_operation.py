@@ -112,8 +112,8 @@ def test_paths_are_taken_as_they_come() -> None:
     ("options", "sentence"),
     [
         ({"roast": "burnt"}, "roast 'burnt' is not known; choose light or dark"),
-        ({"size": 3.0}, "size 3 cannot be; choose 0.1 to 2"),
-        ({"size": float("nan")}, "size nan cannot be; choose 0.1 to 2"),
+        ({"size": 3.0}, "size 3 is out of range; choose 0.1 to 2"),
+        ({"size": float("nan")}, "size nan is out of range; choose 0.1 to 2"),
     ],
 )
 def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None:

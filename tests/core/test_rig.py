@@ -221,6 +221,7 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (".lp with no light", lambda b: read_rig(b.text("r.lp", "0\n")), "r.lp…holds 0 lights, a rig has three"),
         (".lp with two numbers a line", lambda b: read_rig(b.text("r.lp", "3\n" + "0 1\n" * 3)), "r.lp…name x y z"),
+        (".lp of megabytes", lambda b: read_rig(b.text("r.lp", " " * (1 << 21))), "r.lp is larger than 1 MiB"),
         (".lp that is empty", lambda b: read_rig(b.text("r.lp", "")), "r.lp…not an .lp file…first line is the count"),
         (".lp that is something else", lambda b: read_rig(b.text("r.lp", "hello\nworld")), "r.lp…not an .lp file"),
         (

@@ -192,7 +192,7 @@ def test_no_more_shots_are_asked_for_than_an_answer_needs(reach: int) -> None:
 
 @pytest.mark.parametrize("reach", [-1, 13])
 def test_a_reach_out_of_range_is_refused(reach: int) -> None:
-    with pytest.raises(InputError, match=f"smoothing over {reach} frames each way cannot be; choose 0 to 12"):
+    with pytest.raises(InputError, match=f"smoothing over {reach} frames each way is out of range; choose 0 to 12"):
         next(smoothed([], reach))
 
 

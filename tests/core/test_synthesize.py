@@ -142,14 +142,18 @@ test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
             r"cannot make folder …\udcf6: its name is not valid UTF-8; choose another name",
         ),
         ("no count", lambda b: b.run("synthesize", "-o", b / "s"), "--count; see mpsnet synthesize --help"),
-        ("no samples", lambda b: synthesize(b, "--count", "0"), "count 0 cannot be; choose 1 to 10000000"),
+        ("no samples", lambda b: synthesize(b, "--count", "0"), "count 0 is out of range; choose 1 to 10000000"),
         ("a count in words", lambda b: synthesize(b, "--count", "many"), "--count…'many'…see mpsnet synthesize"),
         (
             "a size beyond reason",
             lambda b: synthesize(b, "--size", "100000"),
-            "size 100000 cannot be; choose 8 to 8192",
+            "size 100000 is out of range; choose 8 to 8192",
         ),
-        ("more bounces than three", lambda b: synthesize(b, "--bounces", "4"), "bounces 4 cannot be; choose 0 to 3"),
+        (
+            "more bounces than three",
+            lambda b: synthesize(b, "--bounces", "4"),
+            "bounces 4 is out of range; choose 0 to 3",
+        ),
         (
             "unknown shape",
             lambda b: synthesize(b, "--shapes", "blobs,teapots"),

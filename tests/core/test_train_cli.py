@@ -255,7 +255,11 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, "--precision", "int8"),
                 "precision 'int8' is not known; choose auto, float32",
             ),
-            ("steps below 0", lambda b: train(b, "--stop-after", "-5"), "stop after -5 cannot be; choose 0 or more"),
+            (
+                "steps below 0",
+                lambda b: train(b, "--stop-after", "-5"),
+                "stop after -5 is out of range; choose 0 or more",
+            ),
             (
                 "model over the checkpoint",
                 lambda b: train(b, "--checkpoint", b / "out.onnx"),

@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, shaded_sphere
 
+from mpsnet_core import Check, Estimate, write_rig
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
@@ -110,6 +111,26 @@ def test_with_a_dark_frame_that_was_read_as_srgb_it_is_only_told(
     capture = read_capture(photo, sphere.rig, mask="threshold:0.02", correction=correction)
     assert "MAY WELL BE LINEAR" in caplog.text
     assert np.abs(capture.image - srgb_to_linear(sphere.image))[capture.mask].max() < 0.02
+
+
+def test_a_folder_is_doubted_once_and_a_check_says_it(
+    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_rig(tmp_path / "rig.json", sphere.rig)
+    (tmp_path / "shots").mkdir()
+    for name in ("a", "b"):
+        written(tmp_path / "shots" / f"{name}.png", sphere.image)
+    rig, mask = str(tmp_path / "rig.json"), "threshold:0.02"
+    Estimate(
+        image=(str(tmp_path / "shots"),), rig=rig, mask=mask, model="lambertian", output=str(tmp_path / "out")
+    ).run()
+    assert caplog.text.count("MAY WELL BE LINEAR") == 1 and "a.png" in caplog.text
+    for linear, encoding, level in ((True, "auto", "bad"), (False, "auto", "good"), (True, "linear", None)):
+        photo = written(tmp_path / "photo.png", DEVELOPED[linear](sphere.image))
+        found = {
+            one.item: one.level for one in Check(image=str(photo), rig=rig, mask=mask, encoding=encoding).run().findings
+        }
+        assert found.get("encoding") == level
 
 
 @pytest.mark.parametrize("name", ["ball", "cat"])

@@ -319,7 +319,7 @@ def test_a_videos_results_over_its_masks_are_refused(
     ("arguments", "words"),
     [
         (["--layer", "B"], "turn.mkv is a video, which has no layers; leave --layer out"),
-        (["--smooth", "13"], "smooth 13 cannot be; choose 0 to 12"),
+        (["--smooth", "13"], "smooth 13 is out of range; choose 0 to 12"),
         (["--confidence", "c.png"], "--confidence takes one photo at a time"),
         (["--format", "gif"], "gif is not an image format of ours"),
         (["-o", "out.png"], "out.png is one file, but .*turn.mkv is a video; give a folder"),

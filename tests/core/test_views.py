@@ -296,6 +296,25 @@ def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
     )
 
 
+def test_a_photo_whose_shading_is_that_of_linear_values_is_told(table: Table) -> None:
+    """As a raw converter's TIFF is: without a word about its curve, read as sRGB."""
+    for number in range(4):
+        photo = table / "photos" / f"side{number}.exr"
+        pixels = read_image(photo).pixels
+        photo.unlink()
+        write_file(photo.with_suffix(".tif"), np.clip(pixels, 0, 1), "uint16")
+    assert "side0.tif does not say how its values are meant" in table.notes()
+    assert "does not say" not in table.notes("--encoding", "linear")
+
+
+def test_passes_are_chosen(table: Table) -> None:
+    """By what is kept: a network with other passes is another model, and equation 2 has none."""
+    network = ["--model", "multiscale", "--keep", table / "kept"]
+    for passes, kept in (("1", ""), ("1", "4 kept from before"), ("3", "")):
+        words = table.run(*network, "--passes", passes)
+        assert ("kept from before" in words) == bool(kept) and kept in words
+
+
 @pytest.mark.parametrize("naming", ["{stem}.png", "{stem}_mask.png", "{stem}.exr.png"])
 def test_masks_may_come_from_a_folder(table: Table, naming: str) -> None:
     (table / "masks").mkdir()
@@ -554,8 +573,9 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
 
     for change, said in (
         ({"photo": "photos/none.exr"}, "view side0: photo .*none.exr does not exist"),
-        ({"name": "../side0"}, 'view 1 needs a "name" without slashes or colons'),
-        ({"name": "C:side0"}, 'view 1 needs a "name" without slashes or colons'),
+        ({"name": "../side0"}, 'view 1 needs a "name" of printable letters, without slashes or colons'),
+        ({"name": "C:side0"}, 'view 1 needs a "name" of printable letters, without slashes or colons'),
+        ({"name": "side\x000"}, 'view 1 needs a "name" of printable letters'),
         ({"camera": {"width": 96}}, 'view side0: it lacks "projection"'),
         ({"camera": 3}, 'view 1 needs "name", "photo" and "camera"'),
         ({"name": "side1"}, "two cameras for photos called side1"),
@@ -623,8 +643,8 @@ def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> 
 
 def test_what_cannot_be_baked_is_told_before_anything_is_estimated(table: Table) -> None:
     for arguments, said in (
-        (("--size", "0"), "size 0 cannot be; choose 1 to 16384"),
-        (("--margin", "99999"), "margin 99999 cannot be; choose 0 to 16384"),
+        (("--size", "0"), "size 0 is out of range; choose 1 to 16384"),
+        (("--margin", "99999"), "margin 99999 is out of range; choose 0 to 16384"),
         (("--json", table / "cameras" / "side1.camera.json"), "would overwrite .*side1.camera.json"),
     ):
         with pytest.raises(InputError, match=said):

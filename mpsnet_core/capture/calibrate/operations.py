@@ -45,7 +45,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         "in the balls' order",
         unset="it is looked for",
     )
-    mask: str | None = option(default=None, help="mask file of what the photo is of", provenance="files")
+    mask: str | None = option(default=None, help="mask file, white on the ball or the card", provenance="files")
     radius: float | None = option(
         default=None,
         help="radius of the ball, in the unit that positions are wanted in: best that of the mesh. It counts where "

@@ -135,7 +135,7 @@ class _Run:
         for number, (todo, capture) in enumerate(captures):
             total = max(self.count, number + 1)
             share = part(self.progress, number / total, (number + 1) / total)
-            share(0.0, f"{todo.frame.name} of {total}" if self.count else todo.frame.name)
+            share(0.0, f"{number + 1} of {total}: {todo.frame.name}" if self.count else todo.frame.name)
             self.outcome.there += not todo.stale
             if capture is None:
                 continue

@@ -56,7 +56,7 @@ def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple
     Raises SettingsError where `reach` is out of range, GeometryError where two photos within it differ in size.
     """
     if not 0 <= reach <= MAX_SMOOTHING:
-        raise SettingsError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_SMOOTHING}")
+        raise SettingsError(f"smoothing over {reach} frames each way is out of range; choose 0 to {MAX_SMOOTHING}")
     span = reach * step
     recent: deque[Shot] = deque()
     waiting: deque[Shot] = deque()

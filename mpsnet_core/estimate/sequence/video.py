@@ -21,7 +21,7 @@ from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
 from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file
-from mpsnet_core.io.frames import RESULT, results_folder
+from mpsnet_core.io.frames import RESULT, file_suffix, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
 from mpsnet_core.io.images import Encoding
 from mpsnet_core.io.provenance import identity
@@ -93,13 +93,13 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
-def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str) -> Callable[[int], Path]:
+def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None) -> Callable[[int], Path]:
     """Where the normals of a video's frames go, by number from 1: NAME_000001_normals in `folder`.
 
-    kind: of file, as "png". Raises InputError where `folder` cannot be one.
+    kind: of file, as "png", which it is unless given. Raises InputError where `folder` cannot be one.
     """
     target = results_folder(folder, f"{video} is a video")
-    suffix = f".{kind.lstrip('.')}"
+    suffix = file_suffix(kind)
     checked_bits(Path(f"normals{suffix}"))
     return lambda number: target / f"{video.stem}_{number:06d}{RESULT}{suffix}"
 

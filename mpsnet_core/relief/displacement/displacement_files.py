@@ -177,4 +177,6 @@ def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, bak
             f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat"
         )
     if misfits:
-        log.warning("%s; check that the texture was baked onto this mesh, %s", "; ".join(misfits), baked)
+        log.warning(
+            "%s; check that the texture was baked onto this mesh, %s (--space, --convention)", "; ".join(misfits), baked
+        )
