@@ -344,7 +344,7 @@ test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
             "c.json does not exist",
         ),
         ("size 0", lambda b: b.bake("--size", "0"), "size 0 is out of range; choose 1 to 16384"),
-        ("size beyond reason", lambda b: b.bake("--size", "1000000"), "size 1000000 cannot be"),
+        ("size beyond reason", lambda b: b.bake("--size", "1000000"), "size 1000000 is out of range"),
         ("size in words", lambda b: b.bake("--size", "large"), "--size…'large'…see mpsnet bake --help"),
         ("negative margin", lambda b: b.bake("--margin", "-1"), "margin -1 is out of range; choose 0 to 16384"),
         ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),

@@ -217,7 +217,7 @@ def test_each_wrong_name_gets_one_sentence(bench: Bench) -> None:
     for arguments, output, said in [
         ((), "a.<TILE>.png", "<TILE> stands for nothing; use <UDIM>, <MATERIAL> or <OBJECT>"),
         ((), "<OBJECT>/a.png", "/<OBJECT> does not exist"),
-        ((), "<OBJECT><MATERIAL>", "not an image format of ours"),
+        ((), "<OBJECT><MATERIAL>", "its name has no ending; use .png"),
         (("--mesh", bench / "bare.npz"), "<MATERIAL>.png", "bare.npz: there are no materials; leave <MATERIAL> out"),
         (("--mesh", bench / "left.npz"), "s.<UDIM>.png", "all UVs lie outside the UDIM tiles"),
         (("--mesh", bench / "left.npz"), "s.png", "lie outside the texture (0 to 1)"),
