@@ -1,6 +1,7 @@
 """Dense networks: on the box around the object, in tiles, and for pyramids on one scale after another."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.upsample import chosen_pixels, upsampled
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import (
@@ -19,7 +21,7 @@ from mpsnet_core.estimate.features import (
 )
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.io.image import storage_type
-from mpsnet_core.progress import Progress
+from mpsnet_core.progress import Progress, part
 
 T = TypeVar("T", bound=np.generic)
 Floats = NDArray[np.float32]
@@ -45,7 +47,9 @@ def dense_answer(
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
     resolution, and the network sees its own answer on the one before. A pixel of a coarse scale is the mean of those
-    inside the mask. Where the card has several passes they are averaged on every scale.
+    inside the mask. Where the card has several passes they are averaged on every scale. Where it magnifies, the first
+    scale's answer is the mean of what a pyramid of its own makes of its picture, magnified so many times: on one or
+    two scales alone a small photo would be seen too seldom to be understood.
 
     Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
     needed however large they are.
@@ -55,6 +59,12 @@ def dense_answer(
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     halvings = photo.halvings if card.kind == "pyramid" else 0
     previous: NDArray[np.floating[Any]] | None = None
+    if card.magnified:
+        previous = _by_magnified(network, card, photo, tile, part(progress, 0.0, _magnified_share(card, halvings)))
+        progress = part(progress, _magnified_share(card, halvings), 1.0)
+        halvings -= 1
+        if halvings < 0:
+            answer[photo.box] = previous
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
         result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
@@ -64,11 +74,48 @@ def dense_answer(
                 previous.resize((_window_before(window, previous)[0].stop, *previous.shape[1:]), refcheck=False)
             progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
-                part, seen = _within(place, window), photo.seen(window, halving, previous)
+                inner, seen = _within(place, window), photo.seen(window, halving, previous)
                 for frame in frames:
-                    result[place] += _tile_answer(network, card, seen, frame)[part] / np.float32(len(frames))
+                    result[place] += _tile_answer(network, card, seen, frame)[inner] / np.float32(len(frames))
         previous = result
     return answer
+
+
+def _magnified_share(card: ModelCard, halvings: int) -> float:
+    """The share of all work that magnified pictures of the first scale are."""
+    first = sum(times**2 for times in card.magnified)
+    return first / (first + sum(4.0**k for k in range(1, halvings + 1)))
+
+
+def _by_magnified(network: Network, card: ModelCard, photo: "_Photo", tile: int, progress: Progress) -> Floats:
+    """(h, w, 4) the answer on the first scale: the mean of those to its picture, magnified."""
+    height, width = photo.shape(photo.halvings)
+    seen = photo.seen((slice(0, height), slice(0, width)), photo.halvings, None)
+    total = np.zeros((height, width, 4), np.float32)
+    once = replace(card, magnified=())
+    for number, times in enumerate(card.magnified):
+        large = _magnified(photo.capture, seen, times)
+        steps = (number / len(card.magnified), (number + 1) / len(card.magnified))
+        found = dense_answer(network, once, large, tile, part(progress, *steps)).astype(np.float32, copy=False)
+        inside = large.mask[..., None].astype(np.float32)
+        found[..., :3] = normalised(found[..., :3]) * inside
+        covered = np.maximum(upsampled(inside, seen.mask.shape, slice(None)), np.float32(1e-3))
+        total += upsampled(found, seen.mask.shape, slice(None)) / covered
+    return total * (seen.mask[..., None] / np.float32(len(card.magnified)))
+
+
+def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
+    """A whole scale of a capture as a capture of its own, bilinear between the mask's pixels."""
+    shape = round(seen.mask.shape[0] * times), round(seen.mask.shape[1] * times)
+    light = upsampled(seen.light * seen.mask[..., None], shape, slice(None))
+    light /= np.maximum(upsampled(seen.mask[..., None].astype(np.float32), shape, slice(None)), np.float32(1e-3))
+    rows, columns = chosen_pixels(*shape, *seen.mask.shape)
+    return Capture(
+        light,
+        seen.mask[rows][:, columns],
+        replace(capture.rig, mixing=np.eye(3)),
+        white=light if seen.grey else None,  # it is painted grey by it already
+    )
 
 
 def _done(halving: int, halvings: int, share: float) -> float:

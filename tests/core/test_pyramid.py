@@ -154,28 +154,33 @@ def ramp(height: int, width: int) -> np.ndarray:
 
 @pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
 @pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
-def test_the_coarse_answer_arrives_in_place(tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int) -> None:
+@pytest.mark.parametrize("magnified", [(), (1.68, 2.38)])
+def test_the_coarse_answer_arrives_in_place(
+    tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int, magnified: tuple[float, ...]
+) -> None:
     """Of 301 x 421 pixels it says something on 76 x 106 alone. Half a pixel off would be 1.2e-4 in the normals."""
     normals = ramp(301, 421)
     rig = LightRig(direction_from_angles([30.0, 30.0, 30.0], tilts))
     capture = Capture(normals @ rig.directions.T, np.ones((301, 421), bool), rig)
-    found = estimate_normals(capture, hands_on(tmp_path / "n.onnx", passes=passes), tile=tile)
+    model = hands_on(tmp_path / "n.onnx", passes=passes, magnified=magnified)
+    found = estimate_normals(capture, model, tile=tile)
     expected = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     # At the edge of the picture bilinear interpolation has nothing to go on.
-    inner = slice(6, -6), slice(6, -6)
+    inner = slice(12, -12), slice(12, -12)
     np.testing.assert_allclose(found.vectors[inner], expected[inner], rtol=0, atol=1e-5)
     np.testing.assert_allclose(found.confidence, 0.5, atol=1e-5)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (129, 2), (257, 257)])
 @pytest.mark.parametrize("tile", [64, 1024])
+@pytest.mark.parametrize("magnified", [(), (1.0, 2.38, 4.0)])
 def test_something_flat_stays_flat_however_narrow_and_up_to_the_picture_s_edge(
-    tmp_path: Path, shape: tuple[int, int], tile: int
+    tmp_path: Path, shape: tuple[int, int], tile: int, magnified: tuple[float, ...]
 ) -> None:
     normal = np.array([0.3, -0.2, 0.9]) / np.linalg.norm([0.3, -0.2, 0.9])
     capture = Capture(np.broadcast_to(normal @ RIG.directions.T, (*shape, 3)), np.ones(shape, bool), RIG)
     capture = replace(capture, rig=LightRig(RIG.directions))
-    model = hands_on(tmp_path / "n.onnx", halo=5, multiple=4, passes=6)
+    model = hands_on(tmp_path / "n.onnx", halo=5, multiple=4, passes=6, magnified=magnified)
     np.testing.assert_allclose(
         estimate_normals(capture, model, tile=tile).vectors, np.broadcast_to(normal, (*shape, 3)), atol=1e-5
     )
@@ -202,6 +207,44 @@ def test_what_a_magnified_photo_s_network_sees_of_the_scale_before_is_its_answer
     expected = doubled(np.concatenate([answer.vectors, error[..., None]], axis=-1), mask, (280, 200))
     found = seen[-1][0, 4:].transpose(1, 2, 0)
     np.testing.assert_allclose(found, expected * large.mask[..., None], rtol=0, atol=1e-4)
+
+
+def resized(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Values (h, w, c) on other pixels (H, W), bilinear between the middles of the nearest four."""
+    result = np.zeros((*shape, values.shape[2]))
+    for i, j in np.ndindex(*shape):
+        y, x = ((k + 0.5) * old / new - 0.5 for k, old, new in zip((i, j), values.shape, shape, strict=False))
+        for row in (int(np.floor(y)), int(np.floor(y)) + 1):
+            for column in (int(np.floor(x)), int(np.floor(x)) + 1):
+                near = min(max(row, 0), len(values) - 1), min(max(column, 0), values.shape[1] - 1)
+                result[i, j] += (1 - abs(y - row)) * (1 - abs(x - column)) * values[near]
+    return result
+
+
+def test_a_small_photo_s_answer_is_the_mean_of_those_to_its_magnified_pictures(tmp_path: Path) -> None:
+    """Bilinear between pixels of the mask, to which a new pixel belongs as the one does that it lies in."""
+    random = np.random.default_rng(4)
+    mask = random.random((90, 60)) < 0.8
+    mask[[0, -1]] = mask[:, [0, -1]] = True
+    capture = Capture(random.uniform(0.1, 1, (90, 60, 3)), mask, RIG)
+    plain = OnnxModel(sees_all(tmp_path / "plain.onnx", frame="camera"))
+    expected = np.zeros((90, 60, 4))
+    for times in (1.5, 2.2):
+        shape = round(90 * times), round(60 * times)
+        rows, columns = (
+            ((np.arange(new) + 0.5) * old / new).astype(int) for new, old in zip(shape, mask.shape, strict=True)
+        )
+        inside = mask[rows][:, columns]
+        cover = resized(mask[..., None].astype(float), shape)
+        image = resized(capture.image * mask[..., None], shape) / np.maximum(cover, 1e-3)
+        answer = plain(Capture(image, inside, RIG))
+        both = np.concatenate([answer.vectors, answer.confidence[..., None]], axis=-1) * inside[..., None]
+        covered = resized(inside[..., None].astype(float), (90, 60))
+        expected += resized(both, (90, 60)) / np.where(mask[..., None], covered, 1) / 2
+    found = estimate_normals(capture, sees_all(tmp_path / "n.onnx", frame="camera", magnified=(1.5, 2.2)))
+    normals = expected[mask, :3] / np.linalg.norm(expected[mask, :3], axis=-1, keepdims=True)
+    np.testing.assert_allclose(found.vectors[mask], normals, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(found.confidence[mask], expected[mask, 3], rtol=0, atol=1e-4)
 
 
 # --- what the network is shown ----------------------------------------------------------------------------------------
@@ -259,6 +302,11 @@ def test_progress_is_the_share_of_pixels_and_can_cancel_on_any_scale(tmp_path: P
 
     with pytest.raises(Cancelled):
         model(ragged, cancel)
+
+    told.clear()
+    OnnxModel(hands_on(tmp_path / "m.onnx", magnified=(1.5, 2.0)))(ragged, lambda share, message: told.append(share))
+    # Of the first scale's pixels they are 1.5² and 2² times as many; those of the other two scales are 4 and 16.
+    assert told == sorted(told) and told[-3:] == pytest.approx([6.25 / 26.25, 10.25 / 26.25, 1])
 
 
 def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:

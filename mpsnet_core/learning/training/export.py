@@ -56,7 +56,8 @@ def card_of(network: Network, name: str) -> ModelCard:
     card = ModelCard(name, type(network).__name__, LICENCE, network.kind, network.inputs)
     if network.kind == "patch":
         return replace(card, patch=network.patch)
-    return replace(card, halo=network.halo, multiple=network.multiple, frame=network.frame)
+    facts = {name: getattr(network, name) for name in ("halo", "multiple", "frame", "magnified")}
+    return replace(card, **facts)
 
 
 def record_of(trained: Trained) -> dict[str, Any]:

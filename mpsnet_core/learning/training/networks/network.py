@@ -52,13 +52,14 @@ class Network(nn.Module, ABC):
     inputs : dict of str to tuple of str
         For each argument of :meth:`forward` the feature maps that are stacked into it
         (:data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`).
-    kind, frame, multiple, halo, patch
+    kind, frame, magnified, multiple, halo, patch
         As on the card (:class:`mpsnet_core.estimate.card.ModelCard`).
     """
 
     inputs: ClassVar[dict[str, tuple[str, ...]]]
     kind: ClassVar[Literal["dense", "patch", "pyramid"]] = "dense"
     frame: ClassVar[Literal["camera", "canonical"]] = "camera"
+    magnified: ClassVar[tuple[float, ...]] = ()
     multiple: int = 1
     halo: int = 0
     patch: int = 1
