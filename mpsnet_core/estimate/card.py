@@ -13,7 +13,6 @@ CARD_KEY = "mpsnet.card"
 TRAINING_KEY = "mpsnet.training"
 CARD_FORMAT = "mpsnet-model"
 CARD_VERSION = 1
-MOST_MAGNIFIED = 4
 
 
 @dataclass(frozen=True)
@@ -44,8 +43,8 @@ class ModelCard:
         Canonical only; in how many frames the network sees the picture, 1 to 6, see
         :func:`mpsnet_core.estimate.light_frame.canonical_frames`. The answers are averaged.
     magnified
-        Pyramid only; how many times the picture of the first scale is magnified, 1 to 4, for each of the answers that
-        are averaged there. None where it is seen as it is.
+        Pyramid only; how many times a small picture is magnified, 1 to 4, see
+        :func:`mpsnet_core.estimate.dense.dense_answer`.
 
     Raises
     ------
@@ -63,7 +62,7 @@ class ModelCard:
     patch: int = 1
     frame: Literal["camera", "canonical"] = "camera"
     passes: int = 1
-    magnified: tuple[float, ...] = ()
+    magnified: float = 1.0
 
     def __post_init__(self) -> None:
         for key in ("name", "network", "licence"):
@@ -79,11 +78,10 @@ class ModelCard:
             raise FormatError(f'its card\'s "passes" is {self.passes!r}; expected a whole number from 1 to 6')
         if self.passes > 1 and self.frame != "canonical":
             raise FormatError(f'its card\'s "passes" is {self.passes}, which needs the "frame" "canonical"')
-        if self.magnified and self.kind != "pyramid":
+        if type(self.magnified) not in (int, float) or not 1 <= self.magnified <= 4:
+            raise FormatError(f'its card\'s "magnified" is {self.magnified!r}; expected a number from 1 to 4')
+        if self.magnified > 1 and self.kind != "pyramid":
             raise FormatError(f'its card\'s "magnified" needs the "kind" "pyramid", not {self.kind!r}')
-        numbers = isinstance(self.magnified, tuple) and all(type(one) in (int, float) for one in self.magnified)
-        if not numbers or len(self.magnified) > MOST_MAGNIFIED or not all(1 <= one <= 4 for one in self.magnified):
-            raise FormatError(f'its card\'s "magnified" is {self.magnified!r}; expected up to four numbers from 1 to 4')
         if not isinstance(self.inputs, Mapping) or not self.inputs:
             raise FormatError("its card's \"inputs\" must name each input's features")
         for name, features in self.inputs.items():
@@ -131,8 +129,6 @@ def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
         known["inputs"] = {
             name: tuple(features) if isinstance(features, list) else () for name, features in known["inputs"].items()
         }
-    if isinstance(known.get("magnified"), list):
-        known["magnified"] = tuple(known["magnified"])
     missing = [key for key in ("name", "network", "licence", "kind", "inputs") if key not in known]
     if missing:
         raise FormatError(f'its card lacks "{missing[0]}"')

@@ -29,6 +29,8 @@ Window = tuple[slice, slice]
 
 # A pyramid begins at the scale on which the object's longer side is at most this many pixels.
 COARSEST = 128
+# Up to this many pixels a side pictures are magnified, where the card says so.
+SMALL = 256
 RIGHT_ANGLE = np.float32(np.pi / 2)
 # Pixels that are read at a time where a coarse scale is made of a large photo.
 READ_AT_ONCE = 1 << 20
@@ -47,9 +49,9 @@ def dense_answer(
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
     resolution, and the network sees its own answer on the one before. A pixel of a coarse scale is the mean of those
-    inside the mask. Where the card has several passes they are averaged on every scale. Where it magnifies, the first
-    scale's answer is the mean of what a pyramid of its own makes of its picture, magnified so many times: on one or
-    two scales alone a small photo would be seen too seldom to be understood.
+    inside the mask. Where the card has several passes they are averaged on every scale. Where it magnifies, the
+    finest of the scales of at most 256 pixels a side is answered by a pyramid of its own, of its picture magnified so
+    many times: a small photo would be seen on too few scales to be understood.
 
     Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
     needed however large they are.
@@ -57,12 +59,14 @@ def dense_answer(
     answer: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
-    halvings = photo.halvings if card.kind == "pyramid" else 0
+    halvings = photo.halvings(COARSEST) if card.kind == "pyramid" else 0
     previous: NDArray[np.floating[Any]] | None = None
-    if card.magnified:
-        previous = _by_magnified(network, card, photo, tile, part(progress, 0.0, _magnified_share(card, halvings)))
-        progress = part(progress, _magnified_share(card, halvings), 1.0)
-        halvings -= 1
+    if card.magnified > 1:
+        halvings = photo.halvings(SMALL)
+        rest = sum(4.0**k for k in range(1, halvings + 1))
+        share = card.magnified**2 / (card.magnified**2 + rest)
+        previous = _by_magnified(network, card, photo, halvings, tile, part(progress, 0.0, share))
+        progress, halvings = part(progress, share, 1.0), halvings - 1
         if halvings < 0:
             answer[photo.box] = previous
     for halving in range(halvings, -1, -1):
@@ -81,27 +85,19 @@ def dense_answer(
     return answer
 
 
-def _magnified_share(card: ModelCard, halvings: int) -> float:
-    """The share of all work that magnified pictures of the first scale are."""
-    first = sum(times**2 for times in card.magnified)
-    return first / (first + sum(4.0**k for k in range(1, halvings + 1)))
-
-
-def _by_magnified(network: Network, card: ModelCard, photo: "_Photo", tile: int, progress: Progress) -> Floats:
-    """(h, w, 4) the answer on the first scale: the mean of those to its picture, magnified."""
-    height, width = photo.shape(photo.halvings)
-    seen = photo.seen((slice(0, height), slice(0, width)), photo.halvings, None)
-    total = np.zeros((height, width, 4), np.float32)
-    once = replace(card, magnified=())
-    for number, times in enumerate(card.magnified):
-        large = _magnified(photo.capture, seen, times)
-        steps = (number / len(card.magnified), (number + 1) / len(card.magnified))
-        found = dense_answer(network, once, large, tile, part(progress, *steps)).astype(np.float32, copy=False)
-        inside = large.mask[..., None].astype(np.float32)
-        found[..., :3] = normalised(found[..., :3]) * inside
-        covered = np.maximum(upsampled(inside, seen.mask.shape, slice(None)), np.float32(1e-3))
-        total += upsampled(found, seen.mask.shape, slice(None)) / covered
-    return total * (seen.mask[..., None] / np.float32(len(card.magnified)))
+def _by_magnified(
+    network: Network, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
+) -> Floats:
+    """(h, w, 4) the answer on a scale: that to its picture, magnified."""
+    height, width = photo.shape(halving)
+    seen = photo.seen((slice(0, height), slice(0, width)), halving, None)
+    large = _magnified(photo.capture, seen, card.magnified)
+    found = dense_answer(network, replace(card, magnified=1.0), large, tile, progress).astype(np.float32, copy=False)
+    inside = large.mask[..., None].astype(np.float32)
+    found[..., :3] = normalised(found[..., :3]) * inside
+    covered = np.maximum(upsampled(inside, (height, width), slice(None)), np.float32(1e-3))
+    answer: Floats = upsampled(found, (height, width), slice(None)) * (seen.mask[..., None] / covered)
+    return answer
 
 
 def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
@@ -142,11 +138,10 @@ class _Photo:
         height, width = (-(-(side.stop - side.start) >> halving) for side in self.box)
         return height, width
 
-    @property
-    def halvings(self) -> int:
-        """How often the resolution is halved until the object's longer side is small."""
+    def halvings(self, side: int) -> int:
+        """How often the resolution is halved until the object's longer side is at most so many pixels."""
         count = 0
-        while max(self.shape(count)) > COARSEST:
+        while max(self.shape(count)) > side:
             count += 1
         return count
 

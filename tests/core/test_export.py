@@ -112,7 +112,7 @@ def test_an_estimate_is_what_the_network_says_of_the_feature_maps(
     trained, path = models[name]
     network, sphere = trained.network.eval(), shaded_sphere(48)
     capture, model = sphere.capture(), OnnxModel(path)
-    model.card = replace(model.card, magnified=())
+    model.card = replace(model.card, magnified=1.0)
     estimate = model(capture)
     maps = feature_maps(capture, {feature for features in network.inputs.values() for feature in features})
     inputs = [np.concatenate([maps[feature] for feature in features]) for features in network.inputs.values()]

@@ -407,13 +407,13 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (
             "a dense network that magnifies",
-            card_with(magnified=[2.0]),
+            card_with(magnified=2.0),
             'm.onnx…"magnified" needs the "kind" "pyramid", not \'dense\'',
         ),
         (
             "a magnification beyond memory",
-            card_with(kind="pyramid", magnified=[1e6]),
-            'm.onnx…"magnified" is (1000000.0,); expected up to four numbers from 1 to 4',
+            card_with(kind="pyramid", magnified=1e6),
+            'm.onnx…"magnified" is 1000000.0; expected a number from 1 to 4',
         ),
         (
             "three passes in the camera's frame",

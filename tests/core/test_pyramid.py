@@ -154,9 +154,9 @@ def ramp(height: int, width: int) -> np.ndarray:
 
 @pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
 @pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
-@pytest.mark.parametrize("magnified", [(), (1.68, 2.38)])
+@pytest.mark.parametrize("magnified", [1.0, 1.68])
 def test_the_coarse_answer_arrives_in_place(
-    tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int, magnified: tuple[float, ...]
+    tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float
 ) -> None:
     """Of 301 x 421 pixels it says something on 76 x 106 alone. Half a pixel off would be 1.2e-4 in the normals."""
     normals = ramp(301, 421)
@@ -173,9 +173,9 @@ def test_the_coarse_answer_arrives_in_place(
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (129, 2), (257, 257)])
 @pytest.mark.parametrize("tile", [64, 1024])
-@pytest.mark.parametrize("magnified", [(), (1.0, 2.38, 4.0)])
+@pytest.mark.parametrize("magnified", [1.0, 2.38])
 def test_something_flat_stays_flat_however_narrow_and_up_to_the_picture_s_edge(
-    tmp_path: Path, shape: tuple[int, int], tile: int, magnified: tuple[float, ...]
+    tmp_path: Path, shape: tuple[int, int], tile: int, magnified: float
 ) -> None:
     normal = np.array([0.3, -0.2, 0.9]) / np.linalg.norm([0.3, -0.2, 0.9])
     capture = Capture(np.broadcast_to(normal @ RIG.directions.T, (*shape, 3)), np.ones(shape, bool), RIG)
@@ -221,27 +221,25 @@ def resized(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return result
 
 
-def test_a_small_photo_s_answer_is_the_mean_of_those_to_its_magnified_pictures(tmp_path: Path) -> None:
+@pytest.mark.parametrize("times", [1.5, 2.2])
+def test_a_small_photo_s_answer_is_that_to_its_magnified_picture(tmp_path: Path, times: float) -> None:
     """Bilinear between pixels of the mask, to which a new pixel belongs as the one does that it lies in."""
     random = np.random.default_rng(4)
     mask = random.random((90, 60)) < 0.8
     mask[[0, -1]] = mask[:, [0, -1]] = True
     capture = Capture(random.uniform(0.1, 1, (90, 60, 3)), mask, RIG)
     plain = OnnxModel(sees_all(tmp_path / "plain.onnx", frame="camera"))
-    expected = np.zeros((90, 60, 4))
-    for times in (1.5, 2.2):
-        shape = round(90 * times), round(60 * times)
-        rows, columns = (
-            ((np.arange(new) + 0.5) * old / new).astype(int) for new, old in zip(shape, mask.shape, strict=True)
-        )
-        inside = mask[rows][:, columns]
-        cover = resized(mask[..., None].astype(float), shape)
-        image = resized(capture.image * mask[..., None], shape) / np.maximum(cover, 1e-3)
-        answer = plain(Capture(image, inside, RIG))
-        both = np.concatenate([answer.vectors, answer.confidence[..., None]], axis=-1) * inside[..., None]
-        covered = resized(inside[..., None].astype(float), (90, 60))
-        expected += resized(both, (90, 60)) / np.where(mask[..., None], covered, 1) / 2
-    found = estimate_normals(capture, sees_all(tmp_path / "n.onnx", frame="camera", magnified=(1.5, 2.2)))
+    shape = round(90 * times), round(60 * times)
+    rows, columns = (
+        ((np.arange(new) + 0.5) * old / new).astype(int) for new, old in zip(shape, mask.shape, strict=True)
+    )
+    inside = mask[rows][:, columns]
+    cover = resized(mask[..., None].astype(float), shape)
+    answer = plain(Capture(resized(capture.image * mask[..., None], shape) / np.maximum(cover, 1e-3), inside, RIG))
+    both = np.concatenate([answer.vectors, answer.confidence[..., None]], axis=-1) * inside[..., None]
+    covered = resized(inside[..., None].astype(float), (90, 60))
+    expected = resized(both, (90, 60)) / np.where(mask[..., None], covered, 1)
+    found = estimate_normals(capture, sees_all(tmp_path / "n.onnx", frame="camera", magnified=times))
     normals = expected[mask, :3] / np.linalg.norm(expected[mask, :3], axis=-1, keepdims=True)
     np.testing.assert_allclose(found.vectors[mask], normals, rtol=0, atol=1e-4)
     np.testing.assert_allclose(found.confidence[mask], expected[mask, 3], rtol=0, atol=1e-4)
@@ -304,9 +302,9 @@ def test_progress_is_the_share_of_pixels_and_can_cancel_on_any_scale(tmp_path: P
         model(ragged, cancel)
 
     told.clear()
-    OnnxModel(hands_on(tmp_path / "m.onnx", magnified=(1.5, 2.0)))(ragged, lambda share, message: told.append(share))
-    # Of the first scale's pixels they are 1.5² and 2² times as many; those of the other two scales are 4 and 16.
-    assert told == sorted(told) and told[-3:] == pytest.approx([6.25 / 26.25, 10.25 / 26.25, 1])
+    OnnxModel(hands_on(tmp_path / "m.onnx", magnified=1.5))(ragged, lambda share, message: told.append(share))
+    # Of the 131 x 39 pixels on the scale before they are 1.5² times as many; those of the last one are 4.
+    assert told == sorted(told) and told[-2:] == pytest.approx([2.25 / 6.25, 1])
 
 
 def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:

@@ -59,7 +59,7 @@ class Network(nn.Module, ABC):
     inputs: ClassVar[dict[str, tuple[str, ...]]]
     kind: ClassVar[Literal["dense", "patch", "pyramid"]] = "dense"
     frame: ClassVar[Literal["camera", "canonical"]] = "camera"
-    magnified: ClassVar[tuple[float, ...]] = ()
+    magnified: float = 1.0
     multiple: int = 1
     halo: int = 0
     patch: int = 1
