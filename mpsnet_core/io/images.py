@@ -482,12 +482,7 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
-        try:
-            names = spec.channelnames
-        except UnicodeDecodeError:
-            raise FormatError(
-                f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
-            ) from None
+        names = _channel_names(spec, path)
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
             # Blender 5 writes a part per pass and repeats its name in the channels only where a pass has a layer.
@@ -496,6 +491,17 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
         subimage += 1
     complaint(source)  # of seeking past the last part
     return layers
+
+
+def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:
+    try:
+        names: tuple[str, ...] = spec.channelnames
+        "".join(names).encode()  # OpenImageIO 3.1 hands out what it cannot decode
+    except UnicodeError:
+        raise FormatError(
+            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
+        ) from None
+    return names
 
 
 def _is_colour(names: tuple[str, ...]) -> bool:
