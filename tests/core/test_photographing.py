@@ -202,7 +202,7 @@ def test_examples_that_have_a_white_photo_are_painted_grey(painted: PackedSample
 
 def test_a_white_photo_that_says_nothing_is_not_said_to_be_given(painted: PackedSamples) -> None:
     """As in an estimate: here every pixel of it is clipped."""
-    model = replace(IDEAL, white=1.0, exposure=(50.0, 50.0), bits=((8, 1.0),))
+    model = replace(IDEAL, white=1.0, exposure=(50.0, 50.0), bits=(8,))
     given = Photographer(painted, model).batch(0, 2)[0].maps["given"][:, 1]
     assert (given == 0).all()
 
