@@ -91,7 +91,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             confidence=confidence,
             albedo=albedo,
             smooth=self.smooth if moves else 0,
-            format=FORMATS[self.file_format] if moves else "png",
+            format=FORMATS[self.file_format] if moves else None,
             output=str(self._output),
         )
         pictures = [Path(file) for file in (confidence, albedo) if file is not None]
