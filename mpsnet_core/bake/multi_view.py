@@ -22,7 +22,7 @@ from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
-from mpsnet_core.capture.transfer_curve import is_taken_as_linear
+from mpsnet_core.capture.transfer_curve import note_doubtful_curve
 from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
@@ -112,7 +112,7 @@ class Photography:
             if not mask.any():
                 raise GeometryError("its camera does not see the mesh; do the cameras and the mesh share one world?")
         depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
-        is_taken_as_linear(view.photo.name, image, mask, rig)
+        note_doubtful_curve(view.photo.name, image, mask, rig)
         capture = capture_of(image, mask, rig, view.camera, depth)
         if not self.white:
             return capture

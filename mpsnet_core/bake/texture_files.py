@@ -16,7 +16,7 @@ from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files,
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.io.files import check_apart, ensure_folder, writable_path
+from mpsnet_core.io.files import check_apart, check_ending, ensure_folder, file_suffix, writable_path
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_map import Convention
@@ -62,12 +62,10 @@ def texture_target(
     Raises SettingsError where the preset is not known, the options do not fit the output's ending, or a folder is given
     for what several meshes share, which no preset has a name for.
     """
-    suffix = f".{ending.lstrip('.').lower()}" if ending else None
+    suffix = file_suffix(ending) if ending else None
     if preset is None:
-        if suffix and not sequence and Path(output).suffix.lower() != suffix:
-            raise SettingsError(
-                f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out"
-            )
+        if suffix and not sequence:
+            check_ending(Path(output), suffix)
         return TextureTarget(output, convention or "opengl", bits, suffix or ".png")
     wanted = preset_named(preset)
     if not sequence:

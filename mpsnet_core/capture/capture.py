@@ -15,7 +15,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.sizes import SAME_CAMERA, SAME_SIZE, check_same_size, size
-from mpsnet_core.capture.transfer_curve import is_taken_as_linear
+from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
 from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.io.files import resolved
 from mpsnet_core.io.frames import expand_images
@@ -256,8 +256,9 @@ def read_capture(
             raise type(error)(f"{path}: {error}") from None
 
     capture = taken(image)
-    # Dark frames and flat fields have been read as sRGB.
-    if is_taken_as_linear(Path(path).name, image, capture.mask, rig, decide=correction is None):
+    if correction is not None:  # which has been read as sRGB
+        note_doubtful_curve(Path(path).name, image, capture.mask, rig)
+    elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
         encoding, image = "linear", as_stored(image)
         # What is found by brightness lies elsewhere by another curve; any other mask stays.
         capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)

@@ -29,30 +29,39 @@ ROUNDS = 15
 STRENGTH_PRIOR = 0.05
 
 
-def is_taken_as_linear(
-    name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig, *, decide: bool = False
-) -> bool:
+def is_taken_as_linear(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> bool:
     """Whether to read a file that does not state its encoding as linear, not as sRGB; warns where that is or may be so.
 
-    image: as it was read, not corrected. decide: whether it may be read so; otherwise this only warns.
+    image: as it was read, not corrected.
     """
-    if not image.assumed:
-        return False
-    rather = linear_rather(image.pixels, mask, rig)
-    if rather > DECIDED and decide:
+    rather = _linear_rather(image, mask, rig)
+    if rather > DECIDED:
         log.warning(
             "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
             "surface; if it is sRGB, set the encoding to srgb (--encoding srgb) [transfer-curve]",
             name,
         )
         return True
+    _note(name, rather)
+    return False
+
+
+def note_doubtful_curve(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> None:
+    """Warn where a file that does not state its encoding, and is read as sRGB, may be linear. image: not corrected."""
+    _note(name, _linear_rather(image, mask, rig))
+
+
+def _linear_rather(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> float:
+    return linear_rather(image.pixels, mask, rig) if image.assumed else 0.0
+
+
+def _note(name: str, rather: float) -> None:
     if rather > CLOSE:
         log.warning(
             "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
             "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more [transfer-curve]",
             name,
         )
-    return False
 
 
 def linear_rather(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> float:

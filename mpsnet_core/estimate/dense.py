@@ -59,10 +59,10 @@ def dense_answer(
     answer: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
-    halvings = photo.halvings(COARSEST) if card.kind == "pyramid" else 0
+    first = SMALL if card.magnified > 1 else COARSEST
+    halvings = photo.halvings(first) if card.kind == "pyramid" else 0
     previous: NDArray[np.floating[Any]] | None = None
     if card.magnified > 1:
-        halvings = photo.halvings(SMALL)
         rest = sum(4.0**k for k in range(1, halvings + 1))
         share = card.magnified**2 / (card.magnified**2 + rest)
         previous = _by_magnified(network, card, photo, halvings, tile, part(progress, 0.0, share))
@@ -93,18 +93,14 @@ def _by_magnified(
     seen = photo.seen((slice(0, height), slice(0, width)), halving, None)
     large = _magnified(photo.capture, seen, card.magnified)
     found = dense_answer(network, replace(card, magnified=1.0), large, tile, progress).astype(np.float32, copy=False)
-    inside = large.mask[..., None].astype(np.float32)
-    found[..., :3] = normalised(found[..., :3]) * inside
-    covered = np.maximum(upsampled(inside, (height, width), slice(None)), np.float32(1e-3))
-    answer: Floats = upsampled(found, (height, width), slice(None)) * (seen.mask[..., None] / covered)
-    return answer
+    found[..., :3] = normalised(found[..., :3])
+    return _resized(found, large.mask, (height, width)) * seen.mask[..., None]
 
 
 def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
     """A whole scale of a capture as a capture of its own, bilinear between the mask's pixels."""
     shape = round(seen.mask.shape[0] * times), round(seen.mask.shape[1] * times)
-    light = upsampled(seen.light * seen.mask[..., None], shape, slice(None))
-    light /= np.maximum(upsampled(seen.mask[..., None].astype(np.float32), shape, slice(None)), np.float32(1e-3))
+    light = _resized(seen.light, seen.mask, shape)
     rows, columns = chosen_pixels(*shape, *seen.mask.shape)
     return Capture(
         light,
@@ -112,6 +108,14 @@ def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
         replace(capture.rig, mixing=np.eye(3)),
         white=light if seen.grey else None,  # it is painted grey by it already
     )
+
+
+def _resized(values: Floats, mask: NDArray[np.bool_], shape: tuple[int, int]) -> Floats:
+    """Values (h, w, C) on other pixels (H, W), bilinear, from those of the mask alone."""
+    inside = mask[..., None].astype(np.float32)
+    covered = np.maximum(upsampled(inside, shape, slice(None)), np.float32(1e-3))
+    resized: Floats = upsampled(values * inside, shape, slice(None)) / covered
+    return resized
 
 
 def _done(halving: int, halvings: int, share: float) -> float:

@@ -322,7 +322,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int = 1) -> "Outcome":
         from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import is_taken_as_linear
+        from mpsnet_core.capture.transfer_curve import note_doubtful_curve
         from mpsnet_core.estimate.sequence.run import estimate_sequence
         from mpsnet_core.io.files import located
         from mpsnet_core.io.provenance import operation_facts
@@ -347,7 +347,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                     notes=notes,
                 )
             if notes != "none":
-                is_taken_as_linear(frame.name, image, capture.mask, rig)
+                note_doubtful_curve(frame.name, image, capture.mask, rig)
             notes = "none"  # the other frames are much like the first
             return capture
 

@@ -231,6 +231,17 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
+def file_suffix(kind: str) -> str:
+    """The ending of a kind of file: ".png" of "png" and of ".PNG"."""
+    return f".{kind.lstrip('.').lower()}"
+
+
+def check_ending(output: Path, suffix: str) -> None:
+    """Raises SettingsError where the file ends in something else than --format says."""
+    if output.suffix.lower() != suffix:
+        raise SettingsError(f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out")
+
+
 def checked_bits(path: Path, bits: int | None = None) -> int:
     """Bits per channel to write `path` with: `bits` if the format supports them, its default if None.
 
@@ -393,14 +404,19 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
     return path
 
 
+def check_small(path: Path, what: str) -> None:
+    """Raises FormatError where a file is larger than any of its kind, and is so `what` it is not."""
+    if path.stat().st_size > MAX_TEXT_BYTES:
+        raise FormatError(f"{path} is larger than 1 MiB and so {what}; check the path")
+
+
 def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys: Collection[str]) -> dict[str, Any]:
     """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`.
 
     keys: its other keys. Raises FileError; FormatError for anything else, and for an unknown key, mostly a misspelling.
     """
     path = existing_file(path, f"{format_name.removeprefix('mpsnet-')} file")
-    if path.stat().st_size > MAX_TEXT_BYTES:
-        raise FormatError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
+    check_small(path, f"not a {format_name} file")
     try:
         data = json.loads(path.read_text(encoding="utf-8-sig"))  # Notepad writes a byte order mark
     except UnicodeDecodeError:

@@ -9,13 +9,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import (
     IMAGE_SUFFIXES,
     PHOTO_SUFFIXES,
     RAW_SUFFIXES,
     VIDEO_SUFFIXES,
+    check_ending,
     checked_bits,
+    file_suffix,
     makeable_folder,
     writable_image,
 )
@@ -166,10 +168,10 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
     Raises FileError where two results would share a name, or cannot be written; SettingsError where `output` is a file
     of another kind.
     """
-    target, suffix = Path(output), file_suffix(kind)
+    target, suffix = Path(output), file_suffix(kind or "png")
     if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
-        if kind and suffix != target.suffix.lower():
-            raise SettingsError(f"--format {kind} is not what {target} ends in; change one, or leave --format out")
+        if kind:
+            check_ending(target, suffix)
         return [writable_image(target)]
     results_folder(target, f"there are {len(photos)} photos")
     checked_bits(Path(f"normals{suffix}"))
@@ -180,11 +182,6 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
         twice = next(file for file, times in Counter(files).items() if times > 1)
         raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     return files
-
-
-def file_suffix(kind: str | None) -> str:
-    """The ending of a kind of file, as "png", which it is unless given."""
-    return f".{(kind or 'png').lstrip('.').lower()}"
 
 
 def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:

@@ -571,7 +571,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     ) -> "tuple[Capture, float]":
         """The part of the photo to use, and what a pixel measures in millimetres."""
         from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import is_taken_as_linear
+        from mpsnet_core.capture.transfer_curve import note_doubtful_curve
         from mpsnet_core.io.files import located
         from mpsnet_core.io.images import read_image
         from mpsnet_core.relief.material.material import filled_part
@@ -583,7 +583,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         mask = "none" if image.alpha is None else "alpha"
         with located(self.image):
             capture = capture_from(image, rig, mask=mask, camera=camera, depth=depth, correction=correction)
-            is_taken_as_linear(Path(self.image).name, image, capture.mask, rig)
+            note_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
             height, width = capture.mask.shape
             if self.ruler:
                 parse_ruler(self.ruler).check_within(height, width)

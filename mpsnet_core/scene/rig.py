@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
-from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file, located, read_json, write_json
+from mpsnet_core.io.files import check_small, existing_file, located, read_json, write_json
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -352,8 +352,7 @@ def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64
     Returns the names and the directions (N, 3). Raises FileError where it is missing, FormatError where malformed.
     """
     file = existing_file(Path(path), "rig file")
-    if file.stat().st_size > MAX_TEXT_BYTES:
-        raise FormatError(f"{path} is larger than 1 MiB and so not an .lp file; check the path")
+    check_small(file, "not an .lp file")
     text = file.read_text(encoding="utf-8", errors="replace")
     lines = [line.split() for line in text.splitlines() if line.strip()]
     with located(f"rig file {path}"):

@@ -7,7 +7,7 @@ import numpy as np
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.alignment.pose import Floats
-from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file
+from mpsnet_core.io.files import check_small, existing_file
 
 MOST_PAIRS = 1000
 FARTHEST = 1e9
@@ -32,8 +32,7 @@ def read_pairs(path: str | os.PathLike[str]) -> tuple[Floats, Floats]:
         Where it holds anything else.
     """
     path = existing_file(path, "file of pairs")
-    if path.stat().st_size > MAX_TEXT_BYTES:
-        raise FormatError(f"{path} is larger than 1 MiB and so no file of pairs; check the path")
+    check_small(path, "no file of pairs")
     try:
         data = json.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError):

@@ -20,8 +20,8 @@ from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
-from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file
-from mpsnet_core.io.frames import RESULT, file_suffix, results_folder
+from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, file_suffix
+from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
 from mpsnet_core.io.images import Encoding
 from mpsnet_core.io.provenance import identity
@@ -99,7 +99,7 @@ def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None)
     kind: of file, as "png", which it is unless given. Raises InputError where `folder` cannot be one.
     """
     target = results_folder(folder, f"{video} is a video")
-    suffix = file_suffix(kind)
+    suffix = file_suffix(kind or "png")
     checked_bits(Path(f"normals{suffix}"))
     return lambda number: target / f"{video.stem}_{number:06d}{RESULT}{suffix}"
 

@@ -57,7 +57,7 @@ class Multiscale(Network):
     kind = "pyramid"
     frame = "canonical"
     multiple = 16
-    magnified = 1.68
+    magnified = 1.68  # the best for its time on held-out samples
     halo = 112  # what lies further, up to 133, moves trained answers by less than 0.01 degrees
 
     def __init__(self, widths: Sequence[int] = (32, 64, 128, 152)) -> None:
