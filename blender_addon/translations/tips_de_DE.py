@@ -202,16 +202,16 @@ TIPS = {
         "Brennweite der perspektivischen Kamera in Millimetern, auf einem 36 mm breiten Sensor"
     ),
     (
-        "Focal length of the real camera in millimetres on a sensor 36 mm wide. 0: the camera is assumed to be far away"
+        "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera is assumed to be far away"
     ): (
-        "Brennweite der echten Kamera in Millimetern auf einem 36 mm breiten Sensor. 0: die Kamera gilt als weit "
+        "Kleinbildäquivalente Brennweite der echten Kamera in Millimetern. 0: die Kamera gilt als weit "
         "entfernt"
     ),
     (
-        "Focal length of the real camera in millimetres on a sensor 36 mm wide. 0: the camera that the photo was "
+        "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera that the photo was "
         "rendered with, else the rig's"
     ): (
-        "Brennweite der echten Kamera in Millimetern auf einem 36 mm breiten Sensor. 0: die Kamera, mit der das Foto "
+        "Kleinbildäquivalente Brennweite der echten Kamera in Millimetern. 0: die Kamera, mit der das Foto "
         "gerendert wurde, sonst die des Rigs"
     ),
     "Folder for each view's normals and albedo; the next run goes on from them. Empty: they are not kept": (
@@ -777,8 +777,8 @@ TIPS = {
     ),
     "The islands are continued by the margin": "Die Inseln werden um den Rand fortgesetzt",
     "The lamp, while it is there": "Die Lampe, solange sie da ist",
-    "The lens in mm on a 36 mm sensor. 0: that of the photo; found as well where that is 0": (
-        "Das Objektiv in mm auf einem 36-mm-Sensor. 0: das des Fotos; wo das 0 ist, wird es mit gefunden"
+    "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; found as well where that is 0": (
+        "Kleinbildäquivalente Brennweite des Objektivs in Millimetern. 0: das des Fotos; wo das 0 ist, wird es mit gefunden"
     ),
     "The lights are fixed to the camera, or the object stood on a turntable": (
         "Die Lichter sind an der Kamera befestigt, oder das Objekt stand auf einem Drehteller"

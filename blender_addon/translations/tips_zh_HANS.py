@@ -163,12 +163,12 @@ TIPS = {
         "透视摄像机的焦距（毫米），以 36 毫米宽的传感器计"
     ),
     (
-        "Focal length of the real camera in millimetres on a sensor 36 mm wide. 0: the camera is assumed to be far away"
-    ): ("真实相机的焦距（毫米），以 36 毫米宽的传感器计。0：假定相机很远"),
+        "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera is assumed to be far away"
+    ): ("真实相机的 35 毫米等效焦距（毫米）。0：假定相机很远"),
     (
-        "Focal length of the real camera in millimetres on a sensor 36 mm wide. 0: the camera that the photo was "
+        "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera that the photo was "
         "rendered with, else the rig's"
-    ): ("真实相机的焦距（毫米），以 36 毫米宽的传感器计。0：渲染照片的摄像机，否则为灯架的摄像机"),
+    ): ("真实相机的 35 毫米等效焦距（毫米）。0：渲染照片的摄像机，否则为灯架的摄像机"),
     "Folder for each view's normals and albedo; the next run goes on from them. Empty: they are not kept": (
         "保存每个视角的法线和反照率的文件夹；下次运行从这里继续。留空：不保留"
     ),
@@ -611,8 +611,8 @@ TIPS = {
     ),
     "The islands are continued by the margin": "将孤岛向外延伸边距的宽度",
     "The lamp, while it is there": "存在期间的灯",
-    "The lens in mm on a 36 mm sensor. 0: that of the photo; found as well where that is 0": (
-        "镜头焦距（毫米），以 36 毫米传感器计。0：照片的焦距；若其也为 0，则一并求出"
+    "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; found as well where that is 0": (
+        "镜头的 35 毫米等效焦距（毫米）。0：照片的焦距；若其也为 0，则一并求出"
     ),
     "The lights are fixed to the camera, or the object stood on a turntable": "灯光固定在摄像机上，或物体放在转台上",
     "The map was made of the same object": "贴图由同一物体制成",

@@ -90,7 +90,7 @@ class HasLens(Operation):
         provenance="content",
     )
     focal: float | None = option(
-        default=None, metavar="MM", help="focal length of the real camera in millimetres on a sensor 36 mm wide"
+        default=None, metavar="MM", help="35 mm equivalent focal length of the real camera, in millimetres"
     )
 
     def lens(self) -> "Camera | float | None":

@@ -140,11 +140,12 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[bool, bool]:
     is_float = _is_float(spec)
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     linear = is_float or "lin" in stated or stated in ("raw", "data")
+    assumed = not (linear or _states_its_curve(path, spec))
     hint = ""
-    if not linear and spec.format.basetype == oiio.UINT16:
+    if assumed and spec.format.basetype == oiio.UINT16:
         hint = "; if a raw converter wrote linear values, set the encoding to linear"
     log.info("read as %s (%s file)%s", "linear" if linear else "sRGB", "float" if is_float else spec.format, hint)
-    return linear, not (linear or _states_its_curve(path, spec))
+    return linear, assumed
 
 
 def as_stored(image: Image) -> Image:

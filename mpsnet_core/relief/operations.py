@@ -81,7 +81,7 @@ class HasScale(Operation):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        help="in place of a camera file, the focal length in millimetres on a sensor 36 mm wide",
+        help="in place of a camera file, the 35 mm equivalent focal length in millimetres",
     )
     pixel_size: float | None = option(
         default=None, metavar="S", help="in place of a camera file, the size of a pixel, seen from afar", unset="1"

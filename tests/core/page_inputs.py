@@ -132,6 +132,10 @@ def ball_photos(folder: Path) -> None:
     write_file(folder / "card.png", square, "uint8")
     ring = [(30, tilt) for tilt in range(90, 450, 40)]
     white = mirror_ball.Scene([(middle, radius)], mirror_ball.lamps_around(middle, 20, angles=ring), SIZE, FOCAL)
+    for light in range(3):
+        one = np.zeros((3, 3))
+        one[:, light] = 0.3
+        developed(folder / f"grey_{3 * light + 1}.png", mirror_ball.grey_photograph(scene, one, RIG.directions))
     for light in range(len(ring)):
         photo = mirror_ball.photograph(white, np.ones((3, len(ring))), on=[light], fine=2)
         developed(folder / f"ball_{light + 1}.png", photo)

@@ -105,7 +105,7 @@ class Align(RunsModel, ReadsPhotos):
         metavar="MM",
         low=1.0,
         high=10000.0,
-        help="the lens in mm on a 36 mm sensor",
+        help="35 mm equivalent focal length of the lens, in millimetres",
         unset="found as well",
     )
     overlay: str | None = option(
