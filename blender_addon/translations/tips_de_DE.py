@@ -201,11 +201,8 @@ TIPS = {
     "Focal length in millimetres of the perspective camera, on a sensor 36 mm wide": (
         "Brennweite der perspektivischen Kamera in Millimetern, auf einem 36 mm breiten Sensor"
     ),
-    (
-        "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera is assumed to be far away"
-    ): (
-        "Kleinbildäquivalente Brennweite der echten Kamera in Millimetern. 0: die Kamera gilt als weit "
-        "entfernt"
+    ("35 mm equivalent focal length of the real camera, in millimetres. 0: the camera is assumed to be far away"): (
+        "Kleinbildäquivalente Brennweite der echten Kamera in Millimetern. 0: die Kamera gilt als weit entfernt"
     ),
     (
         "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera that the photo was "
@@ -778,7 +775,8 @@ TIPS = {
     "The islands are continued by the margin": "Die Inseln werden um den Rand fortgesetzt",
     "The lamp, while it is there": "Die Lampe, solange sie da ist",
     "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; found as well where that is 0": (
-        "Kleinbildäquivalente Brennweite des Objektivs in Millimetern. 0: das des Fotos; wo das 0 ist, wird es mit gefunden"
+        "Kleinbildäquivalente Brennweite des Objektivs in Millimetern. 0: die des Fotos; wo sie 0 ist, wird sie mit "
+        "gefunden"
     ),
     "The lights are fixed to the camera, or the object stood on a turntable": (
         "Die Lichter sind an der Kamera befestigt, oder das Objekt stand auf einem Drehteller"

@@ -162,9 +162,9 @@ TIPS = {
     "Focal length in millimetres of the perspective camera, on a sensor 36 mm wide": (
         "透视摄像机的焦距（毫米），以 36 毫米宽的传感器计"
     ),
-    (
-        "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera is assumed to be far away"
-    ): ("真实相机的 35 毫米等效焦距（毫米）。0：假定相机很远"),
+    ("35 mm equivalent focal length of the real camera, in millimetres. 0: the camera is assumed to be far away"): (
+        "真实相机的 35 毫米等效焦距（毫米）。0：假定相机很远"
+    ),
     (
         "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera that the photo was "
         "rendered with, else the rig's"
