@@ -160,7 +160,8 @@ class Superpose(ReadsPictures):
     image: tuple[str, ...] = option(positional=True, help="photos of a thing that did not move, one for each light")
     channels: bool = option(
         default=False,
-        help="of three photos, each under one white light in the rig's order, make the red, green and blue channel",
+        help="of three photos, each under one white light, make the red, green and blue channel: in the order given, "
+        "which is the rig's, and those of a folder or pattern by their numbers",
     )
     output: str = option(
         short="-o",
@@ -173,24 +174,30 @@ class Superpose(ReadsPictures):
 
         from mpsnet_core.capture.superpose import as_channels, superpose
         from mpsnet_core.io.files import check_apart, checked_bits
+        from mpsnet_core.io.frames import expand_images, in_order_of_lights
         from mpsnet_core.io.image import linear_to_srgb
         from mpsnet_core.io.images import write_image
 
-        check_apart(self.image, [self.output])
+        files = expand_images(self.image)
+        if self.channels:
+            files = in_order_of_lights(files)
+        check_apart(files, [self.output])
         is_png = self.channels and Path(self.output).suffix.lower() == ".png"
         # A sum of light can be above 1, which only float files hold.
         bits = checked_bits(Path(self.output), None if is_png else 32)
         progress(0.0, "putting the photos together")
         together = as_channels if self.channels else superpose
-        pixels, alpha = together(self.image, encoding=self.encoding)
+        pixels, alpha = together(files, encoding=self.encoding)
         if is_png:
             pixels = linear_to_srgb(pixels / max(1.0, float(pixels.max())))
         planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
         space = "sRGB" if is_png else "lin_rec709_scene"
         write_image(self.output, np.concatenate(planes, axis=-1), bits=bits, color_space=space)
         progress(1.0, "done")
-        done = "a channel each" if self.channels else "added up"
-        return PhotoMade(self.output, text=f"{self.output}: {len(self.image)} photo(s), {done}")
+        if not self.channels:
+            return PhotoMade(self.output, text=f"{self.output}: {len(files)} photo(s), added up")
+        red, green, blue = (file.name for file in files)
+        return PhotoMade(self.output, text=f"{self.output}: red is {red}, green {green}, blue {blue}")
 
 
 @dataclass(frozen=True)

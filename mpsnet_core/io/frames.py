@@ -2,6 +2,7 @@
 
 import glob
 import itertools
+import logging
 import os
 import re
 from collections import Counter
@@ -21,6 +22,8 @@ from mpsnet_core.io.files import (
     makeable_folder,
     writable_image,
 )
+
+log = logging.getLogger(__name__)
 
 # Suffix of a photo's name for its normals.
 RESULT = "_normals"
@@ -90,6 +93,28 @@ def natural_order(file: Path) -> tuple[list[str | int], str]:
         int(part) if place % 2 else part for place, part in enumerate(re.split("([0-9]+)", file.name))
     ]
     return parts, file.name
+
+
+def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
+    """Photos of one light each: three in the order given, which is red, green, blue, more of them as a shell sorts them
+    (10 before 2) in natural order.
+
+    Warns where three come as a shell sorts them, which may not be meant.
+    """
+    natural = sorted(photos, key=natural_order)
+    if natural == list(photos) or list(photos) != sorted(photos, key=str):
+        return list(photos)
+    if len(photos) != 3:
+        return natural
+    red, green, blue = (photo.name for photo in photos)
+    log.warning(
+        "red is %s, green %s, blue %s, in the order in which a shell sorts them; for another one name the photos one "
+        "by one",
+        red,
+        green,
+        blue,
+    )
+    return list(photos)
 
 
 def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:

@@ -19,6 +19,7 @@ from mpsnet_core.capture.calibrate.lights import write_lp
 from mpsnet_core.capture.calibrate.operations import CalibrateLights
 from mpsnet_core.capture.calibrate.photos import BallPhotos
 from mpsnet_core.cli import main
+from mpsnet_core.io.images import read_image
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_rig
 
@@ -131,16 +132,41 @@ def test_lights_are_told_by_their_photos_in_the_order_of_their_numbers(
     photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As a shell gives them: ball.10 before ball.2, and the mask among them."""
-    for light, number in enumerate((1, 2, 10)):
+    for number, light in {1: 0, 2: 1, 10: 2, 11: 0}.items():
         (tmp_path / f"ball.{number}.png").write_bytes((photos / f"only{light}.png").read_bytes())
     (tmp_path / "ball.mask.png").write_bytes((photos / "mask.png").read_bytes())
     files = sorted(map(str, tmp_path.glob("ball.*.png")))
-    assert main(["calibrate", "lights", *files, "--per-light", "-o", str(tmp_path / "rig.json")]) == 0
+    command = ["calibrate", "lights", *files, "--per-light", "--lights", "1,2,3"]
+    assert main([*command, "-o", str(tmp_path / "rig.json")]) == 0
     said = capsys.readouterr()
     table = said.out.splitlines()[1:4]
     assert [line.partition(" (")[2].partition(")")[0] for line in table] == ["ball.1.png", "ball.2.png", "ball.10.png"]
     assert "ball.mask.png is left out" in said.err
     assert degrees_between(read_rig(tmp_path / "rig.json").directions, FACING).max() < 1
+
+
+@pytest.mark.parametrize("numbers", [(10, 11, 9), (9, 10, 11), (11, 9, 10)])
+def test_three_photos_are_red_green_and_blue_as_they_are_given_to_calibrate_and_superpose(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], numbers: tuple[int, int, int]
+) -> None:
+    """So both agree, also where a shell sorts them, which is the first order; both say which is which."""
+    lights = [number - 9 for number in numbers]
+    for light in range(3):
+        (tmp_path / f"w_{light + 9}.png").write_bytes((photos / f"only{light}.png").read_bytes())
+    names = [f"w_{number}.png" for number in numbers]
+    files = [str(tmp_path / name) for name in names]
+    rig, photo = tmp_path / "rig.json", tmp_path / "photo.exr"
+    assert main(["calibrate", "lights", *files, "--per-light", "-o", str(rig)]) == 0
+    calibrated = capsys.readouterr()
+    assert main(["superpose", "--channels", *files, "-o", str(photo)]) == 0
+    superposed = capsys.readouterr()
+    assert degrees_between(read_rig(rig).directions, FACING[lights]).max() < 1
+    alone = [read_image(file).pixels.mean(axis=-1) for file in files]
+    np.testing.assert_allclose(read_image(photo).pixels, np.stack(alone, axis=-1), atol=1e-3)
+    assert [line.partition(" (")[2].partition(")")[0] for line in calibrated.out.splitlines()[1:4]] == names
+    assert superposed.out == f"{photo}: red is {names[0]}, green {names[1]}, blue {names[2]}\n"
+    warned = "in the order in which a shell sorts them; for another one name the photos one by one"
+    assert [warned in said.err for said in (calibrated, superposed)] == [numbers == (10, 11, 9)] * 2
 
 
 def test_three_lights_of_an_lp_file_become_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -61,13 +61,11 @@ class LooksAtBall(ReadsPhotos, HasLens):
         """The photos, once it is sure that the results can be written and overwrite none of what is read."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, checked_bits, writable_path
-        from mpsnet_core.io.frames import expand_images, files_meant, natural_order
+        from mpsnet_core.io.frames import expand_images, files_meant
 
         if self.radius is not None and not 0 < self.radius < math.inf:
             raise SettingsError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
         files = _without_masks(expand_images(given))
-        if files == sorted(files, key=lambda file: str(file)):
-            files = sorted(files, key=natural_order)  # a shell puts 10 before 2
         outputs = [file for file in (output, self.overlay, self.json) if file]
         mask = self.mask and mask_source(self.mask)
         others = files_meant((mask, self.dark, self.flat, self.camera if isinstance(self, HasLens) else None))
@@ -151,7 +149,8 @@ class CalibrateLights(LooksAtBall):
     )
     per_light: bool = option(
         default=False,
-        help="the photos show one light each, in the order red, green, blue (any number of lights for an .lp file)",
+        help="the photos show one light each: three in the order red, green, blue, more of them by their numbers (any "
+        "number of lights for an .lp file)",
     )
     places: int = option(
         default=1, help="with --per-light: at how many places the ball stood, first all photos of the first place"
@@ -178,8 +177,11 @@ class CalibrateLights(LooksAtBall):
         from mpsnet_core.capture.calibrate.lights import find_lights
         from mpsnet_core.capture.calibrate.report import ball_facts, lights_facts
         from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.frames import in_order_of_lights
 
         files = self._inputs(self.ball, self.output)
+        if self.per_light:
+            files = in_order_of_lights(files)
         chosen = self._choose(files)
         sightings, pictured = self._sightings(files, chosen, progress)
         found = find_lights(sightings)
@@ -372,10 +374,11 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
         from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.frames import in_order_of_lights
         from mpsnet_core.io.images import write_image
         from mpsnet_core.scene.rig import read_rig, write_rig
 
-        files = self._inputs(self.photo, self.output, self.rig)
+        files = in_order_of_lights(self._inputs(self.photo, self.output, self.rig))
         rig = read_rig(self.rig)
         self._check(files, rig)
         photos = self._photos(files, mirror=False)
