@@ -130,15 +130,21 @@ def test_another_shape_under_the_found_matrix_is_estimated_as_if_there_were_no_c
     assert errors["left out"] > errors["no crosstalk"] + 5
 
 
-def by_light(albedo: float = 0.5) -> list[np.ndarray]:
+def by_light(albedo: float = 0.5, ambient: float = 0.0) -> list[np.ndarray]:
     """The grey ball under each light alone, all at one exposure."""
     alone = [MIXING * np.eye(3)[light] for light in range(3)]
-    return [grey_photograph(SCENE, mixing, FACING, albedo=albedo, seed=k) for k, mixing in enumerate(alone)]
+    return [
+        grey_photograph(SCENE, mixing, FACING, albedo=albedo, ambient=ambient, seed=k) for k, mixing in enumerate(alone)
+    ]
 
 
-def test_a_ball_under_one_light_at_a_time() -> None:
-    found = mixing_from_ball_by_light([taken(photo) for photo in by_light()], drawn(), RIG)
+@pytest.mark.parametrize("ambient", [0.0, 0.05])
+def test_a_ball_under_one_light_at_a_time(caplog: pytest.LogCaptureFixture, ambient: float) -> None:
+    caplog.set_level("INFO")
+    found = mixing_from_ball_by_light([taken(photo) for photo in by_light(ambient=ambient)], drawn(), RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
+    assert found.ambient == pytest.approx(ambient, abs=0.005)
+    assert ("[room-light]" in caplog.text) == (ambient > 0)
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0.2, -0.3, 1)])

@@ -210,15 +210,29 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
     As :func:`mixing_from_ball`, but every photo determines its light's column by itself, so that the lights' shadings
     need not be separated. All photos have the same exposure. Raises GeometryError as there.
     """
-    columns = []
+    columns, ambient = [], []
     for light, photo in enumerate(_three_photos(photos)):
         points, colours = _ball_pixels(photo, ball)
-        shading = _shading(ball, rig, points)[:, light]
+        basis = _shading(ball, rig, points)
+        shading = basis[:, light]
         lit = shading > LEAST_COSINE
         if lit.sum() < LEAST_PIXELS:
             raise GeometryError(f"the {LIGHT_NAMES[light]} light reaches too little of the ball; check rig and circle")
-        columns.append((colours[lit] / shading[lit, None], lit))
-    return _from_columns([values for values, _ in columns], ball)
+        ambient.append(_ambient(basis, colours, light))
+        columns.append((colours[lit] - ambient[-1]) / shading[lit, None])
+    return _from_columns(columns, ball, np.mean(ambient, axis=0))
+
+
+def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: int) -> NDArray[np.float64]:
+    """(3,) light from everywhere, not below 0, in a photo of one light alone; basis: (P, 4), as `_shading` has it."""
+    free = np.zeros(12 + OTHERS, bool)
+    free[:12].reshape(3, 4)[:, [light, 3]] = True
+    still, unmoved, weight = np.zeros((len(basis), 3, OTHERS)), np.zeros(OTHERS), np.ones(colours.shape)
+    for _ in range(ROUNDS):
+        answer = _joint_step(basis, still, colours, weight, np.eye(OTHERS), unmoved, free)[0]
+        error = basis @ answer - colours
+        weight = biweight(error, spread(error, weight > 0))
+    return np.asarray(answer[3])
 
 
 def mixing_from_card(
@@ -340,9 +354,11 @@ def _joint_step(
         free[worst] = False
 
 
-def _from_columns(columns: Sequence[NDArray[np.float64]], ball: Ball | None) -> MixingFound:
-    """Each light's column is the median over its pixels (P, 3)."""
-    middles = [np.median(values, axis=0) for values in columns]
+def _from_columns(
+    columns: Sequence[NDArray[np.float64]], ball: Ball | None, ambient: NDArray[np.float64] | None = None
+) -> MixingFound:
+    """Each light's column is the median over its pixels (P, 3), at least 0. ambient: (3,), in their unit."""
+    middles = [np.maximum(np.median(values, axis=0), 0) for values in columns]
     mixing = np.stack(middles, axis=-1)
     if not mixing.max() > 0:
         raise GeometryError("the photos are black where the ball or card is; were the lights on?")
@@ -350,10 +366,9 @@ def _from_columns(columns: Sequence[NDArray[np.float64]], ball: Ball | None) -> 
         np.median(np.abs(values - middle)) / max(float(middle.max()), 1e-12)
         for values, middle in zip(columns, middles, strict=True)
     ]
-    pixels = sum(map(len, columns))
-    return _checked(
-        MixingFound(mixing / mixing.max(), float(DEVIATIONS * np.mean(off)), np.zeros(3), pixels, 0.0, ball)
-    )
+    pixels, largest = sum(map(len, columns)), mixing.max()
+    everywhere = np.zeros(3) if ambient is None else ambient / largest
+    return _checked(MixingFound(mixing / largest, float(DEVIATIONS * np.mean(off)), everywhere, pixels, 0.0, ball))
 
 
 def _checked(found: MixingFound) -> MixingFound:
