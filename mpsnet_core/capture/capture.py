@@ -34,6 +34,9 @@ LEAST_KNOWN = 0.8
 MOST_OFF = 2.0
 # The angle, in radians, between two channels as vectors of all pixels, below which they show the same light.
 ALIKE = 0.03
+CHANNELS = ("red", "green", "blue")
+# A channel whose mean is below this share of the brightest one's hardly saw its light.
+BLACK = 0.01
 # Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
 DEPTH_MARGIN = 32
 
@@ -419,7 +422,8 @@ def channel_angles(
     conclusive. means: (3,) of the pixels; products: (3, 3) the sums of the channels' products.
     """
     sizes = np.sqrt(np.diag(products))
-    if np.ptp(means) > 1e-3 * means.max() and not (sizes**2 / pixels > 1.01 * means**2).all():
+    varied = sizes**2 / pixels > 1.01 * means**2
+    if np.ptp(means) > 1e-3 * means.max() and not varied[means > 0].all():
         return None
     cosines = products / np.maximum(np.outer(sizes, sizes), 1e-30)
     return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
@@ -449,6 +453,9 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             "[channels-alike]",
             which,
         )
+    for channel, mean in zip(CHANNELS, means, strict=True):
+        if mean < BLACK * means.max():
+            log.warning("%sthe %s channel is black: was its light on? [black-channel]", which, channel)
     if spoilt > 0.05 * pixels:
         share = 100 * spoilt / pixels
         log.info(

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
-from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
+from mpsnet_core.capture.capture import ALIKE, CHANNELS, channel_angles, finite_inside
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LightRig
 
 Level = Literal["good", "watch", "bad"]
 LEVELS: tuple[Level, ...] = ("good", "watch", "bad")
-CHANNELS = ("red", "green", "blue")
 
 # Each pair of limits: beyond the first a photo is to be watched, beyond the second it is bad.
 # Exposure: of what the file can hold, or of the brightest channel where a file has no upper end.
@@ -251,7 +250,9 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
         "all_lights": round(reached, 4),
         "each_light": _listed(by_light),
     }
-    words = f"all three lights reach {reached:.0%} of the object"
+    untold = " and the ".join(name for name, known in zip(CHANNELS, told, strict=True) if not known)
+    lights = f"all lights but the {untold} one, too dark to tell," if untold else "all three lights"
+    words = f"{lights} reach {reached:.0%} of the object"
     if level != "good":
         name = CHANNELS[int(by_light.argmin())]
         words += f", the {name} one {by_light.min():.0%}; move the {name} light towards the camera, or turn the object"

@@ -85,6 +85,7 @@ def test_the_camera_is_kept(photo_file: Path) -> None:
     [
         ([0.5, 0.5, 0.5], "it looks like a photo under white light"),
         ([1.0, 0.5, 0.7], "100% of the object's pixels are saturated"),
+        ([0.5, 0.6, 0.0], "the blue channel is black: was its light on? [black-channel]"),
         ([0.2, 0.5, 0.6], "one channel is 3.0 times as bright"),
         ([0.5, 0.6, 0.7], None),
     ],

@@ -122,6 +122,13 @@ def test_what_shadows_hide_is_told_with_the_light_to_move() -> None:
     assert "25% of the object, the green one 50%; move the green light" in found.sentence
 
 
+def test_a_light_whose_channel_is_black_is_said_to_reach_nothing_and_the_others_are_compared() -> None:
+    found = checked(*photo(gain=np.array([1, 1, 0]), noise=0))
+    assert found["exposure"].level == "bad"
+    assert "all lights but the blue one, too dark to tell, reach" in found["reach"].sentence
+    assert "the channels show different lights" in found["channels"].sentence
+
+
 @pytest.mark.parametrize("sigma, level", [(0.0, "good"), (2.5, "watch")])
 def test_the_focus_of_paint_is_judged_where_there_is_no_outline(sigma: float, level: str) -> None:
     """Printed squares that fill the picture."""
