@@ -32,6 +32,10 @@ class GeometryError(InputError):
     """Lights, cameras, meshes, masks or normals that no answer follows from, or that do not belong together."""
 
 
+class NoObject(GeometryError):
+    """A photo in which no object is seen, or a mask that marks none: of a sequence, a frame to leave out."""
+
+
 class SettingsError(InputError):
     """An option that is unknown or out of its range, or options that contradict one another."""
 

@@ -16,7 +16,7 @@ from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.sizes import SAME_CAMERA, SAME_SIZE, check_same_size, size
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
-from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
+from mpsnet_core.errors import FormatError, GeometryError, InputError, NoObject, SettingsError
 from mpsnet_core.io.files import resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import SATURATED_SHARE, Image
@@ -107,7 +107,7 @@ class Capture:
             raise FormatError(f"a photo has three channels a pixel; this one has shape {image.shape}")
         self._check_sizes(mask.shape, image.shape)
         if not mask.any():
-            raise GeometryError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
+            raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
         if self.clipped is not None:
             check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
         image = _finite_and_lit(image, mask, "photo", "were the lights on, and is it the right mask?")

@@ -15,7 +15,7 @@ from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
-from mpsnet_core.errors import FileError, GeometryError, SettingsError
+from mpsnet_core.errors import FileError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image, read_mask
 from mpsnet_core.io.provenance import identity
@@ -228,7 +228,7 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes
     threshold = max(float(np.exp(threshold)), least)
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
     if not mask.any() or (clearness < CLEAR and mask.mean() < NOISE_SHARE):
-        raise GeometryError("no object stands out from the background; give a mask file, or a photo of the background")
+        raise NoObject("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
         share = 100 * mask.mean()
         log.info("the mask covers %.1f%% of the photo, with a certainty of %.2f of 1", share, clearness)

@@ -92,15 +92,16 @@ class NormalsMade(Result):
 class FramesMade(Result):
     """The normal maps of several photos, of numbered frames or of a video.
 
-    folder: where they are. made, there: how many were made now, and before. pixels: how many have a normal. outputs:
-    the files, of photos that are no sequence. first_output, pattern, first, last, count, frame_rate: what a program
-    needs to load the results as one image sequence.
+    folder: where they are. made, there: how many were made now, and before. left_out: how many photos show no object.
+    pixels: how many have a normal. outputs: the files, of photos that are no sequence. first_output, pattern, first,
+    last, count, frame_rate: what a program needs to load the results as one image sequence.
     """
 
     folder: str
     made: int
     there: int
     pixels: int
+    left_out: int = 0
     outputs: list[str] | None = None
     first_output: str | None = None
     pattern: str | None = None
@@ -293,15 +294,18 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             masks.of(number)  # one that is missing is reported before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
         outcome = self._sequence(frames, len(photos), progress, numbered.step if numbered else 1)
+        numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
+        made = {
+            number: output for number, output in zip(numbers, outputs, strict=True) if number not in outcome.left_out
+        }
         if numbered is None or outputs == [Path(self.output)]:
-            text = f"{self.output}: {self._summary(outcome)}"
-            listed = [str(output) for output in outputs]
-            return FramesMade(self.output, outcome.made, outcome.there, outcome.pixels, listed, text=text)
+            text, listed = f"{self.output}: {self._summary(outcome)}", [*map(str, made.values())]
+            left_out = len(outcome.left_out)
+            return FramesMade(self.output, outcome.made, outcome.there, outcome.pixels, left_out, listed, text=text)
         if numbered.gaps:
             log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
-        number, first = min(zip(numbered.numbers, outputs, strict=True))
         padded = len({len(digits) for digits in numbered.digits}) == 1
-        return self._made(outcome, first, (number, max(numbered.numbers)), padded, None)
+        return self._made(outcome, made[min(made)], (min(made), max(made)), padded, None)
 
     def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks
@@ -318,7 +322,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         video = read_video_header(path, encoding=self.encoding)
         frames = video_frames(video, outputs, masks=frame_masks(self.mask), reach=self.smooth, encoding=self.encoding)
         outcome = self._sequence(frames, video.count, progress)
-        return self._made(outcome, outputs(1), (1, outcome.made + outcome.there), True, video.frame_rate)
+        total = outcome.made + outcome.there + len(outcome.left_out)
+        made = [number for number in range(1, total + 1) if number not in outcome.left_out]
+        return self._made(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
 
     def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int = 1) -> "Outcome":
         from mpsnet_core.capture.capture import capture_from
@@ -376,6 +382,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             outcome.made,
             outcome.there,
             outcome.pixels,
+            len(outcome.left_out),
             first_output=str(first),
             pattern=pattern,
             first=numbers[0],
@@ -387,7 +394,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def _summary(self, outcome: "Outcome") -> str:
         there = f", {outcome.there} there already" if outcome.there else ""
-        return f"normals by {self.model}, {outcome.made} made{there}"
+        left_out = f", {len(outcome.left_out)} left out" if outcome.left_out else ""
+        return f"normals by {self.model}, {outcome.made} made{there}{left_out}"
 
 
 @dataclass(frozen=True)

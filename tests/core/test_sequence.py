@@ -317,6 +317,42 @@ def test_missing_frames_are_named_and_the_others_made(tmp_path: Path, mpsnet: Mp
     assert (again["made"], again["there"]) == (0, 6)
 
 
+@pytest.mark.parametrize("smooth", ["0", "2"])
+def test_frames_without_an_object_are_left_out_and_the_others_made(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path, smooth: str
+) -> None:
+    """As if they were missing: at the beginning, within, and where an earlier run made something of it."""
+    photos = shots(tmp_path / "shots", range(1, 8))
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "--smooth", smooth]
+    result(mpsnet(*command, "--progress", "json", "-o", tmp_path / "out"))
+    for number in (1, 4, 5):
+        write_file(photos[number - 1], np.dstack([picture(number), 0 * SPHERE.mask]), "uint8")
+    told = result(mpsnet(*command, "--progress", "json", "-o", tmp_path / "out"))
+    made = [f"frame_{number:04d}_normals.png" for number in (2, 3, 6, 7)]
+    assert listing(tmp_path / "out") == made
+    assert (told["first"], told["last"], told["count"], told["left_out"]) == (2, 7, 4, 3)
+    assert told["first_output"] == str(tmp_path / "out" / made[0])
+    named = [note.partition(":")[0] for note in told["notes"] if note.endswith("; this frame is left out")]
+    assert named == [f"frame_000{number}.png" for number in (1, 4, 5)]
+    again = mpsnet(*command, "-o", tmp_path / "out")
+    assert again.stdout.endswith("0 made, 4 there already, 3 left out\n")
+    for number in (1, 4, 5):
+        photos[number - 1].unlink()
+    mpsnet(*command, "-o", tmp_path / "missing")
+    assert listing(tmp_path / "missing") == made
+    for name in made:
+        without, missing = (read_normals(tmp_path / folder / name) for folder in ("out", "missing"))
+        np.testing.assert_array_equal(without.vectors, missing.vectors)
+
+
+def test_a_sequence_without_any_object_ends_with_the_reason(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 4))
+    mask = write_file(tmp_path / "mask.png", 0 * SPHERE.mask, "uint8")
+    with pytest.raises(InputError, match="the mask is empty"):
+        run(photos, tmp_path / "out", masks=Masks(str(mask)))
+    assert not (tmp_path / "out").exists()
+
+
 def test_numbers_that_rise_by_ten_are_smoothed_as_if_by_one(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     numbers = [1, 2, 3, 5, 6]
     for step in (1, 10):

@@ -1,5 +1,7 @@
 """A sequence's run: frames are read, estimated, smoothed and written in order; one that was cut short continues."""
 
+import contextlib
+import logging
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -8,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from mpsnet_core.capture.capture import Capture, note_doubts
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import ensure_folder, remove_abandoned
@@ -21,6 +23,8 @@ from mpsnet_core.scene.normal_map import Convention, NormalMap, write_normals
 AHEAD = 2
 
 T = TypeVar("T")
+
+log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -35,11 +39,14 @@ class Outcome:
         How many existed before and were up to date.
     pixels
         Of those that were made, inside their masks.
+    left_out
+        Numbers of the frames that show no object, which have no normal map.
     """
 
     made: int = 0
     there: int = 0
     pixels: int = 0
+    left_out: list[int] = field(default_factory=list)
 
 
 def estimate_sequence(
@@ -85,14 +92,15 @@ def estimate_sequence(
     Raises
     ------
     InputError
-        Where a frame cannot be read, estimated or written.
+        Where a frame cannot be read, estimated or written, or none shows an object.
     Cancelled
         Where `progress` raises it.
 
     Notes
     -----
     However it ends, what it wrote is whole, and the same call continues from there. Memory does not grow with the
-    number of frames.
+    number of frames. A frame that shows no object is left out with a warning, and an output that it had before is
+    removed.
     """
     run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", convention, count, progress)
     return run.through(frames, smooth, step)
@@ -109,6 +117,7 @@ class _Run:
     count: int
     progress: Progress
     outcome: Outcome = field(default_factory=Outcome)
+    nothing: NoObject | None = None  # of the first frame without an object
     unwritten: dict[int, Frame] = field(default_factory=dict)
 
     def through(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
@@ -123,12 +132,26 @@ class _Run:
                 raise
             made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
             raise type(error)(f"{error}; {made}, and the same command goes on from there") from None
+        if self.nothing is not None and not outcome.made + outcome.there:
+            raise self.nothing
         self.progress(1.0, "done")
         return outcome
 
     def _captured(self, steps: Iterable["_Step"]) -> Generator[tuple["_Step", Capture | None], None, None]:
         for todo in steps:
-            yield todo, self.take(todo.frame) if todo.needed else None
+            yield todo, self._taken(todo.frame) if todo.needed else None
+
+    def _taken(self, frame: Frame) -> Capture | None:
+        """The frame as a capture, None where it shows no object."""
+        try:
+            return self.take(frame)
+        except NoObject as error:
+            self.nothing = self.nothing or error
+            self.outcome.left_out.append(frame.number)
+            with contextlib.suppress(OSError):  # what is no file, or cannot be removed
+                frame.output.unlink()
+            log.warning("%s; this frame is left out", error)
+            return None
 
     def _estimated(self, captures: Iterable[tuple["_Step", Capture | None]]) -> Iterator[Shot]:
         noted = False
