@@ -46,7 +46,9 @@ class Train(Operation):
         default=None, metavar="FILE", help="a checkpoint to go on from, or a network to train further"
     )
     logs: str | None = option(default=None, metavar="DIR", help="for TensorBoard", provenance="none")
-    stop_after: int = option(default=0, low=0, metavar="STEPS", help="to go on later; 0: at the end")
+    stop_after: int = option(
+        default=0, low=0, metavar="STEPS", help="to go on later, those before --resume counted; 0: at the end"
+    )
     minutes: float = option(default=0.0, low=0, high=1e6, help="to go on later, by the clock; 0: at the end")
     anneal: int = option(
         default=0,
@@ -90,6 +92,7 @@ class Train(Operation):
             return NetworkTrained(step, text="")
         if step < steps and not self.anneal:
             text = f"stopped after {step} of {steps} steps; go on with --resume {places.checkpoint}"
+            text += ", and finish it with --anneal STEPS"
             return NetworkTrained(step, checkpoint=str(places.checkpoint), text=text)
         export_onnx(trained, output)
         figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"

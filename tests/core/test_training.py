@@ -207,6 +207,9 @@ def test_annealing_leaves_the_checkpoint_and_ends_with_a_rate_of_zero(samples: P
     assert log.value == pytest.approx(of.learning_rate / (LOGGED_EVERY - 2)), "of the last step, whose next has none"
     with pytest.raises(InputError, match="there is nothing to anneal; name a checkpoint to resume from"):
         run(of, samples, tmp_path / "d", anneal=3)
+    for early in ({"stop_after": 4}, {"minutes": 0.1}):
+        with pytest.raises(InputError, match="an anneal runs to its end; leave out --stop-after and --minutes"):
+            run(of, samples, checkpoint, resume=checkpoint, anneal=3, **early)
 
 
 @pytest.mark.parametrize("network", ["multiscale", "mpsnet"])
@@ -234,6 +237,8 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     with pytest.raises(InputError, match="of an earlier run; go on from it with --resume"):
         run(further, samples, checkpoint, resume=exported)
     assert checkpoint.read_bytes() == before
+    with pytest.raises(InputError, match=r"model\.onnx has had 4 steps already, which --stop-after counts too"):
+        run(further, samples, tmp_path / "none", resume=exported, stop_after=4)
     with pytest.raises(InputError, match="has had 4 steps already, the recipe has 4; give it more"):
         run(recipe(network, steps=4), samples, tmp_path / "again", resume=exported)
 

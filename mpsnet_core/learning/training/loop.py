@@ -105,10 +105,16 @@ def train(
     checkpoint is written then, too.
     """
     places = places or Places()
+    if anneal and (stop_after or minutes):
+        raise SettingsError("an anneal runs to its end; leave out --stop-after and --minutes, or --anneal")
     with _processes() as processes:
         _check_places(places, anneal)
         run = _Run(recipe, samples, validation, processes, precision, progress)
         run.begin(places.resume)
+        if 0 < stop_after <= run.step:
+            raise SettingsError(
+                f"{places.resume} has had {run.step} steps already, which --stop-after counts too; give it more"
+            )
         end = min(recipe.steps, stop_after or recipe.steps)
         if anneal:
             run.anneal, end = (run.step, anneal), run.step + anneal
