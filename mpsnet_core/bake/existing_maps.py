@@ -38,24 +38,25 @@ def maps_beneath(
 
     given: an image, <UDIM>, <MATERIAL> and <OBJECT> in its name standing for what they do in the textures' names; or a
     .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that is for a sheet's object
-    and material is taken. convention: of the image.
+    and material is taken. convention: of the image, and of the maps for which the list says none.
 
     Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no sheet has
     a map.
     """
     beneath: list[MapFile | None] = [None] * len(sheets)
     is_list = Path(given).suffix.lower() == ".json"
-    listed = read_map_list(given) if is_list else [ListedMap(Path(given), convention=convention)]
+    listed = read_map_list(given) if is_list else [ListedMap(Path(given))]
     sought: list[Path | None] = [None] * len(sheets)
     for entry in listed:
-        check_choice("convention", entry.convention, CONVENTIONS)
+        points = entry.convention or convention
+        check_choice("convention", points, CONVENTIONS)
         for number, (sheet, file) in enumerate(zip(sheets, map_files(entry.file, sheets), strict=True)):
             meant = entry.object in (None, sheet.object) and entry.material in (None, sheet.material)
             # Not every object or tile need have a map; one that is named in full and missing fails where it is read.
             if meant and beneath[number] is None:
                 sought[number] = file
                 if file == entry.file or file.is_file():
-                    beneath[number] = MapFile(file, entry.convention)
+                    beneath[number] = MapFile(file, points)
     if not any(beneath):
         check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
         raise FileError(f"{given}: there is no present map for any of the textures; check {check}")

@@ -17,12 +17,13 @@ FORMAT, VERSION = "mpsnet-present-maps", 1
 
 @dataclass(frozen=True)
 class ListedMap:
-    """A map, and for which object and material it is; None stands for all. convention: the way its green points."""
+    """A map, and for which object and material it is; None stands for all. convention: the way its green points, None
+    where the list does not say."""
 
     file: Path
     object: str | None = None
     material: str | None = None
-    convention: "Convention" = "opengl"
+    convention: "Convention | None" = None
 
 
 def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:

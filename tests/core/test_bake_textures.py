@@ -158,6 +158,14 @@ def test_maps_of_other_names_and_conventions_are_listed_in_a_file(bench: Bench) 
         "b_c-skin.1002.png": (0.3, 0.1),
         "b_c-Skin_2.1002.png": (-0.2, 0.2),
     }
+    # Of those for which the file says no convention, the option does.
+    directx = ("--onto-convention", "directx")
+    _, result, _ = bench.run("--onto", listed, *directx, *FULL, output="<OBJECT>-<MATERIAL>.<UDIM>.png")
+    assert beneath(result) == {
+        "a-skin.1001.png": (0.3, -0.1),
+        "b_c-skin.1002.png": (0.3, -0.1),
+        "b_c-Skin_2.1002.png": (-0.2, 0.2),
+    }
 
 
 def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
