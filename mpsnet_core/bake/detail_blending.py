@@ -49,11 +49,11 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     length = np.empty(colours.shape[:2], np.float32)
     for rows in bands(len(colours)):
         length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
-    # Where alpha holds something else, such as gloss, these are normals all the same.
-    opaque = np.ones(length.shape, bool) if alpha is None else alpha > 0
-    unit = opaque & (np.abs(length - 1) < NEARLY_UNIT)
+    # Where alpha holds something else, such as gloss or height, these are normals all the same.
+    unit = np.abs(length - 1) < NEARLY_UNIT
     # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
-    filled = opaque & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
+    opaque = np.ones(length.shape, bool) if alpha is None else alpha > 0
+    filled = unit | (opaque & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT))
     if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     normals = unit & (colours[..., 2] >= 0.5)

@@ -72,7 +72,7 @@ def test_present_maps_are_read_as_they_are_stored(kind: str, most: float, conven
 
 
 def test_alpha_may_hold_something_else(tmp_path: Path) -> None:
-    vectors, gloss = waves(64), np.full((64, 64), 0.3)
+    vectors, gloss = waves(64), np.tile([0.0, 0.3], (64, 32))
     path = write_file(tmp_path / "m.png", np.dstack([encode(vectors), gloss]), "uint16", oiio__UnassociatedAlpha=1)
     assert degrees_between(read_base_map(path), vectors).max() < 0.1
 
@@ -84,6 +84,7 @@ def test_what_surrounds_the_islands_is_no_normal(background: tuple[float, ...] |
     island = np.zeros((64, 64), bool)
     island[16:40, 8:44] = True
     if background is None:
+        colours = np.where(island[..., None], colours, (0.9, 0.2, 0.2))  # clear, and no colour of a normal
         path = write_file(tmp_path / "map.png", np.dstack([colours, island]), "uint8", oiio__UnassociatedAlpha=1)
     else:
         path = write_file(tmp_path / "map.png", np.where(island[..., None], colours, background), "uint8")
