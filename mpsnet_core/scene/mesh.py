@@ -135,7 +135,7 @@ def _check_numbers(triangles: NDArray[np.integer[Any]], count: int) -> None:
 def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
     """Read a mesh with UVs: OBJ, PLY, GLB, or the ``.npz`` that the add-on writes.
 
-    Polygons become fans of triangles, and all of the file's objects and materials one mesh that is labelled with their
+    Polygons become triangles, and all of the file's objects and materials one mesh that is labelled with their
     names. Shading normals are the file's own, else smooth ones, across UV seams too. The axes stay the file's: cameras
     must be in the same world.
 
@@ -209,11 +209,11 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
     corners: list[tuple[int, ...]] = []
-    # By OBJ's keywords, the first corner that each name applies to.
+    sizes: list[int] = []
+    # By OBJ's keywords, the first face that each name applies to.
     named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
-    # Names may be in any encoding. A backslash joins a line with the next one.
-    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
-    for number, line in enumerate(text.splitlines(), 1):
+    # A backslash joins a line with the next one.
+    for number, line in enumerate(_text_of(path).replace("\\\n", " ").split("\n"), 1):
         key, *words = line.partition("#")[0].split() or [""]
         try:
             if key in values:
@@ -228,21 +228,23 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
                     )
                 counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
                 face = [_obj_corner(word, counts) for word in words]
-                for second, third in pairwise(face[1:]):
-                    corners += face[0], second, third
-            elif key in named:
-                named[key].append((len(corners), " ".join(words)))
+                if len(face) > 2:
+                    corners += face
+                    sizes.append(len(face))
+            elif key in named:  # a name may hold a #, as 3ds Max's do
+                named[key].append((len(sizes), line.strip().removeprefix(key).strip()))
         except FormatError:
             raise
         except ValueError:
             raise FormatError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
     if not corners:
         raise GeometryError("it has no faces; choose a mesh with a surface")
-    v, vt, vn = np.moveaxis(np.array(corners).reshape(-1, 3, 3), 2, 0)
-    if (vt < 0).any() and not shape_only:
-        raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
     vertices = np.array(values["v"])
     _check_finite("vertices", vertices)
+    of_corners, counts_of = np.array(corners), np.array(sizes)
+    v, vt, vn = np.moveaxis(of_corners[_triangulated(vertices[of_corners[:, 0]], counts_of)], 2, 0)
+    if (vt < 0).any() and not shape_only:
+        raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
     normals = smooth_corner_normals(vertices, v)
     normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
     return Mesh(
@@ -250,17 +252,83 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
         v,
         normalised(normals),
         _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt],
-        materials=_labels_from(named["usemtl"], len(corners)),
-        objects=_labels_from(named["o"], len(corners)),
+        materials=_labels_from(named["usemtl"], counts_of - 2),
+        objects=_labels_from(named["o"], counts_of - 2),
+        polygons=np.repeat(np.arange(len(sizes)), counts_of - 2),
     )
 
 
-def _labels_from(starts: list[tuple[int, str]], end: int) -> Labels | None:
-    """Labels from the first corner of each name, of `end` corners; None where there are no names."""
+def _text_of(path: Path) -> str:
+    """An OBJ's text: UTF-8, or as older programs write it."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        return path.read_text(encoding="latin-1")
+
+
+def _labels_from(starts: list[tuple[int, str]], triangles: NDArray[np.int64]) -> Labels | None:
+    """Labels from the first face of each name, by the faces' numbers of triangles; None where there are no names."""
     if not starts:
         return None
-    runs = pairwise([(0, ""), *starts, (end, "")])
-    return labels_of_runs((name, (stop - start) // 3) for (start, name), (stop, _) in runs)
+    runs = pairwise([(0, ""), *starts, (len(triangles), "")])
+    return labels_of_runs((name, int(triangles[start:stop].sum())) for (start, name), (stop, _) in runs)
+
+
+def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(T, 3) the corners of polygons' triangles, those of one polygon in a row.
+
+    places: (C, 3) of the corners, polygon after polygon. sizes: (F,) their numbers. A polygon with a corner that turns
+    inwards loses ear after ear, so that its notches stay open; any other becomes a fan.
+    """
+    ends = np.cumsum(sizes)
+    starts, polygon = ends - sizes, np.repeat(np.arange(len(sizes)), sizes)
+    is_second = np.ones(len(places), bool)
+    is_second[starts] = is_second[ends - 1] = False
+    second = np.flatnonzero(is_second)
+    triangles: NDArray[np.int64] = np.stack([starts[polygon[second]], second, second + 1], axis=1)
+
+    ahead, behind = np.arange(len(places)) + 1, np.arange(len(places)) - 1
+    ahead[ends - 1], behind[starts] = starts, ends - 1
+    around = places - places[starts][polygon]
+    normals = np.add.reduceat(np.cross(around, around[ahead]), starts)
+    turns = np.cross(places - places[behind], places[ahead] - places)
+    inwards = np.einsum("ci,ci->c", turns, normals[polygon])
+    for number in np.unique(polygon[inwards < 0]):
+        start, end = starts[number], ends[number]
+        first = start - 2 * number  # each polygon before it has two triangles fewer than corners
+        triangles[first : first + sizes[number] - 2] = start + _ears(around[start:end], normals[number])
+    return triangles
+
+
+def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N - 2, 3) triangles of one polygon (N, 3), seen along its normal.
+
+    Corners that turn outwards, with no other corner between them and their neighbours, are cut off one by one. Where
+    there is none, as in a polygon that crosses itself, the rest becomes a fan.
+    """
+    along = int(np.argmax(np.abs(normal)))
+    flat = places[:, [(along + 1) % 3, (along + 2) % 3]] * [1, np.sign(normal[along])]
+
+    def doubled_area(a: int, b: int, c: Any) -> Any:
+        (x, y), (to_x, to_y) = flat[b] - flat[a], (flat[c] - flat[a]).T
+        return x * to_y - y * to_x
+
+    left, triangles, place, tried = np.arange(len(flat)), [], 0, 0
+    while len(left) > 3 and tried < len(left):
+        behind, ear, ahead = (int(left[place - step]) for step in (2, 1, 0))
+        is_ear = doubled_area(behind, ear, ahead) > 0
+        if is_ear:
+            # A corner may be there twice, where a seam leads to a hole.
+            others = left[(flat[left, None] != flat[[behind, ear, ahead]]).any(axis=2).all(axis=1)]
+            sides = [doubled_area(a, b, others) for a, b in ((behind, ear), (ear, ahead), (ahead, behind))]
+            is_ear = not (np.array(sides) >= 0).all(axis=0).any()
+        if is_ear:
+            triangles.append(sorted((behind, ear, ahead)))
+            left = left[left != ear]
+        tried = 0 if is_ear else tried + 1
+        place = (place + 1) % len(left)
+    triangles += [[int(left[0]), *map(int, pair)] for pair in pairwise(left[1:])]
+    return np.array(sorted(triangles))
 
 
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:

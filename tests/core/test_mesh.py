@@ -32,7 +32,7 @@ def obj(path: Path, faces: str, *, normals: bool = True) -> Path:
     lines = ["# a comment", "mtllib none.mtl", *(f"v {x} {y} {z}" for x, y, z in POINTS)]
     lines += [f"vt {u} {v}" for u, v in UVS]
     lines += [f"vn {x} {y} {z}" for x, y, z in (UP, SLANTED)] if normals else []
-    path.write_text("\n".join([*lines, faces]) + "\n")
+    path.write_text("\n".join([*lines, faces]) + "\n", encoding="utf-8")
     return path
 
 
@@ -79,6 +79,39 @@ def test_obj_of_triangles_and_polygons_mixed(tmp_path: Path) -> None:
     mesh = read_mesh(obj(tmp_path / "mesh.obj", faces, normals=False))
     hexagon = [(0, 0), (1, 1), (4, 5), (5, 6), (2, 2), (3, 3)]
     assert corners_of(mesh) == fan(LEFT, hexagon)
+
+
+@pytest.mark.parametrize("first", range(8))
+@pytest.mark.parametrize("behind", [False, True], ids=["from the front", "from behind"])
+def test_a_notch_in_a_polygon_stays_open(tmp_path: Path, first: int, behind: bool) -> None:
+    """A U in a slanted plane, whichever corner is its first: as much area as it has, and nothing over the notch."""
+    u_shape = np.array([[0, 0], [5, 0], [5, 4], [3, 4], [3, 1], [2, 1], [2, 4], [0, 4]])
+    around = np.roll(u_shape[::-1] if behind else u_shape, first, axis=0)
+    lines = [f"v {x} {y} {x + 2 * y}\nvt {x / 5} {y / 5}" for x, y in around]
+    (tmp_path / "u.obj").write_text("\n".join([*lines, "f " + " ".join(f"{n}/{n}" for n in range(1, 9))]))
+    mesh = read_mesh(tmp_path / "u.obj")
+    corners = mesh.vertices[mesh.triangles][..., :2] * ([-1, 1] if behind else 1)
+
+    def doubled_areas(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+        return np.linalg.det(np.stack([b - a, c - a], axis=-1))
+
+    areas = doubled_areas(*corners.swapaxes(0, 1)) / 2
+    assert len(areas) == 6 and (areas > 0).all() and areas.sum() == pytest.approx(17)
+    in_notch = np.broadcast_to([-2.5 if behind else 2.5, 2.5], (6, 2))
+    sides = [doubled_areas(corners[:, n], corners[:, n - 2], in_notch) for n in range(3)]
+    assert not (np.array(sides) >= 0).all(axis=0).any()
+
+
+def test_obj_names_are_read_as_they_stand(tmp_path: Path) -> None:
+    """3ds Max numbers its materials with #, and older programs write no UTF-8."""
+    faces = "o Säule\nusemtl Material #25\nf 1/1 2/2 3/3 4/4\no Öl\nusemtl  Material  #26 \nf 2/5 5/6 6/7 3/8"
+    path = obj(tmp_path / "mesh.obj", faces, normals=False)
+    for encoding in ("utf-8", "latin-1"):
+        path.write_text(path.read_text(encoding="utf-8"), encoding=encoding)
+        mesh = read_mesh(path)
+        assert mesh.materials is not None and mesh.materials.names == ("Material #25", "Material  #26")
+        assert mesh.objects is not None and mesh.objects.names == ("Säule", "Öl")
+        assert mesh.objects.number.tolist() == mesh.materials.number.tolist() == [0, 0, 1, 1]
 
 
 def test_obj_without_normals_is_smooth_also_where_the_uvs_part(tmp_path: Path) -> None:
