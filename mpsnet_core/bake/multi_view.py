@@ -22,12 +22,14 @@ from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
+from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.capture.transfer_curve import note_doubtful_curve
 from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
+from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, read_image, write_image
+from mpsnet_core.io.images import Encoding, layer_in, read_image, read_size, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
@@ -124,6 +126,20 @@ class Photography:
             correction=self.correction,
             straightened=partial(_straightened, view=view),
         )
+
+
+def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
+    """Raises InputError, which names the view, where a photo is no image or not as large as its camera's, as far as
+    the files' headers tell: before any is read."""
+    for view in views:
+        camera, layer = (view.camera.height, view.camera.width), photography.layer
+        with located(f"view {view.name}"):
+            photos = {"the photo": (view.photo, layer)}
+            photos |= {f"white photo {file}": (file, layer_in(file, layer)) for file in photography.white_of(view)}
+            for what, photo in photos.items():
+                size = read_size(*photo)
+                if size is not None:
+                    check_same_size("the camera", camera, what, size)
 
 
 def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:

@@ -526,7 +526,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
-        from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
+        from mpsnet_core.bake.multi_view import KeptView, KeptViews, check_photos, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
         from mpsnet_core.io.files import check_apart
         from mpsnet_core.io.provenance import operation_facts
@@ -541,6 +541,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         views = posed_photos(self.cameras, self.photos)
         photos = [view.photo for view in views]
         check_apart(photos, outputs)
+        check_photos(views, photography)
         progress(0.0, "reading the mesh")
         plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])], albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)

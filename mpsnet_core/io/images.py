@@ -232,6 +232,23 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
         return _orientation(source.spec())
 
 
+def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
+    """Height and width of what :func:`read_image` returns, by the file's header alone; None for camera raw.
+
+    Raises FileError where the file is missing, FormatError where it is no image, SettingsError where it lacks the
+    layer.
+    """
+    path = Path(path)
+    if path.suffix.lower() in RAW_SUFFIXES:
+        existing_file(path, "image")
+        return None
+    with closing(_open(path)) as source, libraries_silent():
+        source.seek_subimage(_choose(_layers(source, path), layer, path).subimage, 0)
+        spec = source.spec()
+    size = spec.full_height, spec.full_width
+    return size if _orientation(spec) < 5 else size[::-1]
+
+
 def write_image(
     path: str | os.PathLike[str],
     pixels: NDArray[Any],

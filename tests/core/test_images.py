@@ -17,7 +17,7 @@ from synthetic import listing, named, write_file, write_parts
 from mpsnet_core.errors import InputError
 from mpsnet_core.io import images
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import image_layers, read_data, read_image, read_mask, write_image
+from mpsnet_core.io.images import image_layers, read_data, read_image, read_mask, read_size, write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
 SRGB = {0.0: 0.0, 0.04: 0.04 / 12.92, 0.5: 0.2140411, 0.735357: 0.5, 1.0: 1.0}
@@ -247,6 +247,7 @@ def test_a_photo_stands_as_a_viewer_shows_it(
     values[0, :, 0], values[:, 0, 1] = 1, 1
     path = write_file(tmp_path / "photo.tif", values, "float", Orientation=orientation)
     pixels = read_image(path).pixels
+    assert read_size(path) == pixels.shape[:2]
     assert pixels[..., 0][SIDES[first_row]].all() and pixels[..., 0].sum() == 6
     assert pixels[..., 1][SIDES[first_column]].all() and pixels[..., 1].sum() == 4
 

@@ -652,6 +652,22 @@ def test_what_cannot_be_baked_is_told_before_anything_is_estimated(table: Table)
     assert not (table / "kept").exists()
 
 
+@pytest.mark.parametrize("break_it", [small_photo, broken_photo], ids=lambda function: function.__name__)
+def test_a_photo_that_cannot_be_had_is_told_before_any_is_estimated(
+    table: Table, break_it: Callable[[Table], list[Any]]
+) -> None:
+    break_it(table)
+    with pytest.raises(InputError, match="view side1: "):
+        table.run("--keep", table / "kept")
+    (table / "white").mkdir()
+    for number in range(4):
+        write_file(table / "white" / f"side{number}.png", np.ones((96, 95 + (number != 2), 3)), "uint8")
+    write_file(table / "photos" / "side1.exr", np.ones((96, 96, 3)), "float")
+    with pytest.raises(InputError, match=r"view side2: the camera is 96 x 96 but white photo .*side2.png is 95 x 96"):
+        table.run("--keep", table / "kept", "--white", table / "white")
+    assert not (table / "kept").exists()
+
+
 def test_views_that_do_not_belong_together_are_told(table: Table) -> None:
     """The lights that went with the camera, each in the place of another."""
     lights = published_rig().directions
