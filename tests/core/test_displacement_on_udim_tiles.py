@@ -9,6 +9,7 @@ import pytest
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals
 from test_displacement import AMPLITUDE, bumpy_sphere
+from uv_squares import squares
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
@@ -97,6 +98,16 @@ def test_bad_input_is_one_sentence(
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and words in said
     assert sorted(Path().iterdir()) == before
+
+
+def test_a_tile_that_the_bake_leaves_out_is_not_needed(files: None, capsys: pytest.CaptureFixture[str]) -> None:
+    """Islands that reach into the next tiles by a tenth of a texel, and by six."""
+    write_image("c_1001.exr", encode(np.broadcast_to([0.0, 0, 1], (SIZE, SIZE, 3))))
+    command = ["integrate", "c_<UDIM>.exr", "--uvs", "c.npz", "--height", "h_<UDIM>.exr"]
+    write_mesh("c.npz", squares((0, 0), side=1 + 0.1 / SIZE))
+    assert main(command) == 0 and [file.name for file in Path().glob("h_*.exr")] == ["h_1001.exr"]
+    write_mesh("c.npz", squares((0, 0), side=1.1))
+    assert main(command) == 2 and "c_1002.exr does not exist" in capsys.readouterr().err
 
 
 def test_tiles_of_several_sizes_are_refused(files: None, capsys: pytest.CaptureFixture[str]) -> None:

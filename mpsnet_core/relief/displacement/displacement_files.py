@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_apart, writable_image, written_together
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.images import read_size, write_image
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
@@ -75,6 +76,8 @@ def write_displacement(
     progress(0.0, "reading the mesh")
     mesh, base_mesh = read_mesh(uvs), read_mesh(base) if base else None
     chosen = sheets([mesh], tiles=tiled)
+    if tiled:
+        chosen = _with_texels(chosen, normals, mesh)
     textures, outputs, turned = (_files(name, chosen, tiled) for name in (normals, height, object_space))
     files = _checked_outputs(outputs, turned, bits, [*textures, *(Path(file) for file in (uvs, base) if file)])
     tiles = tiles_of(chosen)
@@ -134,6 +137,21 @@ def _files(name: str | None, chosen: Sequence[TextureSet], tiled: bool) -> list[
     if not name:
         return []
     return texture_files(name, chosen) if tiled else [Path(name)]
+
+
+def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[TextureSet]:
+    """The tiles but for those that the bake makes no texture of: it is missing, and no texel lies on their UVs."""
+    textures = texture_files(normals, chosen)
+    first = next((file for file in textures if file.is_file()), None)
+    shape = read_size(first) if first else None
+    if shape is None:
+        return chosen
+
+    def has_texels(sheet: TextureSet) -> bool:
+        corners = texel_coordinates(mesh.uvs[sheet.parts[0]] - np.array(sheet.corner, float), shape[0])
+        return bool((triangle_of_texel(corners, shape[0]) >= 0).any())
+
+    return [sheet for sheet, file in zip(chosen, textures, strict=True) if file.is_file() or has_texels(sheet)]
 
 
 def _write_heights(
