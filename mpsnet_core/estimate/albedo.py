@@ -102,7 +102,7 @@ def write_albedo(
     *,
     bits: int | None = None,
 ) -> None:
-    """Write an albedo as sRGB in PNG or TIFF, clipped at 1, or linear in EXR.
+    """Write an albedo as sRGB, clipped at 1, or linear in float files: in EXR, and in TIFF of 32 bits.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def write_albedo(
     InputError
         As :func:`write_image` does.
     """
-    linear = os.fspath(path).lower().endswith(".exr")
+    linear = bits == 32 or os.fspath(path).lower().endswith(".exr")
     values = albedo if linear else linear_to_srgb(albedo)
     if mask is not None:
         values = np.concatenate([values, mask[..., None]], axis=-1)

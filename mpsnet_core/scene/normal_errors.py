@@ -33,7 +33,7 @@ def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[st
     """True normals in camera space: of a normal map or, with the camera's file, of a render's passes in world space.
 
     Such a render is an OpenEXR file with the layers Normal and Combined, as Blender writes it. Pixels that the object
-    fills only in part are left out: there the pass is a mean with the background.
+    fills only in part are left out: there the pass is a mean with the background. So is what is not finite.
 
     Raises InputError where a file cannot be read or lacks a layer.
     """
@@ -43,7 +43,7 @@ def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[st
     _, alpha = read_data(path, layer="Combined")
     if alpha is None:
         raise GeometryError(f"{path}: its layer Combined has no alpha, which shows the object; render it again")
-    known = (alpha > 0.99) & world.any(axis=-1)
+    known = (alpha > 0.99) & world.any(axis=-1) & np.isfinite(world).all(axis=-1)
     return NormalMap(world @ read_camera(camera).rotation.astype(np.float32), known)
 
 

@@ -156,10 +156,10 @@ def test_what_is_clipped_does_not_set_the_scale() -> None:
     assert found[painted.reached & ~clipped.any(axis=-1)].max() == pytest.approx(0.9, rel=0.02)
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr"])
-def test_an_albedo_is_read_as_it_was_written(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("name", "bits"), [("a.png", None), ("a.tif", None), ("a.tif", 32), ("a.exr", None)])
+def test_an_albedo_is_read_as_it_was_written(tmp_path: Path, name: str, bits: int | None) -> None:
     painted = Painted()
-    write_albedo(tmp_path / name, painted.albedo, painted.capture.mask)
+    write_albedo(tmp_path / name, painted.albedo, painted.capture.mask, bits=bits)
     found = read_albedo(tmp_path / name)
     assert np.isnan(found[~painted.capture.mask]).all()
     np.testing.assert_allclose(found[painted.capture.mask], painted.albedo[painted.capture.mask], atol=1e-4)
