@@ -104,7 +104,9 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         rows = zip("RGB", result["mixing"], strict=True)
         channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
         unexplained = ("Unexplained", f"{result['residual']:.1%}", "", "")
-        self._take([("Channel", "Red", "Green", "Blue"), *channels, unexplained])
+        off = result["equation_2_error"]
+        equation_2 = [] if off is None else [("Equation 2", f"{off:.1f}° off", "", "")]
+        self._take([("Channel", "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
 
 
 def _photo(path: str, what: str) -> str:

@@ -44,7 +44,8 @@ def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirr
     mixed = read_rig(tmp_path / "rig.json")
     np.testing.assert_allclose(mixed.directions, found.directions, atol=1e-6)
     np.testing.assert_allclose(mixed.mixing, MIXING, atol=0.03)
-    assert [line.split("|")[0] for line in calibrate.told.splitlines()] == ["Channel", "R", "G", "B", "Unexplained"]
+    rows = [line.split("|")[0] for line in calibrate.told.splitlines()]
+    assert rows == ["Channel", "R", "G", "B", "Unexplained", "Equation 2"]
 
 
 def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):

@@ -206,6 +206,7 @@ def test_the_mixing_goes_into_the_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Pa
     result = result_of(done.stdout)
     assert result["mixing"] == found.mixing.tolist()
     assert result["residual"] < 0.02 and result["left_out"] < 0.1
+    assert result["equation_2_error"] < 1
     assert picture(overlay).std() > 0.01
 
 

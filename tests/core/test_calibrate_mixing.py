@@ -11,7 +11,12 @@ from synthetic import degrees_between
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
-from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
+from mpsnet_core.capture.calibrate.mixing import (
+    equation_2_error,
+    mixing_from_ball,
+    mixing_from_ball_by_light,
+    mixing_from_card,
+)
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
@@ -59,6 +64,18 @@ def test_a_ball_that_is_found_and_one_in_perspective() -> None:
     camera = Camera("perspective", 400, 300, (700.0, 700.0))
     found = mixing_from_ball(taken(image), find_balls(image, camera, mirror=False)[0], RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
+
+
+@pytest.mark.parametrize("turned", [0.0, 10.0])
+def test_equation_2_errs_on_the_ball_as_far_as_the_rig_is_turned(turned: float) -> None:
+    angle = np.radians(turned)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    photo = taken(grey_photograph(SCENE, MIXING, FACING, noise=0, levels=None))
+    found = equation_2_error([photo], drawn(), LightRig(FACING @ turn.T, MIXING))
+    x, y = np.meshgrid(*[np.linspace(-1, 1, 401)] * 2)
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[x**2 + y**2 < 0.95**2]
+    reached = normals[(normals @ (FACING @ turn.T).T > 0.1).all(axis=1)]
+    assert found == pytest.approx(degrees_between(reached @ turn.T, reached).mean(), abs=0.3)
 
 
 def test_gloss_stains_and_clipping_are_left_out() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, spread
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
@@ -233,6 +233,24 @@ def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: in
         error = basis @ answer - colours
         weight = biweight(error, spread(error, weight > 0))
     return np.asarray(answer[3])
+
+
+def equation_2_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> float | None:
+    """The mean angle, in degrees, between a matt grey ball's normals and those by equation 2 with a calibrated rig.
+
+    It is of the places that all three lights reach; None where there are none. photos: one under all lights, or one of
+    each. It also counts what no matrix mends: lights that are not where the rig says, gloss, the room's light.
+    """
+    pixels = np.sum([photo.pixels for photo in photos], axis=0)
+    clipped = np.any([photo.saturated for photo in photos], axis=0)
+    points, colours = _ball_pixels(replace(photos[0], pixels=pixels, clipped=clipped), ball)
+    lit = (_shading(ball, rig, points)[:, :3] > LEAST_COSINE).all(axis=1)
+    if not lit.any():
+        return None
+    place, normal, _ = surface(ball, points[lit])
+    lights = np.broadcast_to(rig.directions if rig.near is None else rig.near.light_at(place), (len(place), 3, 3))
+    found = np.linalg.solve(lights, rig.unmixed(colours[lit])[..., None])[..., 0]
+    return float(angular_error(normalised(found), normal).mean())
 
 
 def mixing_from_card(

@@ -337,7 +337,10 @@ class CalibrateLights(LooksAtBall):
 
 @dataclass(frozen=True)
 class MixingCalibrated(Result):
-    """Where the rig with its mixing is, and what was found, as :class:`mpsnet_core.MixingFound` has it."""
+    """Where the rig with its mixing is, and what was found, as :class:`mpsnet_core.MixingFound` has it.
+
+    equation_2_error: by how many degrees equation 2 errs on the ball, None for a card.
+    """
 
     output: str
     overlay: str | None
@@ -348,6 +351,7 @@ class MixingCalibrated(Result):
     left_out: float
     determined: bool
     uncertainty: float
+    equation_2_error: float | None
     balls: "list[BallFacts]"
 
 
@@ -371,6 +375,7 @@ class CalibrateMixing(LooksAtBall):
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
         """Write the rig with its mixing, and what else is requested."""
+        from mpsnet_core.capture.calibrate.mixing import equation_2_error
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
         from mpsnet_core.io.files import written_together
@@ -386,9 +391,11 @@ class CalibrateMixing(LooksAtBall):
         read = [photos.read(file) for file in files]
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
-        result = self._result(found)
+        calibrated = replace(rig, mixing=found.mixing)
+        off = None if found.ball is None else equation_2_error(read, found.ball, calibrated)
+        result = self._result(found, off)
         with written_together():
-            write_rig(self.output, replace(rig, mixing=found.mixing))
+            write_rig(self.output, calibrated)
             if self.overlay and found.ball is not None:
                 picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
                 write_image(self.overlay, picture, bits=8, color_space="sRGB")
@@ -447,7 +454,7 @@ class CalibrateMixing(LooksAtBall):
         normal = _numbers(self.normal, "--normal") if self.normal else [0.0, 0.0, 1.0]
         return mixing_from_card(read, mask, rig, normal)
 
-    def _result(self, found: "MixingFound") -> MixingCalibrated:
+    def _result(self, found: "MixingFound", off: float | None) -> MixingCalibrated:
         from mpsnet_core.capture.calibrate.report import ball_facts, mixing_lines
 
         balls = [] if found.ball is None else [ball_facts(found.ball)]
@@ -461,8 +468,9 @@ class CalibrateMixing(LooksAtBall):
             left_out=found.left_out,
             determined=found.determined,
             uncertainty=found.uncertainty,
+            equation_2_error=off,
             balls=balls,
-            text="\n".join([f"{self.output}:", *mixing_lines(found), *map(str, balls)]),
+            text="\n".join([f"{self.output}:", *mixing_lines(found, off), *map(str, balls)]),
         )
 
 

@@ -120,8 +120,8 @@ def ball_facts(ball: Ball) -> BallFacts:
     return BallFacts(ball.by_hand, circle, ball.residual, ball.seen, ball.centre.tolist(), ball.radius)
 
 
-def mixing_lines(found: MixingFound) -> list[str]:
-    """The mixing matrix for people, and how well it explains the photo."""
+def mixing_lines(found: MixingFound, off: float | None) -> list[str]:
+    """The mixing matrix for people, and how well it explains the photo. off: degrees, as `equation_2_error` has it."""
     lines = [
         f"{channel.rjust(6)}: " + "  ".join(f"{value:6.3f}" for value in row)
         for channel, row in zip(COLOURS, found.mixing, strict=True)
@@ -129,4 +129,7 @@ def mixing_lines(found: MixingFound) -> list[str]:
     if not found.determined:
         lines.append("the lights' strengths alone: the photo does not show how their colours mix")
     left_out = f"{found.left_out:.1%} of {found.pixels} pixels left out"
-    return [*lines, f"{found.residual:.2%} of the brightness unexplained, {left_out}"]
+    lines.append(f"{found.residual:.2%} of the brightness unexplained, {left_out}")
+    if off is not None:
+        lines.append(f"equation 2 finds the ball's normals to {off:.1f}° where all three lights reach")
+    return lines
