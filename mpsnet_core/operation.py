@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from numbers import Real
+from numbers import Integral, Real
 from types import UnionType
 from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args, get_origin, get_type_hints
 
@@ -160,11 +160,13 @@ class Operation:
     heading: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        """Raises SettingsError where an option's value is out of its bounds or none of its choices."""
+        """Raises SettingsError where an option's value is lacking, no number, out of bounds or none of its choices."""
         for setting in settings(type(self)):
             value = getattr(self, setting.name)
             if setting.several and value is not None:
-                value = tuple(map(_plain, value))
+                value = tuple(map(_plain, (value,) if isinstance(value, str | os.PathLike) else value))
+            if setting.required and (value is None or (setting.several and not value)):
+                raise SettingsError(f"{self.command} lacks its option {setting.name}; give it")
             object.__setattr__(self, setting.name, _plain(value))
             for one in value if setting.several and value is not None else (value,):
                 _check(setting, one)
@@ -227,8 +229,10 @@ def _check(setting: Setting, value: Any) -> None:
     name = setting.name.replace("_", " ")
     if choices:
         check_choice(name, value, choices)
-    if not (low is None and high is None) and not isinstance(value, Real):
+    if setting.kind is float and not isinstance(value, Real):
         raise SettingsError(f"{name} {value!r} is no number")
+    if setting.kind is int and not isinstance(value, Integral):
+        raise SettingsError(f"{name} {value!r} is no whole number")
     # "not" takes care of NaN.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         least = _number(-math.inf if low is None else low)

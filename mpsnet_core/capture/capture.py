@@ -50,7 +50,7 @@ class Capture:
     image : (H, W, 3) float32, or float16 where it comes so
         Linear; channel i is camera channel R, G, B.
     mask : (H, W) bool
-        The pixels of the object.
+        The pixels of the object. Of floating-point values, those above 0.5, as of alpha.
     rig
         The lights, in camera space.
     camera
@@ -100,7 +100,8 @@ class Capture:
     white_light: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        image, mask = np.asarray(self.image), np.asarray(self.mask, bool)
+        image, mask = np.asarray(self.image), np.asarray(self.mask)
+        mask = mask > 0.5 if mask.dtype.kind == "f" else mask.astype(bool, copy=False)
         if image.dtype != np.float16:
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:

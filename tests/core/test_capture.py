@@ -9,7 +9,7 @@ from synthetic import Sphere, write_file
 
 from mpsnet_core import read_mask
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.capture import Capture, read_capture
 from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import image
@@ -31,6 +31,12 @@ def test_alpha_is_the_mask_unless_told_otherwise(with_alpha: Path, sphere: Spher
     np.testing.assert_array_equal(read_capture(with_alpha, sphere.rig, mask="alpha").mask, sphere.mask)
     whole = read_capture(with_alpha, sphere.rig, mask="none").mask
     assert whole.all() and whole.strides == (0, 0)  # takes no memory
+
+
+def test_a_mask_of_shares_counts_from_a_half_as_alpha_does() -> None:
+    shares = np.array([[0.2, 0.5, 0.51, 1.0]])
+    capture = Capture(np.full((1, 4, 3), 0.5), shares, published_rig())  # type: ignore[arg-type]
+    np.testing.assert_array_equal(capture.mask, [[False, False, True, True]])
 
 
 def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(

@@ -533,6 +533,11 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             "-1 threads is out of range; use 0",
         ),
         (
+            "half a thread",
+            lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=1.5),
+            "1.5 threads is out of range; use 0",
+        ),
+        (
             "unknown provider",
             lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), provider="gpu"),
             "provider 'gpu' is not known; choose cpu, cuda, directml or coreml",

@@ -124,9 +124,24 @@ def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None
         on_the_command_line("a", *arguments, "-o", "bag")
 
 
-def test_a_number_given_as_text_is_refused() -> None:
-    with pytest.raises(InputError, match="size '1' is no number"):
-        Grind(beans=("a",), output="bag", size="1")  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"size": "1"}, "size '1' is no number"),
+        ({"turns": 1.5}, "turns 1.5 is no whole number"),
+        ({"sieves": [3, 5.5]}, "sieves 5.5 is no whole number"),
+        ({"beans": []}, "grind lacks its option beans; give it"),
+        ({"output": None}, "grind lacks its option output; give it"),
+    ],
+)
+def test_what_no_option_can_be_is_refused(options: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        Grind(**{"beans": ("a",), "output": "bag", **options})
+
+
+@pytest.mark.parametrize("bag", ["a bag", Path("a bag")])
+def test_one_of_several_may_stand_alone(bag: Any) -> None:
+    assert Grind(beans=bag, water=bag, output="bag") == Grind(beans=("a bag",), water=("a bag",), output="bag")
 
 
 def test_an_option_that_has_to_be_given_is_missed() -> None:
