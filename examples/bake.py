@@ -2,7 +2,7 @@
 
     blender -b --python examples/bake.py                   onto a coarse monkey, with what estimate.py left or makes now
     blender -b scene.blend --python examples/bake.py       onto the active object of your own scene with its estimate
-    python examples/bake.py                                with `pip install mpsnet[blender]`
+    python examples/bake.py  with `pip install -e '.[blender]'` in a copy of the repository
 
 Leaves output/texture.png, the tangent-space texture, and output/relit.png, the low-poly under the rig's lights with it.
 """

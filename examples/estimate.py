@@ -2,7 +2,7 @@
 
     blender -b --python examples/estimate.py                   of the photo that render_photo.py left, or makes now
     blender -b scene.blend --python examples/estimate.py       of the photo in your own scene
-    python examples/estimate.py                                with `pip install mpsnet[blender]`
+    python examples/estimate.py  with `pip install -e '.[blender]'` in a copy of the repository
 
 Leaves output/normals.png: red is right, green is up, blue faces the camera.
 """

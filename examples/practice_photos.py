@@ -1,6 +1,6 @@
 """Render the photos of the guided tour, for those who have no rig yet: what a camera sees on a real table.
 
-    python examples/practice_photos.py                   with `pip install mpsnet[blender]`
+    python examples/practice_photos.py  with `pip install -e '.[blender]'` in a copy of the repository
     blender -b --python examples/practice_photos.py      with the extension installed
 
 Leaves in practice/, in the folder that it is run in: a mirror ball, a grey ball and a figure, each under the same three

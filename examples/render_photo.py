@@ -2,7 +2,7 @@
 
     blender -b --python examples/render_photo.py                 with the extension installed
     blender -b scene.blend --python examples/render_photo.py     of the active object of your own scene
-    python examples/render_photo.py                              with `pip install mpsnet[blender]`
+    python examples/render_photo.py  with `pip install -e '.[blender]'` in a copy of the repository
 
 Leaves output/photo.exr (linear), output/photo.png (to look at) and output/scene.blend for the next examples.
 """

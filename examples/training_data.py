@@ -1,6 +1,6 @@
 """Training data of both kinds: a few samples rendered by Blender's Cycles, and the same ones synthesised without it.
 
-    python examples/training_data.py                   (with `pip install mpsnet[blender]`)
+    python examples/training_data.py  (with `pip install -e '.[blender]'` in a copy of the repository)
     blender -b --python examples/training_data.py      (with the extension installed)
 
 Leaves the samples in output/rendered and output/synthesised, and output/training_data.png: in each pair of rows the

@@ -95,7 +95,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         take_given(self, CalibrateSettings, scene.mps.calibrate)
         lights = scene.mps.estimate.rig_file
         if not lights:
-            raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
+            raise InputError("where are the lights? Find them first, or name a rig file in the step Rig")
         photo = _photo(self.grey, "the grey ball")
         operation = CalibrateMixing(photo=(photo,), rig=bpy.path.abspath(lights), **self._options("mixing", 1))
         return operation, [self._rig, self._overlay]

@@ -4,7 +4,6 @@ import contextlib
 import os
 from dataclasses import replace
 from functools import cache
-from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +57,7 @@ class OnnxModel:
             raise FormatError(f"model file {self.path} is larger than 2 GiB; it is not one of ours")
         if tile < 64:
             raise SettingsError(f"a tile of {tile} pixels is too small; use 64 or more")
-        if not isinstance(threads, Integral) or threads < 0:
+        if threads < 0 or threads != int(threads):
             raise SettingsError(f"{threads} threads is out of range; use 0 for all cores or a whole number above")
         self.tile = tile
         check_operators(self.path)

@@ -34,8 +34,8 @@ def read_raw(path: Path) -> Image:
         rawpy = importlib.import_module("rawpy")
     except ImportError:
         raise InputError(
-            f"{path} is a camera raw file, which needs rawpy: pip install 'mpsnet[raw]', or convert it to a "
-            "linear TIFF and set the encoding to linear (--encoding linear)"
+            f"{path} is a camera raw file, which needs rawpy: pip install '.[raw]' in a copy of the repository, or "
+            "convert it to a linear TIFF and set the encoding to linear (--encoding linear)"
         ) from None
     try:
         with rawpy.RawPy() as raw:

@@ -5,7 +5,7 @@ PYTHONPATH=tests/core python tests/benchmarks/demosaicing.py [--blur 0.8]
 A matt ball under three lights of one colour each is seen through a Bayer mosaic with a sensor's noise: once with
 ripples in its normals every 9 pixels, once smooth with painted squares of 20 pixels that reflect a third of the rest.
 The angle is that between equation 2 on the filled-in photo and on the photo as it was before the mosaic, where all
-lights reach. --blur is the lens's, the deviation of a Gaussian in pixels. Needs rawpy (pip install "mpsnet[raw]").
+lights reach. --blur is the lens's, the deviation of a Gaussian in pixels. Needs rawpy (pip install '.[raw]').
 """
 
 import argparse

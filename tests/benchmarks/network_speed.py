@@ -8,7 +8,7 @@ MPS-Net have their published widths and fresh weights (which do not change the t
 and multiplied.
 --large measures the peak memory of `mpsnet estimate` on photos of 16, 36 and 100 megapixels, too, where the system
 tells it.
-Needs torch and onnx (pip install "mpsnet[train]").
+Needs torch and onnx (pip install '.[train]').
 """
 
 import argparse

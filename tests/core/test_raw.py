@@ -250,7 +250,7 @@ class TestBadInput:
 
     def test_rawpy_is_not_installed(self, good: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "rawpy", None)
-        self.refused(good, "photo.dng", "pip install 'mpsnet[raw]'")
+        self.refused(good, "photo.dng", "pip install '.[raw]' in a copy of the repository")
 
 
 def test_the_plain_install_reads_what_it_read_before() -> None:

@@ -111,12 +111,12 @@ test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "without PyTorch",
             lambda b: without("torch", lambda: train(b)),
-            "needs PyTorch, which is not installed; pip install 'mpsnet[train]'",
+            "needs PyTorch: pip install '.[train]' in a copy of the repository",
         ),
         (
             "samples to measure on without PyTorch",
             lambda b: without("torch", lambda: b.run("evaluate", "samples", b.folder)),
-            "needs PyTorch, which is not installed; pip install 'mpsnet[train]'",
+            "needs PyTorch: pip install '.[train]' in a copy of the repository",
         ),
     ]
 )
@@ -128,12 +128,12 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
             (
                 "without ONNX",
                 lambda b: without("onnx", lambda: train(b)),
-                "needs ONNX, which is not installed; pip install",
+                "needs ONNX: pip install",
             ),
             (
                 "without TensorBoard",
                 lambda b: without("tensorboard", lambda: train(b)),
-                "needs TensorBoard, which is not installed",
+                "needs TensorBoard: pip install",
             ),
             (
                 "no recipe",

@@ -260,7 +260,7 @@ def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
 def test_without_pyav_one_sentence_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = clip(tmp_path / "a.mkv", noise(1))
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(InputError, match=r'takes PyAV to read; install it with pip install "mpsnet\[video\]"'):
+    with pytest.raises(InputError, match=r"needs PyAV: pip install '\.\[video\]' in a copy of the repository"):
         decoded(path)
 
 

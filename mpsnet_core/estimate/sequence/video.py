@@ -208,7 +208,7 @@ def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
     if not _pyav_there():
         raise FileError(
-            f'{path} is a video, which takes PyAV to read; install it with pip install "mpsnet[video]", or give frames'
+            f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository, or give frames"
         )
     import av
 

@@ -6,4 +6,4 @@ from mpsnet_core.errors import SettingsError
 
 for _name, _library in (("torch", "PyTorch"), ("onnx", "ONNX"), ("tensorboard", "TensorBoard")):
     if find_spec(_name) is None:
-        raise SettingsError(f"training needs {_library}, which is not installed; pip install 'mpsnet[train]'")
+        raise SettingsError(f"training needs {_library}: pip install '.[train]' in a copy of the repository")
