@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.images import read_data
+from mpsnet_core.errors import FormatError, GeometryError, SettingsError
+from mpsnet_core.io.images import image_layers, read_data
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
@@ -38,7 +38,15 @@ def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[st
     Raises InputError where a file cannot be read or lacks a layer.
     """
     if camera is None:
-        return read_normals(path)
+        try:
+            return read_normals(path)
+        except FormatError:
+            if any(layer.split(".")[-1] == "Normal" for layer in image_layers(path)):
+                raise SettingsError(
+                    f"{path} is a render whose pass Normal is in the world's axes; give the view's camera file too "
+                    "(--camera)"
+                ) from None
+            raise
     world, _ = read_data(path, layer="Normal")
     _, alpha = read_data(path, layer="Combined")
     if alpha is None:

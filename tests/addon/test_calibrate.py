@@ -59,7 +59,7 @@ def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):
 def test_what_is_missing_is_told(scene, tmp_path, mirror, grey):
     with pytest.raises(RuntimeError, match="no photo of the mirror ball is named"):
         bpy.ops.mps.calibrate_lights()
-    with pytest.raises(RuntimeError, match="where are the lights.* in the step Rig"):
+    with pytest.raises(RuntimeError, match=r"where are the lights.* in the step Rig"):
         bpy.ops.mps.calibrate_mixing(grey=grey)
     write_rig(tmp_path / "rig.json", LightRig(LIGHTS))
     scene.mps.estimate.rig_file = str(tmp_path / "rig.json")
