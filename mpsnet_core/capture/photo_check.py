@@ -55,7 +55,7 @@ class Finding:
     Parameters
     ----------
     item : str
-        "encoding", "exposure", "clipping", "channels", "lights", "reach" or "focus".
+        "encoding", "exposure", "clipping", "channels", "lights", "mixing", "reach" or "focus".
     level : {"good", "watch", "bad"}
     sentence : str
         What was found and, unless it is good, how to mend it.
@@ -69,7 +69,9 @@ class Finding:
     figures: dict[str, float | list[float]]
 
 
-def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> list[Finding]:
+def check_photo(
+    image: Image, mask: NDArray[np.bool_], rig: LightRig | None, *, mixing_told: bool = True
+) -> list[Finding]:
     """What there is to say of a photo and of the lights that it was taken under, one finding an item.
 
     Parameters
@@ -80,6 +82,8 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
         The object, at least one pixel.
     rig : LightRig, optional
         The lights; without it nothing is said of them.
+    mixing_told : bool, optional
+        Whether the rig's mixing is known; else that is said, in an item more.
 
     Raises
     ------
@@ -106,6 +110,7 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
         _clipping(values, clipped[inside]),
         _channels(values, rig),
         *([] if rig is None else [_lights(rig)]),
+        *([] if rig is None or mixing_told else [_mixing()]),
         _reach(values, noise, rig),
         _focus(whole, mask, noise),
     ]
@@ -232,6 +237,11 @@ def _lights(rig: LightRig) -> Finding:
         words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and throws long "
         words += "shadows; move it towards the camera"
     return Finding("lights", level, words, figures)
+
+
+def _mixing() -> Finding:
+    words = "the rig says nothing of how the lights' colours mix; calibrate the mixing by a photo of a grey ball"
+    return Finding("mixing", "watch", f"{words} [unknown-mixing]", {})
 
 
 def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRig | None) -> Finding:

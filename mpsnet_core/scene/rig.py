@@ -300,6 +300,14 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing, exact=exact)
 
 
+def tells_mixing(path: str | os.PathLike[str]) -> bool:
+    """Whether a rig file says how the lights' colours mix; an .lp file does not. Raises as :func:`read_rig` does."""
+    if Path(path).suffix.lower() == ".lp":
+        return False
+    with rig_data(path) as (data, _):
+        return "mixing" in data or data.get("exact", False) is True
+
+
 @contextmanager
 def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], bool]]:
     """The JSON of a rig file with three "lights", and whether they are near: these have a "target".
@@ -402,4 +410,6 @@ def write_rig_data(
     if near is not None:
         data["lights"] = [{"position": position.tolist()} for position in near.positions]
         data |= {"target": near.target.tolist(), "lobe": near.lobe}
-    write_json(path, {**data, "mixing": np.asarray(mixing).tolist(), **({"exact": True} if exact else {})})
+    if exact or not np.array_equal(mixing, np.eye(3)):  # else nobody has measured it
+        data["mixing"] = np.asarray(mixing).tolist()
+    write_json(path, {**data, **({"exact": True} if exact else {})})

@@ -162,9 +162,14 @@ def test_the_command_writes_a_line_and_a_sentence_an_item(tmp_path: Path, mpsnet
     done = mpsnet("check", tmp_path / "photo.png", *options, "--json", tmp_path / "found.json")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines] == ["bad", *["good"] * 5]
+    assert [line.split()[0] for line in lines] == ["bad", *["good"] * 3, "watch", *["good"] * 2]
+    assert "the rig says nothing of how the lights' colours mix" in lines[4]
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["level"] == "bad" and found["findings"][0]["sentence"] in lines[0]
+    rig = json.loads((tmp_path / "rig.json").read_text())
+    (tmp_path / "rig.json").write_text(json.dumps({**rig, "mixing": np.eye(3).tolist()}))
+    told = Check(image=tmp_path / "photo.png", rig=tmp_path / "rig.json", mask=tmp_path / "mask.png").run()
+    assert "mixing" not in [one.item for one in told.findings]
     without = Check(image=tmp_path / "photo.png", mask=tmp_path / "mask.png").run()
     assert "lights" not in [one.item for one in without.findings]
 
