@@ -9,8 +9,9 @@ what is left is each light's share, ``q = s / Σ_k t_k s_k``. Times the mean of 
 times one albedo for all three lights: a photo without colour.
 
 Pixels have ``Σ_k t_k q_k = 1``, in light and in shadow: they lie in one plane, and a fit of that plane finds the gains.
-Of the two orders of unmixing the one counts whose plane is the thinner. Highlights leave the plane on coloured
-surfaces, and count as outliers; on grey ones they stay in it.
+Where another lamp lit the white photo, only pixels that all three lights reach do. Of the two orders of unmixing the
+one counts whose plane is the thinner. Highlights leave the plane on coloured surfaces, and count as outliers; on grey
+ones they stay in it.
 """
 
 from dataclasses import replace
@@ -35,6 +36,9 @@ LEAST_SPREAD = 0.005  # of the distances from the plane
 MOST = 20.0  # times the gains for which all shares have one mean
 LEAST_PIXELS = 16
 HIGHEST = 95  # percentile; beyond it are highlights, and what the white lamp hardly reaches
+# Of a light's median share: below it the light hardly reaches a pixel, or not at all. Another lamp's shading is not the
+# sum of the lights' there.
+REACHED = 0.2
 SAMPLED = 20_000  # pixels of a large photo
 
 
@@ -159,8 +163,12 @@ def _gains(
     # Each channel's part of Σ_k t_k q_k; with the right multiple of each they add up to 1 in every pixel.
     parts = ratio * alike * (strengths @ unmixing)
     light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
-    weights, spread = light, 4 * LEAST_SPREAD
+    weights, spread, multiple = light, 4 * LEAST_SPREAD, np.ones(3)
     for _ in range(ROUNDS):
+        if (strengths != 1).any():  # of another lamp than the rig's lights
+            shares = (ratio * alike * multiple) @ unmixing.T
+            reached = (shares > REACHED * np.median(shares, axis=0)).all(axis=-1)
+            weights = weights * reached if np.count_nonzero(reached) >= LEAST_PIXELS else weights
         even = EVEN_SHARES * spread**2
         equations = np.einsum("ni,nj,n->ij", parts, parts, weights) / weights.sum() + even * np.eye(3)
         multiple = np.linalg.solve(equations, weights @ parts / weights.sum() + even)

@@ -95,6 +95,16 @@ def test_the_lamp_of_the_white_photo_may_rake(slant: float) -> None:
     assert np.median(found) < 0.5
 
 
+def test_where_a_light_does_not_reach_the_lamp_is_no_sum_of_lights() -> None:
+    """Low lights, which reach a part of the sphere each."""
+    lamp = direction_from_angles(40, 20)
+    painted = Painted(LightRig(direction_from_angles([50, 55, 45], [80, 205, 330]), np.array(CROSSTALK)))
+    cosine = np.maximum(painted.sphere.normals @ lamp, 0)
+    white = painted.albedo * cosine[..., None] * GAINS
+    found = painted.off(replace(painted.capture, white=white, white_light=lamp), painted.lit & (cosine > 0.1))
+    assert found.mean() < 0.5
+
+
 def test_under_near_lights_every_pixel_has_its_own_lamp() -> None:
     """The three lights stand 1.5 times the ball's size away, and the one lamp is far."""
     scene, lamp = ball(near=NEAR, size=80), direction_from_angles(20, 0)
