@@ -31,7 +31,7 @@ from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image, read_size, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
-from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line
+from mpsnet_core.io.provenance import identity, is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
 from mpsnet_core.scene.mesh import Mesh
@@ -205,10 +205,22 @@ class KeptView:
     def albedo(self) -> Path:
         return self.folder / f"{self.name}_albedo.exr"
 
+    @property
+    def files(self) -> list[Path]:
+        return [self.normals, self.confidence, *([self.albedo] if self.coloured else [])]
+
     def is_of(self, source: str) -> bool:
         """Whether all files are there, whole, and were made of the same `source`, a line of :func:`sources_of`."""
-        files = [self.normals, self.confidence, *([self.albedo] if self.coloured else [])]
-        return all(is_up_to_date(file, source) for file in files)
+        return all(is_up_to_date(file, source) for file in self.files)
+
+    def check_own(self) -> None:
+        """Raises FileError where one of the files is there and not written by us, or retouched since."""
+        for file in self.files:
+            if file.exists() and not is_result(file, "normals"):
+                raise FileError(
+                    f"the result would overwrite {file}, which is no file of views --keep; keep the normals in another "
+                    "folder"
+                )
 
     def write(self, capture: Capture, normals: NormalMap, source: str) -> None:
         """Write the files. capture: what the normals were estimated from."""

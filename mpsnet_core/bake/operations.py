@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.rig import LightRig
+    from mpsnet_core.scene.view_photos import ViewPhoto
 
 LEVEL = (
     f"take large shapes from the mesh, and what is smaller than SCALE (a fraction of its size; on: {LEVEL_SCALE:g}) "
@@ -542,8 +543,11 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         photos = [view.photo for view in views]
         check_apart(photos, outputs)
         check_photos(views, photography)
+        kept_files = self._kept_files(views)
+        check_apart([*inputs, *photos, *outputs], kept_files)
         progress(0.0, "reading the mesh")
-        plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])], albedo=bool(self.white))
+        taken = [*inputs, *photos, *map(Path, outputs[1:]), *kept_files]
+        plan = self.planned(target, taken, albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)
         recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
         sources = sources_of(views, photography, mesh, recipe)
@@ -610,6 +614,15 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 return rig
 
         return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction(), self.white)
+
+    def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
+        """The files that the views are to be kept in. Raises FileError where one is there that is not ours."""
+        from mpsnet_core.bake.multi_view import KeptView
+
+        kept = [KeptView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []
+        for view in kept:
+            view.check_own()
+        return [file for view in kept for file in view.files]
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """Where the views' normals go: to be kept, or for as long as the stack is open."""

@@ -24,6 +24,13 @@ def is_up_to_date(picture: Path, line: str) -> bool:
     return image_description(picture) == line and is_whole(picture)
 
 
+def is_result(picture: Path, what: str) -> bool:
+    """Whether a picture's description says that this program made it, from whatever facts."""
+    from mpsnet_core.io.images import image_description
+
+    return image_description(picture).startswith(f"{what} by mpsnet ")
+
+
 def identity(given: str | os.PathLike[str]) -> str:
     """Text that changes with files: their names, sizes and times.
 

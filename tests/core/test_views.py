@@ -201,6 +201,23 @@ def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
 
 
+def test_a_kept_file_that_is_not_ours_is_not_overwritten(table: Table) -> None:
+    """Nor one by the texture."""
+    keep = ("--keep", table / "kept")
+    table.run(*keep)
+    for output in ("side1_normals.png", "side1_confidence.png"):
+        with pytest.raises(InputError, match=f"would overwrite .*{output}, a file that it needs"):
+            table.run(*keep, "-o", table / "kept" / output)
+    retouched = table / "kept" / "side1_normals.png"
+    write_normals(retouched, read_normals(retouched))
+    before = retouched.read_bytes()
+    with pytest.raises(
+        InputError, match=r"would overwrite .*side1_normals.png, which is no file of views --keep; keep"
+    ):
+        table.run(*keep)
+    assert retouched.read_bytes() == before
+
+
 def test_white_photos_become_one_albedo(table: Table) -> None:
     """The sphere painted, with another exposure and tint in each view: one colour at each texel but for one factor."""
 
