@@ -89,14 +89,16 @@ def texture_target(
 class Plan:
     """Textures to bake for meshes: a sheet and a file for each.
 
-    patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them. coverage:
-    folder for a map of what was seen of each, None for none.
+    albedos: where the views' colours go, if they have some. patterns: the files with <UDIM> in place of the tile's
+    number. base_maps: the maps that go beneath them. coverage: folder for a map of what was seen of each, None for
+    none.
     """
 
     target: TextureTarget
     meshes: Sequence[Mesh]
     sheets: Sequence[TextureSet]
     files: Sequence[Path]
+    albedos: Sequence[Path]
     patterns: Sequence[Path]
     base_maps: BaseMaps
     coverage: Path | None
@@ -145,14 +147,14 @@ def planned(
     chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
-    coloured = map(albedo_file, files) if albedo else ()
+    albedos = texture_files(albedo_file(Path(target.output)), chosen)
     folder = ensure_folder(coverage, "coverage") if coverage else None
     seen = [folder / file.name for file in files] if folder else ()
-    written = map(writable_path, [*files, *coloured, *seen])
+    written = map(writable_path, [*files, *(albedos if albedo else ()), *seen])
     check_apart([*taken, *(present.file for present in beneath if present)], written)
     check_apart(files, seen)
     base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
-    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps, folder)
+    return Plan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
@@ -174,7 +176,7 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
         write_texture(plan.files[place], texture, convention=target.convention, bits=target.bits)
         albedo = None
         if texture.colours is not None:
-            albedo = albedo_file(plan.files[place])
+            albedo = plan.albedos[place]
             write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
         seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
         filled = None if texture.filled is None else int(texture.filled.sum())

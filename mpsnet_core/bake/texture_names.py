@@ -26,8 +26,9 @@ class Parted(Protocol):
 
 
 def albedo_file(texture: Path) -> Path:
-    """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
-    return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
+    """Where the albedo goes that is baked beside a normal texture: NAME_albedo; <UDIM> stays last, as programs want."""
+    name = re.sub(r"((?<=.)[._-]?<UDIM>)?$", r"_albedo\1", texture.stem, count=1)
+    return texture.with_name(f"{name}{texture.suffix}")
 
 
 def split_by(pattern: str | os.PathLike[str]) -> set[str]:

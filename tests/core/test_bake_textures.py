@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import os
 import re
 from pathlib import Path
 
@@ -71,6 +72,16 @@ def test_a_texture_for_each_tile(bench: Bench) -> None:
         half = [found[16:, :16], found[:16, 16:]]
         assert all(degrees_between(part, TILTED).max() < 0.01 for part in half)
     assert not any("outside" in note for note in result["notes"])
+
+
+@pytest.mark.parametrize(("output", "albedo"), [("s.<UDIM>.png", "s_albedo.{}.png"), ("<UDIM>.png", "{}_albedo.png")])
+def test_the_tile_s_number_stays_where_programs_look_for_it(bench: Bench, output: str, albedo: str) -> None:
+    """Blender's own pattern and others' want it last."""
+    write_image(bench / "a.png", np.full((16, 96, 3), 0.5))
+    _, result, _ = bench.run("--albedo", bench / "a.png", output=output)
+    written = [str(bench / albedo.format(tile)) for tile in (1001, 1002)]
+    assert [entry["albedo"] for entry in result["outputs"]] == written and all(map(os.path.isfile, written))
+    assert {entry["albedo_tiles"] for entry in result["outputs"]} == {str(bench / albedo.format("<UDIM>"))}
 
 
 def test_a_texture_for_each_material_and_object(bench: Bench) -> None:
