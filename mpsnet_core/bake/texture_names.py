@@ -10,7 +10,7 @@ from mpsnet_core.errors import SettingsError
 
 # The tokens, and what of a sheet they stand for.
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
-# Longer names are cut: file systems allow 255 bytes, and there is more in a file's name.
+# Names of more bytes are cut: file systems allow 255, and there is more in a file's name.
 LONGEST_NAME = 80
 
 
@@ -117,7 +117,7 @@ def _file_names(names: Sequence[str | None]) -> dict[str | None, str]:
     for name in names:
         if name is None or name in cleaned:
             continue
-        clean = re.sub(r"[^\w.-]+", "_", name)[:LONGEST_NAME].strip("._-") or "unnamed"
+        clean = re.sub(r"[^\w.-]+", "_", name).encode()[:LONGEST_NAME].decode(errors="ignore").strip("._-") or "unnamed"
         numbered, number = clean, 1
         while numbered.casefold() in taken:
             number += 1

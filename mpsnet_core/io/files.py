@@ -43,6 +43,9 @@ VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm
 # In the environment, as a JSON list: the command of a program that decodes videos where PyAV is not installed.
 VIDEO_DECODER = "MPSNET_VIDEO_DECODER"
 
+# What file systems allow.
+MAX_NAME_BYTES = 255
+
 # Bits per channel of each format; the first is the default.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 
@@ -98,11 +101,11 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     It exists from the start, so that nobody can put a link in its place. :func:`remove_unfinished` cleans up after a
     killed process. The renamed file is flushed to the disk. In a block of :func:`written_together` it is renamed at the
-    block's end.
+    block's end. Where `path` is a link, all of this is about the file that it leads to.
 
     Raises FileError where the folder is missing or cannot be written, or the disk is full.
     """
-    path = writable_path(path)
+    path = _behind_link(writable_path(path))
     _clear_once(resolved(path.parent))
     unfinished = unfinished_path(path)
     with _writing(path):
@@ -222,13 +225,23 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if not is_utf8(path):
         raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
-    if not path.parent.is_dir():
-        raise FileError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
-    if path.is_dir():
+    file = _behind_link(path)
+    if not file.parent.is_dir():
+        raise FileError(f"cannot write {path}: the folder {file.parent} does not exist; create it first")
+    if len(os.fsencode(unfinished_path(file).name)) > MAX_NAME_BYTES:
+        raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
+    if file.is_dir():
         raise FileError(f"cannot write {path}: it is a folder; give a file name")
-    if not _takes_files(path.parent):
-        raise FileError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
+    if not _takes_files(file.parent):
+        raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
+    if file.exists() and not os.access(file, os.W_OK):
+        raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
     return path
+
+
+def _behind_link(path: Path) -> Path:
+    """The file that a link leads to; what is no link stays as it is."""
+    return resolved(path) if path.is_symlink() else path
 
 
 def file_suffix(kind: str) -> str:

@@ -215,13 +215,14 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
     assert not (bench / "s.1001.png").exists()
 
 
-def test_no_texture_appears_where_a_later_one_fails(bench: Bench) -> None:
-    """The second file's name leaves no room for that of its unfinished file."""
-    bench.squares("long.npz", (0, 0), (0.5, 0.5), materials=f"m {'n' * 80}")
+def test_long_names_are_cut_and_names_that_are_too_long_are_told_before_the_bake(bench: Bench) -> None:
+    """Files count bytes, of which a letter may have several, and a file that is being written has a longer name."""
+    bench.squares("long.npz", (0, 0), (0.5, 0.5), materials=f"m {'木' * 80}")
+    _, result, _ = bench.run("--mesh", bench / "long.npz", output="<MATERIAL>.png")
+    assert [Path(entry["output"]).name for entry in result["outputs"]] == ["m.png", f"{'木' * 26}.png"]
     before = listing(bench.folder)
-    prefix = "x" * 165
-    sentence = bench.refused("--mesh", bench / "long.npz", output=f"{prefix}<MATERIAL>.png")
-    assert "name too long" in sentence
+    sentence = bench.refused("--mesh", bench / "long.npz", output=f"{'x' * 165}<MATERIAL>.png")
+    assert "木.png: its name is too long; choose a shorter one" in sentence
     assert listing(bench.folder) == before
 
 

@@ -1,6 +1,7 @@
 """Files appear whole or not at all, whatever stops the writing."""
 
 import contextlib
+import json
 import os
 import subprocess
 import sys
@@ -186,6 +187,32 @@ def test_no_link_that_was_laid_before_is_written_through(tmp_path: Path, monkeyp
     with pytest.raises(InputError, match=r"cannot write .*out\.txt: File exists"), written_whole(tmp_path / "out.txt"):
         pass
     assert (tmp_path / "mine").read_text() == "mine"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need permission")
+def test_a_file_is_written_where_a_link_leads(tmp_path: Path) -> None:
+    (tmp_path / "shared").mkdir()
+    for name, target in (("old", "shared/old.json"), ("new", "shared/new.json"), ("lost", "gone/x.json")):
+        (tmp_path / f"{name}.json").symlink_to(target)
+    (tmp_path / "shared" / "old.json").write_text("old")
+    with written_together():
+        for name in ("old", "new"):
+            write_json(tmp_path / f"{name}.json", {"a": 1})
+    assert listing(tmp_path / "shared") == ["new.json", "old.json"]
+    for name in ("old", "new"):
+        assert (tmp_path / f"{name}.json").is_symlink()
+        assert json.loads((tmp_path / "shared" / f"{name}.json").read_text()) == {"a": 1}
+    with pytest.raises(InputError, match=r"cannot write .*lost\.json: the folder .*gone does not exist"):
+        writable_path(tmp_path / "lost.json")
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() == 0, reason="root may write everywhere")
+def test_a_file_that_is_protected_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text("mine")
+    (tmp_path / "a.json").chmod(0o444)
+    with pytest.raises(InputError, match=r"cannot write .*a\.json: it is protected against writing"):
+        write_json(tmp_path / "a.json", {})
+    assert (tmp_path / "a.json").read_text() == "mine"
 
 
 def test_json_is_written_whole(tmp_path: Path) -> None:
