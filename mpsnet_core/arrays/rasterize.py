@@ -15,7 +15,8 @@ AT_ONCE = 1 << 20
 
 def texel_coordinates(uvs: NDArray[np.floating[Any]], size: int) -> NDArray[np.float64]:
     """UVs (..., 2) as texel coordinates: x right, y down, whole numbers at texel centres, row 0 at v = 1."""
-    return np.stack([uvs[..., 0] * size - 0.5, (1 - uvs[..., 1].astype(np.float64)) * size - 0.5], axis=-1)
+    u, v = uvs[..., 0].astype(np.float64), uvs[..., 1].astype(np.float64)
+    return np.stack([u * size - 0.5, (1 - v) * size - 0.5], axis=-1)
 
 
 def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

@@ -123,7 +123,8 @@ def bake_texture_sets(
     """
     bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
-    any_seen, any_covered, waiting = any(triangles.any() for triangles in bake.seen), False, list[TextureSet]()
+    hopeful = any(triangles.any() for triangles in bake.seen)
+    any_seen, any_covered, waiting = False, False, list[TextureSet]()
     for number, sheet in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
         texture = bake.texture(sheet, step)
@@ -132,7 +133,7 @@ def bake_texture_sets(
                 log.info("%s: no texel lies on its UVs, so there is no texture of it", sheet.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
-        if not any_seen:
+        if not (any_seen or hopeful):
             waiting.append(sheet)
             continue
         step(0.9, "growing the margin")
@@ -140,9 +141,14 @@ def bake_texture_sets(
         step(1.0, "baked")
     if not any_covered:
         size = baking.size
+        if not any(texel_areas(mesh.uvs).any() for mesh in meshes):
+            raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
         raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        raise GeometryError("no view sees any of the mesh; check that the cameras and the mesh share one world")
+        raise GeometryError(
+            "no view sees any of the mesh; check that the cameras and the mesh share one world, and that its normals "
+            "point outwards"
+        )
     for sheet in waiting:
         texture = bake.texture(sheet, part(progress, 1.0, 1.0))
         if texture is not None:

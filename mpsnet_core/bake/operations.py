@@ -316,10 +316,16 @@ class Bake(LaysOnto):
 
     def _views(self) -> list[tuple[str, str]]:
         """Camera and normal map of each view."""
+        from mpsnet_core.io.files import is_file
+
         views = []
         for view in self.view:
-            camera, equals, normals = view.partition("=")
-            if not (camera and equals and normals):
+            # There may be equals signs in the names: it is the one behind the camera's file.
+            words = view.split("=")
+            starts = ["=".join(words[:count]) for count in range(1, len(words))]
+            camera = next(filter(is_file, starts), words[0])
+            normals = view[len(camera) + 1 :]
+            if not (camera and normals):
                 raise SettingsError(
                     f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map"
                 )

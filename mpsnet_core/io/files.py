@@ -230,8 +230,8 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
         raise FileError(f"cannot write {path}: the folder {file.parent} does not exist; create it first")
     if len(os.fsencode(unfinished_path(file).name)) > MAX_NAME_BYTES:
         raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
-    if file.is_dir():
-        raise FileError(f"cannot write {path}: it is a folder; give a file name")
+    if file.exists() and not file.is_file():
+        raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
     if not _takes_files(file.parent):
         raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
@@ -401,6 +401,14 @@ def files_within(path: str | os.PathLike[str]) -> list[Path]:
     """The file itself, or all files in a folder and its subfolders."""
     path = Path(path)
     return [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
+
+
+def is_file(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a file; what cannot be a path is none."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):  # a name too long, or one that holds a zero
+        return False
 
 
 def existing_file(path: str | os.PathLike[str], what: str) -> Path:

@@ -364,6 +364,8 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         camera = given or pixel_camera(*normals.mask.shape)
         if self.distance is not None and not 0 < self.distance < float("inf"):
             raise SettingsError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
+        if self.distance is not None and not (self.camera or self.focal or self.mesh):
+            raise SettingsError("--distance goes with --camera, --focal or --mesh; give one, or leave it out")
         albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
         if albedo is not None:
             check_size("albedo", albedo.shape, normals)

@@ -1,10 +1,13 @@
 """Baking, where the answer is known: spheres under any transform, and planes whose views disagree."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
 from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_view, texels_of, towards_camera
 from synthetic import degrees_between
+from uv_squares import squares
 
 from mpsnet_core import read_normals, write_texture
 from mpsnet_core.bake import bake
@@ -328,6 +331,20 @@ def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
     speck = Mesh(mesh.vertices, mesh.triangles, mesh.corner_normals, 1e-3 * mesh.uvs)
     with pytest.raises(InputError, match="choose a larger size"):
         bake_normals(speck, [view], size=64)
+    point = Mesh(mesh.vertices, mesh.triangles, mesh.corner_normals, 0 * mesh.uvs + 0.5)
+    with pytest.raises(InputError, match="UVs have no area; unwrap it"):
+        bake_normals(point, [view], size=64)
+    inside_out = Mesh(mesh.vertices, mesh.triangles, -mesh.corner_normals, mesh.uvs)
+    with pytest.raises(InputError, match=r"no view sees any of the mesh; .* and that its normals point outwards"):
+        bake_normals(inside_out, [view], size=64)
+
+
+def test_uvs_as_far_away_as_numbers_go_are_outside() -> None:
+    mesh = squares((0, 0), (0, 0), side=1.0)
+    uvs = mesh.uvs.astype(np.float64)
+    uvs[:2, :, 0] = 1e37 + 2.9e38 * uvs[:2, :, 0]
+    view = constant_view(camera_looking((0, 0, 1), target=(2.5, 0.5, 0)), [0, 0, 1.0])
+    assert bake_normals(replace(mesh, uvs=uvs), [view], size=16).seen.all()
 
 
 test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(

@@ -84,6 +84,14 @@ def test_the_tile_s_number_stays_where_programs_look_for_it(bench: Bench, output
     assert {entry["albedo_tiles"] for entry in result["outputs"]} == {str(bench / albedo.format("<UDIM>"))}
 
 
+def test_folders_may_have_equals_signs_in_their_names(bench: Bench) -> None:
+    (bench / "a=b").mkdir()
+    for name in ("camera.json", "n.png"):
+        (bench / name).rename(bench / "a=b" / name)
+    code, _, sentence = bench.run(output="s.png", view=f"{bench / 'a=b' / 'camera.json'}={bench / 'a=b' / 'n.png'}")
+    assert code == 0, sentence
+
+
 def test_a_texture_for_each_material_and_object(bench: Bench) -> None:
     _, result, _ = bench.run(output="<OBJECT>-<MATERIAL>.<UDIM>.png")
     told = [(Path(e["output"]).name, e["object"], e["material"], e["tile"]) for e in result["outputs"]]

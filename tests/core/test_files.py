@@ -206,6 +206,16 @@ def test_a_file_is_written_where_a_link_leads(tmp_path: Path) -> None:
         writable_path(tmp_path / "lost.json")
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has none")
+def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link.json").symlink_to("pipe")
+    for name in ("pipe", "link.json"):
+        with pytest.raises(InputError, match=rf"cannot write .*{name}: it is a device; give a file name"):
+            write_json(tmp_path / name, {})
+    assert (tmp_path / "pipe").is_fifo()
+
+
 @pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() == 0, reason="root may write everywhere")
 def test_a_file_that_is_protected_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text("mine")

@@ -187,6 +187,7 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height h.png --focal 50 --distance 0", "distance must be a number above 0"),
     ("n.png --mesh m.ply --distance nan", "distance must be a number above 0"),
     ("n.png --distance 0 --mesh m.ply", "distance must be a number above 0"),
+    ("n.png --height h.png --distance 3", "--distance goes with --camera, --focal or --mesh; give one, or leave it"),
 ]
 
 

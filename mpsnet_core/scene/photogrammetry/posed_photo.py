@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.files import PHOTO_SUFFIXES
+from mpsnet_core.io.files import PHOTO_SUFFIXES, is_file
 from mpsnet_core.io.images import read_orientation
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera
@@ -103,7 +103,7 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
     parts = [part for part in path.parts if part not in (path.anchor, "..", ".")]
     places = [photos.path.joinpath(*parts[start:]) for start in range(len(parts))]
     for place in places:
-        if _is_file(place):
+        if is_file(place):
             return photos.find([place.stem], f"photo {posed.photo!r}", place.parent, raw_only=True) or place
     for place in places:
         # Metashape leaves suffixes out, and so a name with a dot in it may be all stem.
@@ -112,13 +112,6 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
         if found:
             return found
     return None
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name too long, or one that holds a zero
-        return False
 
 
 def as_displayed(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
