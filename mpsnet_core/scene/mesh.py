@@ -26,6 +26,8 @@ MAX_MESH_BYTES = 4 << 30
 MOST = 1e12
 # No modeller's faces have more corners, and fans of thin triangles carry no texture.
 MAX_CORNERS = 4096
+# Notches stay open in faces of up to so many corners: cutting ears takes their square in time, or more.
+MOST_NOTCHED = 512
 
 
 @dataclass(frozen=True)
@@ -278,7 +280,7 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
     """(T, 3) the corners of polygons' triangles, those of one polygon in a row.
 
     places: (C, 3) of the corners, polygon after polygon. sizes: (F,) their numbers. A polygon with a corner that turns
-    inwards loses ear after ear, so that its notches stay open; any other becomes a fan.
+    inwards loses ear after ear, so that its notches stay open; any other, or one of very many corners, becomes a fan.
     """
     ends = np.cumsum(sizes)
     starts, polygon = ends - sizes, np.repeat(np.arange(len(sizes)), sizes)
@@ -293,7 +295,8 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
     normals = np.add.reduceat(np.cross(around, around[ahead]), starts)
     turns = np.cross(places - places[behind], places[ahead] - places)
     inwards = np.einsum("ci,ci->c", turns, normals[polygon])
-    for number in np.unique(polygon[inwards < 0]):
+    notched = np.unique(polygon[inwards < 0])
+    for number in notched[sizes[notched] <= MOST_NOTCHED]:
         start, end = starts[number], ends[number]
         first = start - 2 * number  # each polygon before it has two triangles fewer than corners
         triangles[first : first + sizes[number] - 2] = start + _ears(around[start:end], normals[number])
