@@ -28,7 +28,8 @@ def name_of(page: Path) -> str:
 @pytest.mark.parametrize("page", WRITTEN, ids=name_of)
 def test_commands_of_blender_are_ones_that_there_are(page: Path) -> None:
     calls = [call[call.index("--command") + 2 :] for call in commands(page, "blender") if "--command" in call]
-    calls += [call[2:] for call in commands(page, "python") if call[:2] == ["-m", "blender_addon"]]
+    own = [call[2:] for call in commands(page, "python") if call[:2] == ["-m", "blender_addon"]]
+    calls += [call[1:] if call[0].endswith(".blend") else call for call in own]
     for arguments in calls:
         if arguments[0] not in {"install-file", "server-generate"} and "--help" not in arguments:
             _parser().parse_args(arguments)
