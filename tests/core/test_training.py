@@ -16,7 +16,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from small_networks import recipe_data
+from small_networks import SMALL, recipe_data
 from sphere_sample import sphere_sample
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import Tensor, nn
@@ -25,6 +25,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training.checkpoint import read_checkpoint
 from mpsnet_core.learning.training.export import export_onnx
+from mpsnet_core.learning.training.fine_tune import fit_reach
 from mpsnet_core.learning.training.inputs import Batch, patches_of
 from mpsnet_core.learning.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
 from mpsnet_core.learning.training.loss import angle_between, loss_of
@@ -241,6 +242,24 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
         run(further, samples, tmp_path / "none", resume=exported, stop_after=4)
     with pytest.raises(InputError, match="has had 4 steps already, the recipe has 4; give it more"):
         run(recipe(network, steps=4), samples, tmp_path / "again", resume=exported)
+
+
+def test_a_network_to_be_fine_tuned_knows_which_lights_reach() -> None:
+    """Where its own maps tell it: half of the pixels fit the layer, the others are told by it."""
+    torch.manual_seed(2)
+    network = build_network("multiscale", SMALL["multiscale"])
+    rig = torch.cat([torch.eye(3).reshape(1, 9), torch.ones(1, 6)], dim=1).reshape(1, 15, 1, 1)
+    inputs = (torch.rand(2, 8, 32, 32), rig.repeat(2, 1, 1, 1))
+    maps = []
+    network.joined.register_forward_hook(lambda _, __, answer: maps.append(answer.detach()))
+    network.eval()(*inputs)
+    told = torch.einsum("kc,nchw->nkhw", torch.randn(3, maps[0].shape[1]), maps[0])
+    lit = (told > told.median()).float()
+    weights = (torch.arange(32) % 2).expand(2, 32, 32)
+    fit_reach(network, Batch(inputs, torch.zeros(2, 3, 32, 32), weights, lit))
+    found = network.lit(maps[0]) > 0
+    others = weights[:, None].expand(lit.shape) == 0
+    assert float((found == (lit > 0.5))[others].float().mean()) > 0.97
 
 
 def test_frozen_norms_keep_their_means_and_variances(samples: Path, tmp_path: Path) -> None:

@@ -11,10 +11,12 @@ from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 from onnx import numpy_helper
 from torch import Tensor, nn
+from torch.nn import functional
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.learning.training.inputs import Batch
 from mpsnet_core.learning.training.networks import Network
 
 MAX_BYTES = 1 << 30
@@ -22,6 +24,8 @@ CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
 # Root mean square of a map's weights before a batch norm, near where long training leaves them. The norm takes any
 # scale out of the answer, but the scale decides how far one step of the optimiser turns the weights.
 WEIGHT_SCALE = 0.06
+REACH_PIXELS = 100_000  # for the fit of which lights reach
+REACH_DECAY = 1e-5
 
 
 @dataclass(frozen=True)
@@ -123,3 +127,40 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
         for hook in hooks:
             hook.remove()
         network.train()
+
+
+def fit_reach(network: Network, batch: Batch) -> None:
+    """Fit the layer `lit`, where the network has one, to a batch: logistic regression of which lights reach a pixel.
+
+    Training alone asks for it, so that exported files lack it. Drawn anew it would take thousands of steps to learn
+    what it knew, and all other layers would change for its sake meanwhile.
+    """
+    layer = getattr(network, "lit", None)
+    if layer is None or batch.lit is None:
+        return
+    seen: list[Tensor] = []
+    hook = layer.register_forward_pre_hook(lambda _, values: seen.append(values[0].detach().float()))
+    network.eval()
+    network.training = True  # asks for the parts of an answer; batch norms below it stay as they are
+    with torch.no_grad():
+        network(*batch.inputs)
+    hook.remove()
+    network.train()
+    counted = batch.weights > 0
+    maps, reach = (values.movedim(1, -1)[counted] for values in (seen[0], batch.lit))
+    every = max(1, len(maps) // REACH_PIXELS)
+    maps, reach = maps[::every], reach[::every]
+    weight, bias = (values.detach().clone().requires_grad_() for values in (layer.weight.flatten(1), layer.bias))
+    solver: Any = torch.optim.LBFGS([weight, bias], max_iter=200, line_search_fn="strong_wolfe")
+
+    def loss() -> Tensor:
+        solver.zero_grad()
+        entropy = functional.binary_cross_entropy_with_logits(maps @ weight.T + bias, reach)
+        total: Tensor = entropy + REACH_DECAY * weight.square().sum()  # finite also where all lights reach everywhere
+        torch.autograd.backward(total)
+        return total
+
+    solver.step(loss)
+    with torch.no_grad():
+        layer.weight.copy_(weight.reshape(layer.weight.shape))
+        layer.bias.copy_(bias)

@@ -23,7 +23,7 @@ from torch.utils.tensorboard import SummaryWriter
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.learning.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from mpsnet_core.learning.training.fine_tune import read_exported, take_weights
+from mpsnet_core.learning.training.fine_tune import fit_reach, read_exported, take_weights
 from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
 from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
@@ -45,7 +45,7 @@ VALIDATIONS = 8  # evenly over the recipe's steps, and one at the end
 VALIDATION_SEED = 1  # of its photographs
 VALIDATION_CROP = 128
 MUON_MAPS = 32  # the least of a weight matrix's two sides for Muon
-NORM_EXAMPLES = 64  # for the batch norms' means of a network that is trained further
+NORM_EXAMPLES = 64  # of which a network that is trained further measures what its file lacks
 
 
 @dataclass(frozen=True)
@@ -410,7 +410,9 @@ class _Run:
                 f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
             )
         self.network.eval()
-        take_weights(self.network, exported, self._batch(self.photographer.batch(0, NORM_EXAMPLES), 0).inputs)
+        batch = self._batch(self.photographer.batch(0, NORM_EXAMPLES), 0)
+        take_weights(self.network, exported, batch.inputs)
+        fit_reach(self.network, batch)
         self.mean_weights = self._weights()
         self.step, self.continues = exported.step, exported.record
 
