@@ -111,7 +111,7 @@ READS = {
 }
 if find_spec("torch"):
     READS["tiny.toml"] = "train --recipe tiny.toml --samples job --stop-after 1 -o o.onnx"
-    READS["checkpoint"] = "train --recipe tiny.toml --samples job --resume checkpoint --stop-after 1 -o o.onnx"
+    READS["checkpoint"] = "train --recipe tiny.toml --samples job --resume checkpoint --stop-after 2 -o o.onnx"
 if find_spec("rawpy"):
     READS["photo.dng"] = "estimate photo.dng --rig rig.json --model lambertian --mask threshold:0.1 -o o.png"
 if find_spec("av"):
