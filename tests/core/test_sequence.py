@@ -345,6 +345,21 @@ def test_frames_without_an_object_are_left_out_and_the_others_made(
         np.testing.assert_array_equal(without.vectors, missing.vectors)
 
 
+def test_frames_without_an_object_cost_no_file_of_somebody_elses_and_a_wrong_mask_none_at_all(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path
+) -> None:
+    photos = shots(tmp_path / "shots", range(1, 4))
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    mpsnet(*command)
+    write_file(photos[0], np.dstack([picture(1), 0 * SPHERE.mask]), "uint8")
+    write_file(tmp_path / "out" / "frame_0001_normals.png", np.full((8, 8, 3), 0.5), "uint8")  # as retouched
+    before = {file: (tmp_path / "out" / file).read_bytes() for file in listing(tmp_path / "out")}
+    black = write_file(tmp_path / "black.png", 0 * SPHERE.mask, "uint8")
+    assert mpsnet(*command, "--mask", black).returncode == 2
+    mpsnet(*command)
+    assert {file: (tmp_path / "out" / file).read_bytes() for file in listing(tmp_path / "out")} == before
+
+
 def test_a_sequence_without_any_object_ends_with_the_reason(tmp_path: Path) -> None:
     photos = shots(tmp_path / "shots", range(1, 4))
     mask = write_file(tmp_path / "mask.png", 0 * SPHERE.mask, "uint8")

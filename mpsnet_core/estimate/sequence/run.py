@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TypeVar
 
 from mpsnet_core.capture.capture import Capture, note_doubts
@@ -14,7 +15,7 @@ from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import ensure_folder, remove_abandoned
-from mpsnet_core.io.provenance import is_up_to_date, provenance_line
+from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import Convention, NormalMap, write_normals
 
@@ -99,8 +100,8 @@ def estimate_sequence(
     Notes
     -----
     However it ends, what it wrote is whole, and the same call continues from there. Memory does not grow with the
-    number of frames. A frame that shows no object is left out with a warning, and an output that it had before is
-    removed.
+    number of frames. A frame that shows no object is left out with a warning. A normal map that it had from an earlier
+    run is removed at the end, where other frames show one.
     """
     run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", convention, count, progress)
     return run.through(frames, smooth, step)
@@ -118,6 +119,7 @@ class _Run:
     progress: Progress
     outcome: Outcome = field(default_factory=Outcome)
     nothing: NoObject | None = None  # of the first frame without an object
+    stale: list[Path] = field(default_factory=list)  # where normal maps of such frames may be from before
     unwritten: dict[int, Frame] = field(default_factory=dict)
 
     def through(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
@@ -133,7 +135,11 @@ class _Run:
             made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
             raise type(error)(f"{error}; {made}, and the same command goes on from there") from None
         if self.nothing is not None and not outcome.made + outcome.there:
-            raise self.nothing
+            raise self.nothing  # as under a wrong mask, which must not cost the normal maps of an earlier run
+        for output in self.stale:
+            if output.is_file() and is_result(output, "normals"):
+                with contextlib.suppress(OSError):  # what cannot be removed
+                    output.unlink()
         self.progress(1.0, "done")
         return outcome
 
@@ -148,8 +154,7 @@ class _Run:
         except NoObject as error:
             self.nothing = self.nothing or error
             self.outcome.left_out.append(frame.number)
-            with contextlib.suppress(OSError):  # what is no file, or cannot be removed
-                frame.output.unlink()
+            self.stale.append(frame.output)
             log.warning("%s; this frame is left out", error)
             return None
 
