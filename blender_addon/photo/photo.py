@@ -1,5 +1,7 @@
 """The photo: rendered under the rig alone, opened from a file, or made of three; and the true normals of its view."""
 
+import hashlib
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,8 @@ from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
+from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
+from mpsnet_core.io.images import read_orientation
 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
@@ -123,7 +126,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         if not self.filepath:
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
-        image = load_raw(path) if path.suffix.lower() in RAW_SUFFIXES else load_photo(path, path.stem)
+        image = load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
         if self.sequence:
             frame_pattern(path)  # says so where it has no number
             image.source = "SEQUENCE"
@@ -187,9 +190,17 @@ def _drawn(scene: Any) -> Provenance:
     return {"Lights": lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)}
 
 
-def load_raw(path: Path) -> bpy.types.Image:
-    """A camera raw file as an image to look at; what reads the photo goes on reading the raw file."""
-    shown = Path(bpy.app.tempdir) / f"{path.stem}.exr"
+def _is_shown_as_read(path: Path) -> bool:
+    """Whether Blender shows a photo as the core reads it: it knows no camera raw and leaves turned photos lying."""
+    suffix = path.suffix.lower()
+    return suffix not in RAW_SUFFIXES and (suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1)
+
+
+def load_converted(path: Path) -> bpy.types.Image:
+    """A photo as the core reads it, as an image to look at; what reads the photo goes on reading its own file."""
+    # Cameras count alike: photos of different folders have the same names.
+    number = hashlib.sha256(os.fsencode(path.absolute())).hexdigest()[:8]
+    shown = Path(bpy.app.tempdir) / f"{path.stem}_{number}.exr"
     run(Superpose(image=(str(path),), encoding="auto", channels=False, output=str(shown)), [shown])
     image = load_photo(shown, path.stem)
     remember(image, "source", str(path.absolute()))

@@ -4,7 +4,9 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from dng import write_dng
 
+from blender_addon.outputs import origin
 from blender_addon.photo.studio import render_normals
 from blender_addon.rig.rig import light_rig, scene_camera
 from blender_addon.settings.record import notes_of
@@ -217,6 +219,42 @@ def test_a_photo_opened_from_a_file(scene, tmp_path):
     buffer.write(str(path))
     bpy.ops.mps.open_photo(filepath=str(path))
     assert tuple(scene.mps.photo.image.size) == (20, 10)
+
+
+@pytest.mark.parametrize(("orientation", "where"), [(3, (7, 9)), (6, (0, 7)), (8, (9, 0))])
+def test_a_photo_of_a_camera_that_was_turned_is_shown_as_it_is_read(scene, tmp_path, orientation, where):
+    """EXIF's own table: the first row is below at 3, right at 6, left at 8; the first column right, above, below."""
+    path, values = tmp_path / "turned.tif", np.zeros((8, 10, 3), np.float32)
+    values[0, 0] = 1
+    spec = oiio.ImageSpec(10, 8, 3, oiio.UINT8)
+    spec.attribute("Orientation", orientation)
+    buffer = oiio.ImageBuf(spec)
+    buffer.set_pixels(oiio.ROI(), values)
+    assert buffer.write(str(path))
+    bpy.ops.mps.open_photo(filepath=str(path))
+    image = scene.mps.photo.image
+    width, height = image.size
+    assert (width, height) == ((10, 8) if orientation == 3 else (8, 10))
+    shown = np.reshape(image.pixels, (height, width, 4))[::-1, :, 0]  # Blender's first row is below
+    row, column = np.unravel_index(shown.argmax(), shown.shape)
+    assert (row, column) == where
+    np.testing.assert_allclose(shown, read_image(path).pixels[..., 0], atol=1e-3)
+    assert origin(image) == path
+
+
+def test_raw_photos_that_are_called_the_same_are_two(scene, tmp_path):
+    """Each camera of a studio counts from IMG_0001."""
+    photos = [tmp_path / folder / "IMG_0001.dng" for folder in ("left", "right")]
+    for photo, value in zip(photos, (10000, 40000), strict=True):
+        photo.parent.mkdir()
+        write_dng(photo, np.full((48, 64), value, np.uint16))
+    bpy.ops.mps.open_photo(filepath=str(photos[0]))
+    first = scene.mps.photo.image
+    bpy.ops.mps.new_rig()
+    bpy.ops.mps.open_photo(filepath=str(photos[1]))
+    second = scene.mps.photo.image
+    assert [origin(first), origin(second)] == photos
+    assert np.mean(second.pixels) > np.mean(first.pixels) + 0.1
 
 
 def small_photo(tmp_path):
