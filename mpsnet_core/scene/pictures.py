@@ -1,6 +1,7 @@
 """Pictures for display: normals and errors in colour, contact sheets of titled tiles."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,15 @@ OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
 SCALE_WIDTH = 90
 ERROR_SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
+
+
+def font() -> str:
+    """The file of the font that OpenImageIO brings; "" where it brings none, for the one that it finds.
+
+    By itself it looks where ``$OpenImageIO_ROOT`` leads, which may be to another copy without fonts.
+    """
+    file = Path(oiio.__file__).parent / "share/fonts/OpenImageIO/DroidSans.ttf"
+    return str(file) if file.is_file() else ""
 
 
 def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
@@ -128,5 +138,5 @@ def _write(canvas: NDArray[np.float32], text: str, x: int, y: int, size: int) ->
     top = max(y - size, 0)
     line = canvas[top : y + size // 2]
     buffer = oiio.ImageBuf(np.ascontiguousarray(line))
-    oiio.ImageBufAlgo.render_text(buffer, x, y - top, text, size, "", (0.92, 0.92, 0.92))
+    oiio.ImageBufAlgo.render_text(buffer, x, y - top, text, size, font(), (0.92, 0.92, 0.92))
     line[...] = buffer.get_pixels(oiio.FLOAT)

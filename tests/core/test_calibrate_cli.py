@@ -3,7 +3,10 @@
 import contextlib
 import io
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -64,6 +67,15 @@ def result_of(stdout: str) -> dict[str, Any]:
 
 def picture(path: Path) -> np.ndarray:
     return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))
+
+
+def test_words_are_drawn_wherever_the_environment_looks_for_another_openimageio(photos: Path, tmp_path: Path) -> None:
+    for name, root in (("here", None), ("elsewhere", str(tmp_path))):
+        environment = {key: value for key, value in os.environ.items() if key != "OpenImageIO_ROOT"}
+        environment |= {"OpenImageIO_ROOT": root} if root else {}
+        files = [photos / "ball.exr", "--overlay", tmp_path / f"{name}.png", "-o", tmp_path / "rig.json"]
+        subprocess.run([sys.executable, "-m", "mpsnet_core", "calibrate", "lights", *files], env=environment, check=True)
+    np.testing.assert_array_equal(picture(tmp_path / "elsewhere.png"), picture(tmp_path / "here.png"))
 
 
 def test_one_photo_becomes_a_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:

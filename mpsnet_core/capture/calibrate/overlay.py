@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.capture.calibrate.ball import Ball, Circle
 from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.scene.pictures import font
 from mpsnet_core.scene.rig import angles_of
 
 Colour = tuple[float, float, float]
@@ -130,7 +131,7 @@ class _Canvas:
     def label(self, words: str, point: Point, colour: Colour, *, side: Side = "right") -> None:
         """Words on a point of the photo, or beside it, below any that stand there already."""
         height, breadth = self.pixels.shape[:2]
-        box = oiio.ImageBufAlgo.text_size(words, TEXT, "")
+        box = oiio.ImageBufAlgo.text_size(words, TEXT, font())
         x, y = self._here(point)
         x += {"left": -10 - box.width, "middle": -box.width / 2 - 1, "right": 10}[side]
         x = float(np.clip(x, 4, max(breadth - box.width - 6, 4)))
@@ -140,8 +141,8 @@ class _Canvas:
         self.label_boxes.append((x, x + box.width, y))
         buffer = oiio.ImageBuf(np.ascontiguousarray(self.pixels))
         for right, down in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, 1)):
-            oiio.ImageBufAlgo.render_text(buffer, round(x) + right, round(y) + down, words, TEXT, "", INK)
-        oiio.ImageBufAlgo.render_text(buffer, round(x), round(y), words, TEXT, "", colour)
+            oiio.ImageBufAlgo.render_text(buffer, round(x) + right, round(y) + down, words, TEXT, font(), INK)
+        oiio.ImageBufAlgo.render_text(buffer, round(x), round(y), words, TEXT, font(), colour)
         self.pixels[...] = np.asarray(buffer.get_pixels(oiio.FLOAT))
 
     def _overlaps_label(self, left: float, right: float, y: float) -> bool:
