@@ -11,12 +11,14 @@ from mathutils import Matrix
 
 from mpsnet_core.bake.operations import BakeViews
 from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
+from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
 from ..estimate.photo_options import network, reading
-from ..outputs import file_name, image_file, origin, requested_path
+from ..outputs import file_name, image_file, origin, remembered, requested_path
 from ..photo.camera import chosen_camera
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
@@ -104,8 +106,10 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         views = []
         for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
-            name = file_name(obj.name)
-            views.append((name, photo, scene_camera(obj, scene, tuple(image.size))))
+            posed = PosedPhoto(str(photo), scene_camera(obj, scene, tuple(image.size)), Lens())
+            if remembered(image, "source") is None:  # Blender shows it as it is stored
+                posed = as_displayed(posed, photo)
+            views.append((file_name(obj.name), photo, posed.camera))
         if not views:
             raise InputError(
                 "no camera of this scene has a background image; give each its photo in its Object Data, or choose the "

@@ -4,6 +4,7 @@ import math
 
 import bpy
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from mathutils import Matrix, Vector
 
@@ -78,6 +79,22 @@ def test_cameras_with_background_images_become_one_texture(around, scene, tmp_pa
     # The sphere's own normals are the truth here, so levelling can only make it better.
     bpy.ops.mps.bake_views(level=True, write_report=False)
     assert error(tmp_path / "texture.png") < 1.0
+
+
+def test_photos_of_turned_cameras_are_seen_as_blender_shows_them(around, scene, tmp_path):
+    """Portraits, which Blender shows lying on their side, each behind a camera that lies as well."""
+    for number in range(4):
+        photo, camera = read_image(tmp_path / f"side{number}.exr"), bpy.data.objects[f"Side {number}"]
+        upright = np.dstack([photo.pixels, photo.alpha])[:, 16:80]
+        spec = oiio.ImageSpec(SIZE, 64, 4, oiio.FLOAT)
+        spec.attribute("Orientation", 6)  # to be turned a quarter clockwise
+        stored = oiio.ImageBuf(spec)
+        stored.set_pixels(oiio.ROI(), np.ascontiguousarray(np.rot90(upright)))
+        assert stored.write(str(tmp_path / f"side{number}.tif"))
+        camera.matrix_world = camera.matrix_world @ Matrix.Rotation(-math.pi / 2, 4, "Z")
+        camera.data.background_images[0].image = bpy.data.images.load(str(tmp_path / f"side{number}.tif"))
+    bpy.ops.mps.bake_views(level=False)
+    assert error(tmp_path / "texture.png") < 1.5
 
 
 def test_white_photos_give_the_material_its_colour(around, scene, tmp_path):
