@@ -74,7 +74,9 @@ def test_words_are_drawn_wherever_the_environment_looks_for_another_openimageio(
         environment = {key: value for key, value in os.environ.items() if key != "OpenImageIO_ROOT"}
         environment |= {"OpenImageIO_ROOT": root} if root else {}
         files = [photos / "ball.exr", "--overlay", tmp_path / f"{name}.png", "-o", tmp_path / "rig.json"]
-        subprocess.run([sys.executable, "-m", "mpsnet_core", "calibrate", "lights", *files], env=environment, check=True)
+        subprocess.run(
+            [sys.executable, "-m", "mpsnet_core", "calibrate", "lights", *files], env=environment, check=True
+        )
     np.testing.assert_array_equal(picture(tmp_path / "elsewhere.png"), picture(tmp_path / "here.png"))
 
 
