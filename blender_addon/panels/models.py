@@ -3,11 +3,12 @@
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface
 
 from ..settings.estimate import MODELS
 
 # What they are called in the menus; others go by the names that evaluations and scripts have for them.
-_NAMES = {"MULTISCALE": "Default", "MULTISCALE_INT8": "Quick", "LAMBERTIAN": "Equation 2", "FILE": "File…"}
+NAMES = {"MULTISCALE": "Default", "MULTISCALE_INT8": "Quick", "LAMBERTIAN": "Equation 2", "FILE": "File…"}
 
 
 class _Models:
@@ -36,11 +37,11 @@ class MPS_MT_material_models(_Models, bpy.types.Menu):
 
 def model_menu(layout: Any, settings: Any, menu: type[_Models]) -> None:
     """The menu as a button over the layout's whole width, for some names are longer than half a panel."""
-    layout.menu(menu.__name__, text=f"Model: {_name(settings, settings.model)}")
+    layout.menu(menu.__name__, text=f"{iface('Model')}: {iface(_name(settings, settings.model))}", translate=False)
 
 
 def _name(settings: Any, model: str) -> str:
-    return _NAMES.get(model) or str(settings.bl_rna.properties["model"].enum_items[model].name)
+    return NAMES.get(model) or str(settings.bl_rna.properties["model"].enum_items[model].name)
 
 
 CLASSES = (MPS_MT_estimate_models, MPS_MT_material_models)

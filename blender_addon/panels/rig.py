@@ -203,8 +203,10 @@ class MPS_PT_calibrate(Step):
         rows = [line.split("|") for line in calibrate.told.splitlines()]
         grid = box.grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
         for row in rows:
+            # A column of the table is too narrow for words.
+            place = grid if len(row) == len(rows[0]) else box.split(factor=0.7)
             for text in row:
-                grid.label(text=text)
+                place.label(text=text)
 
 
 class MPS_PT_outline(Step):

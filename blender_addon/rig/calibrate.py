@@ -17,6 +17,8 @@ from ..settings.declared import take_given
 from .several_rigs import rig_at
 
 _OVERLAY = "MPS Calibration"
+# Words of the tables that stand nowhere else; the panel translates them.
+CHANNEL, UNEXPLAINED, EQUATION_2 = "Channel", "Unexplained", "Equation 2 Error"
 
 
 class _Calibrates(RunsCore, CalibrateSettings):
@@ -47,7 +49,10 @@ class _Calibrates(RunsCore, CalibrateSettings):
         return path
 
     def _take(self, table: Sequence[Sequence[str]]) -> None:
-        """Show the picture and the table of what was found (headings first); estimate with the rig."""
+        """Show the picture and the table of what was found (headings first); estimate with the rig.
+
+        Rows of the table that have two cells only are lines of their own below it.
+        """
         result_is = f"the rig is in {self._rig}"
         scene = self.scene(result_is)
         estimate = rig_at(scene, self._rig_place, result_is).estimate
@@ -103,10 +108,10 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         rows = zip("RGB", result["mixing"], strict=True)
         channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
-        unexplained = ("Unexplained", f"{result['residual']:.1%}", "", "")
+        unexplained = (UNEXPLAINED, f"{result['residual']:.1%}")
         off = result["equation_2_error"]
-        equation_2 = [] if off is None else [("Equation 2", f"{off:.1f}° off", "", "")]
-        self._take([("Channel", "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
+        equation_2 = [] if off is None else [(EQUATION_2, f"{off:.1f}°")]
+        self._take([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
 
 
 def _photo(path: str, what: str) -> str:

@@ -7,8 +7,10 @@ import bpy
 import pytest
 
 import blender_addon
+from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
 from blender_addon.preferences import MPS_AddonPreferences
+from blender_addon.rig.calibrate import CHANNEL, EQUATION_2, UNEXPLAINED
 from blender_addon.translations import TABLES, TIPS, in_table, tooltips
 
 HERE = Path(blender_addon.__file__).parent
@@ -57,6 +59,7 @@ def shown():
             yield getattr(bpy.types, name).bl_label
     for file in [*HERE.glob("panels/*.py"), HERE / "preferences.py"]:
         yield from written(file)
+    yield from (*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, EQUATION_2)
 
 
 @pytest.mark.parametrize("language", TABLES)

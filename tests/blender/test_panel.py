@@ -224,15 +224,13 @@ def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
     assert "MPS Calibration" in window.state["images"]
     assert "Slant" in window.state["found"].splitlines()[0]
     assert degrees_between(read_rig(rig).directions, directions).max() < 1
-    over = ("mousemove", *lights, "sleep", "0.4", "click", "--repeat", 12, "--delay", 30)
-    window.input(*over, 5)
-    window.photograph(album / "panel_calibrate.png", sidecar=200)
-    window.input(*over, 4, "sleep", "1")
 
     window.click(*window.find("mps.calibrate_mixing", below=lights[1] + 4 * STEP - top))
     after = window.wait(lambda state: "Channel" in state["found"] and not state["running"], "mixing")
     np.testing.assert_allclose(read_rig(rig).mixing, CROSSTALK, atol=0.02)
     assert after["rig_file"] == str(rig)
+    window.input("mousemove", *lights, "sleep", "0.4", "click", "--repeat", 12, "--delay", 30, 5)
+    window.photograph(album / "panel_calibrate.png", sidecar=200)
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
     window.wait(lambda state: "Slant" in state["found"], "undo of the mixing")
