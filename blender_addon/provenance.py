@@ -32,6 +32,8 @@ _TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo
 _SIZE_SECONDS = 1.0
 # When files were looked at, and their sizes: for the panel alone, see `seen_lately`.
 _sizes: dict[Path, tuple[float, int]] = {}
+# When each file was last written in this session: undo takes back what Blender knows of it, and not the file.
+_written: dict[Path, str] = {}
 _lately = ContextVar("lately", default=False)
 
 
@@ -100,9 +102,13 @@ def rounded(values: ArrayLike, decimals: int) -> str:
 
 def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance) -> None:
     """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
-    properties = {_MADE: datetime.now().isoformat(), _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}
-    for what, text in properties.items():
+    made = datetime.now().isoformat()
+    for what, text in {_MADE: made, _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}.items():
         remember(image, what, text)
+    if verb == "open_photo":
+        _written.pop(origin(image), None)
+    else:
+        _written[origin(image)] = made
 
 
 def made_by(image: bpy.types.Image) -> str:
@@ -126,12 +132,14 @@ def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
 
 
 def changed_since(image: bpy.types.Image, ingredients: Provenance) -> list[str]:
-    """The names of those ingredients that are not as they were when the image was made.
+    """The names of those ingredients that are not as they were when the image was made; "File" where its file is that
+    of a later run, which was undone.
 
     What is not known of both times counts as unchanged.
     """
-    before = from_json(remembered(image, _MADE_FROM), dict)
-    return [name for name, text in ingredients.items() if before.get(name, text) != text]
+    before, made = from_json(remembered(image, _MADE_FROM), dict), remembered(image, _MADE)
+    undone = not image.packed_file and _written.get(origin(image), made) != made
+    return ["File"] * undone + [name for name, text in ingredients.items() if before.get(name, text) != text]
 
 
 def made_when(image: bpy.types.Image) -> str:

@@ -125,6 +125,22 @@ def test_what_has_changed_since_makes_one_step_out_of_date(baked, estimated, tmp
     assert [one for one in steps if stands(one)[0] is Kind.OUT_OF_DATE] == [step]
 
 
+def test_a_texture_whose_later_bake_was_undone_is_out_of_date(baked, tmp_path):
+    """Undo takes back the material and the settings; the file stays what the later bake wrote, its green inverted."""
+    bpy.ops.ed.undo_push(message="baked")
+    bpy.ops.mps.bake(convention="DIRECTX")
+    bpy.ops.ed.undo_push(message="baked again")
+    assert stands(MPS_PT_bake) == (Kind.DONE, "")
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.mps.bake.convention == "OPENGL"
+    assert stands(MPS_PT_bake) == (Kind.OUT_OF_DATE, "Changed since: File")
+    bpy.ops.ed.redo()
+    assert stands(MPS_PT_bake) == (Kind.DONE, "")
+    bpy.ops.ed.undo()
+    bpy.ops.mps.bake()
+    assert stands(MPS_PT_bake) == (Kind.DONE, "")
+
+
 def test_files_are_looked_at_once_a_second_however_often_the_panel_is_drawn(baked, tmp_path, monkeypatch):
     looked, clock = [], [time.monotonic() + 10]
     stat = Path.stat
