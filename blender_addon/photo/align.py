@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 from bpy.props import IntProperty, StringProperty
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align
@@ -163,7 +163,9 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     data.shift_x, data.shift_y = -off[0] / longer, off[1] / longer
     camera.matrix_world = Matrix(found.world_from_camera.tolist())
     if target is not None:
-        away = (camera.matrix_world.translation - target.matrix_world.translation).length + max(target.dimensions)
+        # Not from the object's origin: that of a scan may be far away from what was scanned.
+        middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
+        away = (camera.matrix_world.translation - middle).length + max(target.dimensions)
         data.clip_start, data.clip_end = away / 1000, away * 10
     data.show_background_images = True
     data.background_images.clear()

@@ -12,10 +12,11 @@ from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.panels.what_counts import camera_of
+from blender_addon.photo.align import _camera_object
 from blender_addon.rig.rig import scene_camera
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.images import read_image
-from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.camera import Camera, read_camera
 
 from .conftest import matte
 
@@ -162,6 +163,18 @@ def test_a_mesh_of_something_else_fits_poorly_and_the_bake_tells_it_too(opened, 
     photo.camera = mine  # what the user chooses, nothing has measured
     assert not photo.poor
     assert MPS_PT_bake.state(bpy.context).kind is Kind.OUT_OF_DATE
+
+
+def test_the_camera_shows_a_mesh_that_is_far_from_its_origin(scene):
+    """As scans in the coordinates of a survey are."""
+    bpy.ops.mesh.primitive_cube_add(size=1)
+    target, photo = bpy.context.object, bpy.data.images.new("Photo", 40, 30)
+    target.data.transform(Matrix.Translation((5000, 0, 0)))
+    bpy.context.view_layer.update()
+    pose = np.array(Matrix.Translation((5000, 0, 3)))
+    found = Camera("perspective", 40, 30, np.full(2, 40.0), world_from_camera=pose)
+    camera = _camera_object(scene, photo, found, target)
+    assert camera.data.clip_start < 2.5 and 3.5 < camera.data.clip_end < 1000
 
 
 def test_a_rendered_photo_is_not_aligned(photographed):
