@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS, bands
 from mpsnet_core.errors import Choices, FileError, FormatError, SettingsError
+from mpsnet_core.io.colour_profile import Curve, profile_curve
 from mpsnet_core.io.files import RAW_SUFFIXES, checked_bits, existing_file, temporary_folder, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
@@ -27,6 +28,9 @@ _Kind = TypeVar("_Kind")
 Encoding = Literal["auto", "linear", "srgb"]
 # Whether values are linear; None where the file decides.
 _IS_LINEAR = Choices[bool | None]("encoding", {"auto": None, "linear": True, "srgb": False})
+
+# A colour profile's curve that differs nowhere by more is the sRGB curve, or none: small profiles have coarse tables.
+SAME_CURVE = 0.003
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
@@ -80,7 +84,8 @@ def read_image(
     path : path-like
         A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
     encoding : {"auto", "linear", "srgb"}, optional
-        Of the file's values. "auto": float files and files that state so are linear, all others sRGB.
+        Of the file's values. "auto": float files and files that state so are linear, those with a colour profile (ICC)
+        have its curve, all others the sRGB curve.
     layer : str, optional
         Layer of a multi-layer or multi-part EXR: its full name or the name's last part ("Combined"). By default the
         unnamed layer, else the only one, else the one called Combined.
@@ -109,7 +114,10 @@ def read_image(
     values, names, spec = _read_layer(path, layer)
     colour = _colour_channels(names, grey, path)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
-    linear, assumed = _stated_encoding(path, spec) if requested is None else (requested, False)
+    if requested is None:
+        decoded, assumed = _stated_encoding(path, spec)
+    else:
+        decoded, assumed = (_as_it_is if requested else srgb_to_linear), False
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
@@ -118,7 +126,7 @@ def read_image(
         if alpha is not None and premultiplied:
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
-        pixels[rows] = band if linear else srgb_to_linear(band)
+        pixels[rows] = decoded(band)
     clip = np.inf if _is_float(spec) else 1.0
     return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
 
@@ -135,17 +143,29 @@ def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]
     return colour
 
 
-def _stated_encoding(path: Path, spec: Any) -> tuple[bool, bool]:
-    """Whether a file is linear by what it states, and whether that it is not is only assumed."""
+def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
+    """The curve of a file's values by what it states, and whether that it is sRGB is only assumed."""
     is_float = _is_float(spec)
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
+    profile = image_attribute(spec, "ICCProfile", np.ndarray)
     linear = is_float or "lin" in stated or stated in ("raw", "data")
+    curve = None if linear or profile is None else profile_curve(profile.tobytes())
     assumed = not (linear or _states_its_curve(path, spec))
+    known: tuple[tuple[str, Curve], ...] = (("linear", _as_it_is), ("sRGB", srgb_to_linear))
+    name, decoded = known[0] if linear else known[1]
+    if curve is not None:
+        every = np.linspace(0, 1, 256, dtype=np.float32)[:, None].repeat(3, axis=1)
+        same = (pair for pair in known if np.abs(pair[1](every) - curve(every)).max() < SAME_CURVE)
+        name, decoded = next(same, ("its colour profile states", curve))
     hint = ""
     if assumed and spec.format.basetype == oiio.UINT16:
         hint = "; if a raw converter wrote linear values, set the encoding to linear"
-    log.info("read as %s (%s file)%s", "linear" if linear else "sRGB", "float" if is_float else spec.format, hint)
-    return linear, assumed
+    log.info("read as %s (%s file)%s", name, "float" if is_float else spec.format, hint)
+    return decoded, assumed
+
+
+def _as_it_is(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    return values
 
 
 def as_stored(image: Image) -> Image:

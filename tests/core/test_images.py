@@ -95,6 +95,72 @@ def test_a_file_that_says_it_is_linear_is_left_alone(tmp_path: Path) -> None:
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), 0.5), abs=1e-4)
 
 
+def colour_profile(*curves: bytes) -> np.ndarray:
+    """A profile of the three curves alone, red, green and blue (ICC.1:2022, 7.2 and 7.3)."""
+    table, start = struct.pack(">I", len(curves)), 128 + 4 + 12 * len(curves)
+    for name, curve in zip((b"rTRC", b"gTRC", b"bTRC"), curves, strict=False):
+        table += struct.pack(">4sII", name, start, len(curve))
+        start += len(curve)
+    head = struct.pack(">I4xI12s12x4s88x", start, 0x02400000, b"mntrRGB XYZ ", b"acsp")
+    return np.frombuffer(head + table + b"".join(curves), np.uint8)
+
+
+def curv(*numbers: int) -> bytes:
+    return struct.pack(f">4s4xI{len(numbers)}H", b"curv", len(numbers), *numbers).ljust(16, b"\0")
+
+
+def para(kind: int, *numbers: float) -> bytes:
+    return struct.pack(f">4s4xHH{len(numbers)}i", b"para", kind, 0, *(round(65536 * number) for number in numbers))
+
+
+def write_profiled(path: Path, profile: np.ndarray) -> Path:
+    """A file of the stored values 0.02, 0.3 and 0.8 with a colour profile."""
+    spec = oiio.ImageSpec(3, 2, 3, "uint16")
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), profile)
+    target = oiio.ImageOutput.create(str(path))
+    stored = np.tile(np.float32([0.02, 0.3, 0.8])[None, :, None], (2, 1, 3))
+    assert target.open(str(path), spec) and target.write_image(stored) and target.close()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("curve", "linear"),
+    [
+        (curv(), [0.02, 0.3, 0.8]),  # of a raw converter's linear TIFF
+        (para(0, 1.0), [0.02, 0.3, 0.8]),
+        (curv(461), [0.02**1.8008, 0.3**1.8008, 0.8**1.8008]),  # ProPhoto RGB
+        (curv(563), [0.02**2.19922, 0.3**2.19922, 0.8**2.19922]),  # Adobe RGB (1998)
+        (curv(0, 16384, 65535), [0.01, 0.15, 0.25 + 0.6 * 0.75]),
+        (para(3, 2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045), [0.0015480, 0.0732389, 0.6038273]),  # sRGB
+        (para(1, 2.0, 2.0, -0.5), [0.0, 0.01, 1.0]),
+        (para(1, 2.0, 1.25, -0.25), [0.0, 0.125**2, 0.75**2]),
+        (para(2, 2.0, 0.9, -0.09, 0.1), [0.1, 0.18**2 + 0.1, 0.63**2 + 0.1]),
+        (para(4, 2.0, 0.8, 0.1, 0.5, 0.1, 0.15, 0.01), [0.02, 0.34**2 + 0.15, 0.74**2 + 0.15]),
+    ],
+)
+def test_values_have_the_curve_of_the_colour_profile(tmp_path: Path, curve: bytes, linear: list[float]) -> None:
+    path = write_profiled(tmp_path / "photo.tif", colour_profile(curve, curve, curve))
+    image = read_image(path)
+    assert image.pixels[0, :, 1] == pytest.approx(linear, abs=1e-4) and not image.assumed
+    assert read_image(path, encoding="srgb").pixels[0, 1] == pytest.approx([0.0732389] * 3, 1e-3)
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [
+        colour_profile(),  # a printer's has other tags
+        colour_profile(para(0, 1.0), para(0, 1.0), para(7, 1.0)),
+        colour_profile(para(0, 1.0), para(0, 1.0), para(4, 9e3, 3e4)),
+        colour_profile(*[para(3, 3e4, 3e4, 3e4, 3e4, -3e4)] * 3),
+        colour_profile(*[curv(*[1] * 9)[:20]] * 3),
+        colour_profile(*[curv()] * 3)[:150],
+    ],
+)
+def test_a_colour_profile_without_curves_or_a_damaged_one_counts_as_none(tmp_path: Path, profile: np.ndarray) -> None:
+    image = read_image(write_profiled(tmp_path / "photo.tif", profile))
+    assert image.pixels[0, 1] == pytest.approx([0.0732389] * 3, 1e-3)
+
+
 @pytest.mark.parametrize(
     ("suffix", "kind", "attributes", "premultiplied"),
     [

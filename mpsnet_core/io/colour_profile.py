@@ -1,0 +1,59 @@
+"""The curve that a picture's colour profile states, by the specification ICC.1:2022 (version 2 profiles alike)."""
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Curve = Callable[[NDArray[np.floating[Any]]], NDArray[np.floating[Any]]]
+
+HEADER = 128
+LEAST_RISE = 0.5  # a curve from 0 to 1 that rises less is damaged
+# Of the parametric kinds 0 to 4: which of g, a, b, c, d, e, f they give, in the order of their numbers.
+_PARAMETERS = ("g", "gab", "gabe", "gabcd", "gabcdef")
+
+
+def profile_curve(profile: bytes) -> Curve | None:
+    """From stored values (..., 3), 0 to 1, to linear ones; None where it states no curves, or is damaged.
+
+    Profiles of matrix and curves state them, as those of cameras, screens and working spaces; those of printers do not.
+    """
+    try:
+        (count,) = struct.unpack_from(">I", profile, HEADER)
+        entries = (struct.unpack_from(">4sII", profile, HEADER + 4 + 12 * number) for number in range(min(count, 100)))
+        tags = {name: profile[start : start + size] for name, start, size in entries}
+        names = (b"kTRC",) * 3 if b"kTRC" in tags else (b"rTRC", b"gTRC", b"bTRC")
+        curves = [_curve(tags[name]) for name in names]
+    except (struct.error, KeyError, ValueError):
+        return None
+
+    def linear(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+        with np.errstate(all="ignore"):
+            parts = [curve(values[..., channel]) for channel, curve in enumerate(curves)]
+            return np.clip(np.stack(parts, axis=-1), 0, 1)
+
+    every = np.linspace(0, 1, 256)[:, None].repeat(3, axis=1)
+    rises = np.ptp(linear(every), axis=0) > LEAST_RISE  # never by what is no number
+    return linear if rises.all() else None
+
+
+def _curve(tag: bytes) -> Curve:
+    """One channel's. Raises struct.error, KeyError or ValueError where it is none."""
+    if tag[:4] == b"curv":
+        (count,) = struct.unpack_from(">I", tag, 8)
+        if count > 1:
+            table = np.frombuffer(tag, ">u2", count, 12) / np.float32(65535)
+            return lambda values: np.interp(values, np.linspace(0, 1, count), table)
+        power = struct.unpack_from(">H", tag, 12)[0] / 256 if count else 1.0
+        return lambda values: np.maximum(values, 0) ** np.float32(power)
+    if tag[:4] != b"para":
+        raise ValueError
+    (kind,) = struct.unpack_from(">H", tag, 8)
+    letters = dict(enumerate(_PARAMETERS))[kind]
+    given = dict(zip(letters, np.frombuffer(tag, ">i4", len(letters), 12) / 65536, strict=True))
+    g, a, b, c, d, e, f = ({"a": 1.0, **given}.get(letter, 0.0) for letter in "gabcdef")
+    if kind in (1, 2):  # below the threshold they are level
+        d, f = -b / a if a else 0.0, e
+    return lambda values: np.where(values >= d, np.maximum(a * values + b, 0) ** g + e, c * values + f)
