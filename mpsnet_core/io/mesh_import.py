@@ -15,6 +15,10 @@ from mpsnet_core.io.npz import most_bytes
 # Of glTF: how many numbers an item has, and how many bytes a number.
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+FLOAT = 5126
+# What is read of a mesh, and the extensions that pack it.
+PLAIN = {"POSITION", "NORMAL", "TEXCOORD_0", "indices"}
+PACKED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
 MAX_BYTES = 4 << 30
 # Where they stand: of a mesh that stands in many places each time.
 MAX_VERTICES = 1 << 26
@@ -46,6 +50,7 @@ def read_scene(path: Path) -> Iterator[Any]:
                 header = _glb_header(file)
                 _check_size(header, most_bytes(path, MAX_BYTES))
                 _check_parts(header)
+                _check_plain(header)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 file,
@@ -98,3 +103,20 @@ def _check_parts(header: dict[str, Any]) -> None:
         level = list(islice(inner, MAX_PARTS))
     if parts > MAX_PARTS:
         raise FormatError("it has too many objects, or too many in one another; join them first")
+
+
+def _check_plain(header: dict[str, Any]) -> None:
+    """Raises FormatError where a GLB file's vertices are stored in a way that trimesh takes for plain numbers."""
+    packed = PACKED & set(header.get("extensionsRequired", ()))
+    for one in (one for mesh in header.get("meshes", ()) for one in mesh["primitives"]):
+        numbers = one["attributes"] | ({"indices": one["indices"]} if one.get("indices") is not None else {})
+        for name in PLAIN & set(numbers):
+            accessor = header["accessors"][numbers[name]]
+            if "sparse" in accessor:
+                packed.add("sparse accessors")
+            # Of normals in whole numbers the direction is right all the same.
+            shares = name == "POSITION" and accessor.get("normalized")
+            if shares or (name == "TEXCOORD_0" and accessor["componentType"] != FLOAT):
+                packed.add("whole numbers for UVs or vertices")
+    if packed:
+        raise FormatError(f"it is compressed ({', '.join(sorted(packed))}); export it without compression")

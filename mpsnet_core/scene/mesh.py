@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import SHORTEST, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.io.mesh_import import read_scene
@@ -247,12 +247,12 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     v, vt, vn = np.moveaxis(of_corners[_triangulated(vertices[of_corners[:, 0]], counts_of)], 2, 0)
     if (vt < 0).any() and not shape_only:
         raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
-    normals = smooth_corner_normals(vertices, v)
+    normals = np.full((*v.shape, 3), np.nan)
     normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
     return Mesh(
         vertices,
         v,
-        normalised(normals),
+        _else_smooth(normals, vertices, v),
         _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt],
         materials=_labels_from(named["usemtl"], counts_of - 2),
         objects=_labels_from(named["o"], counts_of - 2),
@@ -366,12 +366,10 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     _check_finite("vertices", vertices)
     # These formats split vertices where UVs part; for smooth normals those at one place count as one.
     places, place = np.unique(vertices, axis=0, return_inverse=True)
-    smooth = smooth_corner_normals(places, place.reshape(-1)[triangles])
-    normals = np.where(np.isnan(normals)[triangles], smooth, normals[triangles])
     return Mesh(
         vertices,
         triangles,
-        normalised(normals),
+        _else_smooth(normals[triangles], places, place.reshape(-1)[triangles]),
         _no_uvs(len(triangles)) if shape_only else uvs[triangles],
         materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
         objects=labels_of_runs(zip(objects, counts, strict=True)) if path.suffix.lower() == ".glb" else None,
@@ -385,7 +383,7 @@ def _object_name(graph: Any, node: str) -> str:
 
 
 def _material_name(part: Any) -> str:
-    return str(getattr(getattr(part.visual, "material", None), "name", None) or "")
+    return str(getattr(getattr(getattr(part, "visual", None), "material", None), "name", None) or "")
 
 
 def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
@@ -415,6 +413,15 @@ def _no_uvs(count: int) -> NDArray[np.float32]:
 
 def _without_uvs(who: str) -> GeometryError:
     return GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
+
+
+def _else_smooth(
+    normals: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """(T, 3, 3) unit normals, smooth ones where a file has none (NaN) or one of no length, as of faces of no area."""
+    given = np.linalg.norm(normals, axis=-1, keepdims=True) > SHORTEST
+    unit: NDArray[np.float64] = normalised(np.where(given, normals, smooth_corner_normals(vertices, triangles)))
+    return unit
 
 
 def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -239,6 +239,32 @@ def test_glb_with_a_mirroring_node_keeps_its_outside(tmp_path: Path) -> None:
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_normals_of_no_length_count_as_none(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"mesh{suffix}"  # a wall that faces -y, and has no normals at its lower corners
+    rows = ["0 0 0 0 0 0", "1 0 0 0 0 0", "1 0 1 0 -1 0", "0 0 1 0 -1 0"]
+    if suffix == ".obj":
+        lines = [f"v {row[:5]}\nvt {row[0]} {row[4]}\nvn {row[6:]}" for row in rows] + ["f 1/1/1 2/2/2 3/3/3 4/4/4"]
+    else:
+        lines = [
+            "ply",
+            "format ascii 1.0",
+            "element vertex 4",
+            *(f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz", "s", "t")),
+        ]
+        lines += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+        lines += [f"{row} {row[0]} {row[4]}" for row in rows] + ["4 0 1 2 3"]
+    path.write_text("\n".join(lines) + "\n")
+    assert read_mesh(path).corner_normals == pytest.approx(np.broadcast_to([0, -1, 0], (2, 3, 3)))
+
+
+def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
+    path = glb(tmp_path / "mesh.glb", normals=True)
+    assert path.read_bytes().count(b'"material": 1}') == 1
+    path.write_bytes(path.read_bytes().replace(b'"material": 1}', b'"mode":3     }'))
+    assert sorted(corners_of(read_mesh(path))) == sorted(fan(LEFT))
+
+
 def test_smooth_normals_one_corner_at_a_time() -> None:
     sphere = sphere_mesh(12, 6)
     points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))
@@ -273,12 +299,14 @@ def pickled(b: Bench) -> Path:
     return b / "mesh.npz"
 
 
+POINT: dict[str, Any] = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}
+
+
 def glb_of(b: Bench, **said: Any) -> Path:
     """A GLB of one point that lies in a buffer, as far as not said otherwise."""
-    point = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}
     mesh = {"primitives": [{"attributes": {"POSITION": 0}}]}
     good = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "meshes": [mesh]}
-    good |= {"accessors": [point], "bufferViews": [{"buffer": 0, "byteLength": 12}], "buffers": [{"byteLength": 12}]}
+    good |= {"accessors": [POINT], "bufferViews": [{"buffer": 0, "byteLength": 12}], "buffers": [{"byteLength": 12}]}
     text = json.dumps(good | said).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 12, b"BIN\0") + bytes(12)
@@ -392,6 +420,30 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             "mesh.ply",
         ),
         ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
+        *(
+            (
+                f"a GLB of {words} ({number})",
+                lambda b, said=said: read_mesh(glb_of(b, **said)),
+                f"mesh.glb: it is compressed ({words}); export it without compression",
+            )
+            for number, (words, said) in enumerate(
+                (
+                    ("KHR_draco_mesh_compression", {"extensionsRequired": ["KHR_draco_mesh_compression"]}),
+                    ("sparse accessors", {"accessors": [POINT | {"sparse": {"count": 1}}]}),
+                    (
+                        "whole numbers for UVs or vertices",
+                        {"accessors": [POINT | {"componentType": 5122, "normalized": True}]},
+                    ),
+                    (
+                        "whole numbers for UVs or vertices",
+                        {
+                            "accessors": [POINT | {"componentType": 5123, "type": "VEC2", "normalized": True}],
+                            "meshes": [{"primitives": [{"attributes": {"TEXCOORD_0": 0}}]}],
+                        },
+                    ),
+                )
+            )
+        ),
         (
             "a GLB of more numbers than it holds",
             lambda b: read_mesh(glb_of(b, accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
