@@ -16,6 +16,7 @@ from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.io.mesh_import import read_scene
 from mpsnet_core.io.npz import read_arrays
+from mpsnet_core.io.ply import NO_LENGTHS, NOTHING, read_ply
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 from mpsnet_core.scene.mikktspace import mikktspace_tangents
 
@@ -28,6 +29,8 @@ MOST = 1e12
 MAX_CORNERS = 4096
 # Notches stay open in faces of up to so many corners: cutting ears takes their square in time, or more.
 MOST_NOTCHED = 512
+# The names of a PLY file's UVs, by MeshLab, others and Blender; the last that is there counts.
+PLY_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,7 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
         raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
 
 
-def _check_numbers(triangles: NDArray[np.integer[Any]], count: int) -> None:
+def _check_numbers(triangles: NDArray[Any], count: int) -> None:
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
         raise GeometryError("the mesh's triangles name vertices that it does not have; export it again")
 
@@ -159,7 +162,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:
         raise FormatError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
-    readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_with_trimesh, ".glb": _read_with_trimesh}
+    readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_ply, ".glb": _read_glb}
     with located(f"mesh file {path}"):
         reader = readers.get(path.suffix.lower())
         if reader is None:
@@ -348,7 +351,48 @@ def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
+def _read_ply(path: Path, shape_only: bool) -> Mesh:
+    """PLY by hand: trimesh reads no binary file whose faces differ in their number of corners, and splits quads."""
+    found = read_ply(path)
+    vertex, face = (found.get(name, NOTHING) for name in ("vertex", "face"))
+    vertices = vertex.columns("xyz")
+    if vertices is None:
+        raise FormatError("it has no vertices with x, y and z; export it again")
+    name = "vertex_index" if "vertex_index" in face.lengths else "vertex_indices"
+    sizes = face.lengths.get(name, NO_LENGTHS)
+    if not (sizes > 2).any():
+        raise GeometryError("it has no faces; choose a mesh with a surface")
+    if sizes.max() > MAX_CORNERS:
+        raise FormatError(f"it has a face of {sizes.max()} corners, more than {MAX_CORNERS}; triangulate it")
+    _check_finite("vertices", vertices)
+    is_face = np.repeat(sizes > 2, sizes)
+    _check_numbers(face.numbers[name], len(vertices))
+    corners: NDArray[Any] = face.numbers[name][is_face].astype(np.int64)
+    uvs: NDArray[Any] | None = None
+    if np.array_equal(face.lengths.get("texcoord", NO_LENGTHS), 2 * sizes):
+        uvs = face.numbers["texcoord"].reshape(-1, 2)[is_face]
+    for names in PLY_UVS if uvs is None else ():
+        of_vertices = vertex.columns(names)
+        uvs = of_vertices[corners] if of_vertices is not None else uvs
+    if uvs is None and not shape_only:
+        raise _without_uvs("it has")
+    sizes = sizes[sizes > 2]
+    order = _triangulated(vertices[corners], sizes)
+    triangles = corners[order]
+    normals = vertex.columns(("nx", "ny", "nz"))
+    given = np.full((*triangles.shape, 3), np.nan) if normals is None else normals[triangles]
+    # A file of one UV for each vertex has several at one place; for smooth normals they count as one.
+    places, place = np.unique(vertices, axis=0, return_inverse=True)
+    return Mesh(
+        vertices,
+        triangles,
+        _else_smooth(given, places, place.reshape(-1)[triangles]),
+        _no_uvs(len(triangles)) if uvs is None or shape_only else uvs[order],
+        polygons=np.repeat(np.arange(len(sizes)), sizes - 2),
+    )
+
+
+def _read_glb(path: Path, shape_only: bool) -> Mesh:
     with read_scene(path) as scene:
         nodes = list(scene.graph.nodes_geometry)
         placed = [scene.graph[node] for node in nodes]
@@ -364,7 +408,7 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
     vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
     _check_finite("vertices", vertices)
-    # These formats split vertices where UVs part; for smooth normals those at one place count as one.
+    # glTF splits vertices where UVs part; for smooth normals those at one place count as one.
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     return Mesh(
         vertices,
@@ -372,7 +416,7 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
         _else_smooth(normals[triangles], places, place.reshape(-1)[triangles]),
         _no_uvs(len(triangles)) if shape_only else uvs[triangles],
         materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
-        objects=labels_of_runs(zip(objects, counts, strict=True)) if path.suffix.lower() == ".glb" else None,
+        objects=labels_of_runs(zip(objects, counts, strict=True)),
     )
 
 
@@ -415,12 +459,10 @@ def _without_uvs(who: str) -> GeometryError:
     return GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
 
 
-def _else_smooth(
-    normals: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def _else_smooth(normals: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[Any]:
     """(T, 3, 3) unit normals, smooth ones where a file has none (NaN) or one of no length, as of faces of no area."""
     given = np.linalg.norm(normals, axis=-1, keepdims=True) > SHORTEST
-    unit: NDArray[np.float64] = normalised(np.where(given, normals, smooth_corner_normals(vertices, triangles)))
+    unit: NDArray[Any] = normalised(np.where(given, normals, smooth_corner_normals(vertices, triangles)))
     return unit
 
 

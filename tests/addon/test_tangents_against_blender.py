@@ -236,10 +236,15 @@ def test_quads_have_blenders_tangents(scene: "bpy.types.Scene", tmp_path: Path, 
     assert np.abs(found.tangents - expected)[holds_texels].max() < 1e-3
 
 
+@pytest.mark.parametrize("written", [written_obj, written_ply], ids=["obj", "ply"])
 @pytest.mark.parametrize("shape", [uv_sphere, monkey, uneven_grid], ids=lambda shape: shape.__name__)
-def test_quads_of_an_obj_have_blenders_tangents(scene: "bpy.types.Scene", tmp_path: Path, shape: Build) -> None:
+def test_quads_of_a_file_have_blenders_tangents(
+    scene: "bpy.types.Scene", tmp_path: Path, shape: Build, written: Callable[[Path], Mesh]
+) -> None:
     shape()
-    mesh, found = bpy.context.object.data, written_obj(tmp_path / "mesh.obj")
+    mesh = bpy.context.object.data
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+    found = written(tmp_path / f"mesh.{written.__name__[-3:]}")
     mesh.calc_tangents()
     positions = array_of(mesh.vertices, "co", 3)[[loop.vertex_index for loop in mesh.loops]]
     theirs = np.concatenate([positions, array_of(mesh.uv_layers.active.data, "uv", 2)], axis=1)

@@ -166,6 +166,49 @@ def test_ply_with_uvs_and_normals(tmp_path: Path) -> None:
     assert mesh.corner_normals[2:] == pytest.approx(np.broadcast_to(SLANTED, (2, 3, 3)), abs=1e-5)
 
 
+# A quad, a triangle beside it and a pentagon with a notch, a UV for each vertex: its own x and y.
+PLY_POINTS = [[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.5], [2, 0], [4, 0], [4, 2], [3, 0.2], [2, 2]]
+PLY_FACES = [[0, 1, 2, 3], [1, 4, 2], [7, 8, 9, 5, 6]]
+
+
+def ply(path: Path, order: str, *, uvs: str = "vertices") -> Path:
+    """These in text (order "") or in bytes of an order, their UVs with the "vertices" or with the "faces"."""
+    of_faces = uvs == "faces"
+    head = ["ply", f"format {PLY_ORDERS[order]} 1.0", "comment by hand", "element vertex 10"]
+    head += [f"property {kind} {name}" for kind, name in zip(("float", "double", "float"), "xyz", strict=True)]
+    head += [] if of_faces else ["property float s", "property float t"]
+    head += ["element face 3", "property uchar flags", "property list uchar int vertex_indices"]
+    head += ["property list uchar float texcoord"] if of_faces else []
+    rows: list[tuple[str, list[float]]] = [
+        ("fdf" + "ff" * (not of_faces), [x, y, 0, *([] if of_faces else [x, y])]) for x, y in PLY_POINTS
+    ]
+    for face in PLY_FACES:
+        of_corners = [number for corner in face for number in PLY_POINTS[corner]] if of_faces else []
+        numbers = [7, len(face), *face, *([len(of_corners)] if of_faces else []), *of_corners]
+        rows.append(("BB" + "i" * len(face) + ("B" + "f" * len(of_corners)) * of_faces, numbers))
+    if order:
+        body = b"".join(struct.pack(order + kinds, *numbers) for kinds, numbers in rows)
+    else:
+        body = "".join(" ".join(map(str, numbers)) + "\n" for _, numbers in rows).encode()
+    path.write_bytes("\n".join([*head, "end_header", ""]).encode() + body)
+    return path
+
+
+PLY_ORDERS = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
+
+
+@pytest.mark.parametrize("uvs", ["vertices", "faces"])
+@pytest.mark.parametrize("order", PLY_ORDERS)
+def test_ply_with_polygons_of_several_sizes(tmp_path: Path, order: str, uvs: str) -> None:
+    mesh = read_mesh(ply(tmp_path / "mesh.ply", order, uvs=uvs))
+    corners = mesh.vertices[mesh.triangles]
+    assert mesh.polygons is not None and mesh.polygons.tolist() == [0, 0, 1, 2, 2, 2]
+    assert mesh.uvs == pytest.approx(corners[..., :2])
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas = np.cross(e1, e2)[:, 2] / 2
+    assert areas.min() > 0 and np.bincount(mesh.polygons, areas) == pytest.approx([1, 0.25, 2.2])
+
+
 def glb(path: Path, *, normals: bool, mirrored: bool = False, materials: bool = True) -> Path:
     """Both squares as meshes of their own, with two materials; the right one is moved by its node."""
     buffer, views, accessors, meshes = b"", [], [], []
@@ -401,6 +444,30 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             "npz whose array has half a head",
             lambda b: read_mesh(half_a_head(b)),
             "mesh.npz: it cannot be read…export it",
+        ),
+        ("a PLY cut short", lambda b: read_mesh(cut(ply(b / "m.ply", "<"))), "m.ply: it cannot be read as PLY"),
+        (
+            "a PLY whose faces name vertices that it lacks",
+            lambda b: read_mesh(b.replaced(ply(b / "m.ply", ""), b"7 3 1 4 2", b"7 3 1 4 10")),
+            "m.ply: the mesh's triangles name vertices that it does not have; export it again",
+        ),
+        *(
+            (
+                f"a PLY with {word} for a number",
+                lambda b, old=old, new=new: read_mesh(b.replaced(ply(b / "m.ply", ""), old, new)),
+                f"m.ply: {said}",
+            )
+            for word, old, new, said in (
+                ("inf", b"7 3 1 4 2", b"7 inf 1 4 2", "it cannot be read as PLY (cannot convert float infinity"),
+                ("nan", b"7 3 1 4 2", b"7 3 1 nan 2", "the mesh's triangles name vertices that it does not have"),
+                ("1e30", b"7 3 1 4 2", b"7 3 1 1e30 2", "the mesh's triangles name vertices that it does not have"),
+                ("a word", b"7 3 1 4 2", b"7 3 1 x 2", "it cannot be read as PLY (could not convert string to float"),
+            )
+        ),
+        (
+            "a PLY whose face has fewer than no corners",
+            lambda b: read_mesh(b.replaced(ply(b / "m.ply", ""), b"7 3 1 4 2", b"7 -3 1 4 2")),
+            "m.ply: it cannot be read as PLY (a list of -3); export it again",
         ),
         (
             "PLY with a misspelled property",
