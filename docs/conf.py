@@ -9,15 +9,15 @@ HERE = Path(__file__).parent
 
 project = "MPS-Net for Blender"
 author = "The MPS-Net contributors"
-copyright = "GPL-3.0-or-later"
+copyright = f"{author}, GPL-3.0-or-later"
 version = release = mpsnet_core.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
-# A link that leads nowhere fails the build.
-nitpicky = False
+# Options stay as one types them: a dash is two of "--mask", and JSON has straight quotes.
+smartquotes = False
 
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
@@ -25,7 +25,8 @@ numpydoc_show_class_members = False
 
 html_theme = "furo"
 html_title = "MPS-Net"
-html_static_path: list[str] = []
+html_static_path = ["style.css"]
+html_css_files = ["style.css"]
 html_copy_source = False
 
 

@@ -49,14 +49,15 @@ def command_line() -> Iterator[str]:
     for kind in sorted((one for one in OPERATIONS if one.listed), key=lambda one: one.command):
         yield from ("", f"## mpsnet {kind.command}", "", f"{kind.help()}.")
         yield from _rest_of_docstring(kind)
-        heading = ""
+        groups: dict[str, list[Setting]] = {"": []}  # what has no heading comes first, as with --help
         for setting in settings(kind):
-            if not setting.option.help:
-                continue
-            if not setting.option.positional and setting.heading != heading:
-                heading = setting.heading
-                yield from ("", f"**{heading[:1].upper()}{heading[1:]}**" if heading else "")
-            yield from ("", _flag(setting), f": {_described(setting)}")
+            if setting.option.help:
+                groups.setdefault("" if setting.option.positional else setting.heading, []).append(setting)
+        for heading, group in groups.items():
+            if heading:
+                yield from ("", f"**{heading[:1].upper()}{heading[1:]}**")
+            for setting in group:
+                yield from ("", _flag(setting), f": {_described(setting)}")
 
 
 def _rest_of_docstring(kind: type[Operation]) -> Iterator[str]:

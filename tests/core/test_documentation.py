@@ -4,6 +4,7 @@ import ast
 import importlib
 import importlib.util
 import re
+import runpy
 import subprocess
 import sys
 
@@ -66,6 +67,18 @@ def test_every_code_at_the_end_of_a_message_has_its_entry_under_symptoms():
     assert all(anchor == code for anchor, code in entries)
     assert sorted(code for _, code in entries) == sorted(codes)
     assert len(codes) >= 10
+
+
+def test_the_reference_has_the_options_below_the_headings_of_help(capsys):
+    page = "\n".join(runpy.run_path(str(PROJECT / "docs" / "generated_pages.py"))["command_line"]())
+    for section in page.split("\n## mpsnet ")[1:]:
+        with pytest.raises(SystemExit):
+            _parser().parse_args([*section.partition("\n")[0].split(), "--help"])
+        options = capsys.readouterr().out.partition("\noptions:\n")[2]
+        helped = re.findall(r"^(\w.+):$|^  (?:-\w(?: [^,]+)?, )?(--[a-z-]+)", options, re.MULTILINE)
+        own = [(heading.lower(), flag) for heading, flag in helped if flag not in {"--help", "--progress"}]
+        shown = re.findall(r"^\*\*(.+)\*\*$|^(?:`-\w [^`]+`, )?`(--[a-z-]+)", section, re.MULTILINE)
+        assert [(heading.lower(), flag) for heading, flag in shown] == own
 
 
 @pytest.mark.long
