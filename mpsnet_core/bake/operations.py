@@ -498,7 +498,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     )
     passes: Literal[1, 3] | None = option(
         default=None,
-        choices={1: "a third of the time", 3: "the mean of its answers on the scene turned and mirrored"},
+        choices={1: "a third to half of the time", 3: "the mean of its answers on the scene turned and mirrored"},
         help="passes of the network over each photo",
         unset="3 for the default model",
         provenance="none",

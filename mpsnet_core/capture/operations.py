@@ -39,7 +39,9 @@ class ReadsPhotos(ReadsPictures):
         path="file",
         provenance="files",
     )
-    flat_smooth: int = option(default=0, metavar="PIXELS", help="leave out the card's grain, finer than so many")
+    flat_smooth: int = option(
+        default=0, metavar="PIXELS", help="smooth away the card's grain, finer than so many pixels"
+    )
 
     def correction(self) -> "Correction | None":
         """Dark frame and flat field, None where neither is given.

@@ -36,31 +36,42 @@ class Train(Operation):
 
     command: ClassVar[str] = "train"
 
-    recipe: str = option(help="a network's name, mpsnet-published, or a .toml file of your own")
-    samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
-    validation: tuple[str, ...] = option(default=(), metavar="DIR", help="held-out samples")
+    recipe: str = option(help="recipe by its name, as multiscale or multiscale-fine-tune, or a .toml file of your own")
+    samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to train on")
+    validation: tuple[str, ...] = option(
+        default=(), metavar="DIR", help="folder of held-out samples, to measure the network on at the end"
+    )
     checkpoint: str | None = option(
-        default=None, metavar="FILE", help="written on the way", unset="beside the output", provenance="none"
+        default=None,
+        metavar="FILE",
+        help="checkpoint to write on the way, from which --resume goes on",
+        unset="beside the output",
+        provenance="none",
     )
     resume: str | None = option(
-        default=None, metavar="FILE", help="a checkpoint to go on from, or a network to train further"
+        default=None, metavar="FILE", help="checkpoint to go on from, or network to train further: a name or .onnx file"
     )
-    logs: str | None = option(default=None, metavar="DIR", help="for TensorBoard", provenance="none")
+    logs: str | None = option(default=None, metavar="DIR", help="folder of logs for TensorBoard", provenance="none")
     stop_after: int = option(
-        default=0, low=0, metavar="STEPS", help="to go on later, those before --resume counted; 0: at the end"
+        default=0,
+        low=0,
+        metavar="STEPS",
+        help="stop after so many steps, those before --resume counted, and leave a checkpoint; 0: at the recipe's end",
     )
-    minutes: float = option(default=0.0, low=0, high=1e6, help="to go on later, by the clock; 0: at the end")
+    minutes: float = option(
+        default=0.0, low=0, high=1e6, help="stop after so many minutes, and leave a checkpoint; 0: at the recipe's end"
+    )
     anneal: int = option(
         default=0,
         low=0,
         metavar="STEPS",
-        help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
+        help="finish what --resume names: lower its learning rate to zero over so many steps; the checkpoint stays",
     )
-    threads: int = option(default=0, low=0, help="of the processor, 0 for all cores")
+    threads: int = option(default=0, low=0, help="threads of the processor, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
         default="auto",
         choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
-        help="of the layers",
+        help="numbers that the layers compute with",
     )
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
@@ -128,9 +139,11 @@ class Quantize(Operation):
 
     command: ClassVar[str] = "quantize"
 
-    model: str = option(positional=True, metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
-    samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on")
-    count: int = option(default=64, low=1, help="photographs of the samples")
+    model: str = option(
+        positional=True, metavar="MODEL", help="shipped network by its name, or an .onnx file of mpsnet train"
+    )
+    samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to calibrate on")
+    count: int = option(default=64, low=1, help="how many photographs of the samples to calibrate on")
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> TwinMade:

@@ -45,10 +45,15 @@ class RunsWorkers(Operation):
         provenance="none",
     )
     cluster: str = option(
-        default="", metavar="ADDRESS", help="of a Dask scheduler, whose workers do it", provenance="none"
+        default="",
+        metavar="ADDRESS",
+        help="address of a Dask scheduler, whose workers make the samples",
+        provenance="none",
     )
     cluster_trusted: bool = option(
-        default=False, help="the address needs no tls://: whoever is in the network may run code", provenance="none"
+        default=False,
+        help="trust everybody in the network to run code here: the address needs no tls://",
+        provenance="none",
     )
 
     def make(self, folder: str, job: SampleJob, progress: Progress, blender: str = "", addon: str = "") -> SamplesMade:
@@ -175,8 +180,10 @@ class MakeSamples(RunsWorkers):
     command: ClassVar[str] = "make"
 
     folder: str = option(positional=True, help="folder that a job of samples was begun in", provenance="none")
-    blender: str = option(default="", metavar="PROGRAM", help="Blender that renders; this Python's bpy without")
-    addon: str = option(default="", metavar="MODULE", help="the extension in it, unless always enabled there")
+    blender: str = option(default="", metavar="PROGRAM", help="Blender that renders", unset="this Python's bpy")
+    addon: str = option(
+        default="", metavar="MODULE", help="module of the extension in that Blender", unset="one that is always enabled"
+    )
 
     def run(self, progress: Progress = silent) -> SamplesMade:
         """Make the samples that the folder's job has and that it does not hold yet."""

@@ -33,7 +33,7 @@ def white_beside() -> Any:
 
 def mesh_view_count() -> Any:
     """The option that sets how often each mesh is shown."""
-    return option(default=MESH_VIEWS, low=1, high=360, help="of each mesh, from all around")
+    return option(default=MESH_VIEWS, low=1, high=360, help="views of each mesh, from all around")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class MeasuresModels(Operation):
 
     heading: ClassVar[str] = "the models, and where the answer goes"
 
-    model: tuple[str, ...] = option(default=(DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all")
+    model: tuple[str, ...] = option(
+        default=(DEFAULT_MODEL,), metavar="MODEL", help="model by its name or .onnx file, or all"
+    )
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
         default=None, short="-o", metavar="REPORT", help="write an HTML report with pictures", provenance="none"
@@ -99,7 +101,9 @@ class EvaluateDiligent(Magnifies):
     object: tuple[str, ...] = option(
         default=(), metavar="NAME", choices=dict.fromkeys(OBJECTS, ""), help="object of the set", unset="all ten"
     )
-    lights: tuple[str, ...] = option(default=(), metavar="A,B,C", help="lights giving R, G, B")
+    lights: tuple[str, ...] = option(
+        default=(), metavar="R,G,B", help="numbers of the lights that give red, green and blue"
+    )
     protocol: tuple[str, ...] = option(
         default=(), choices=PROTOCOLS, help="how a channel weighs colours", unset="all three"
     )
@@ -164,11 +168,13 @@ class EvaluateStatues(Magnifies):
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     views: int = mesh_view_count()
-    slant: float = option(default=STATUE_SLANT, metavar="DEGREES", help="of the three lights")
+    slant: float = option(default=STATUE_SLANT, metavar="DEGREES", help="slant of the three lights")
     tilt: tuple[float, ...] = option(
-        default=STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart"
+        default=STATUE_TILTS, metavar="DEGREES", help="tilt of the first light, from which the others stand 120° apart"
     )
-    bounces: int = option(default=0, low=0, high=MAX_BOUNCES, help="of light between surfaces: 0 to 3")
+    bounces: int = option(
+        default=0, low=0, high=MAX_BOUNCES, help="how often light goes from surface to surface: 0 to 3"
+    )
     size: int = picture_size(STATUE_SIZE)
 
     def evaluation(self) -> "Evaluation":
@@ -206,7 +212,7 @@ class EvaluateSamples(Magnifies):
     command: ClassVar[str] = "evaluate samples"
 
     folder: tuple[str, ...] = option(positional=True, help="folders of samples that training does not see")
-    count: int = option(default=0, low=0, help="how many, evenly spread; 0 for all")
+    count: int = option(default=0, low=0, help="how many of the samples, evenly spread; 0 for all")
     white: bool = white_beside()
 
     def evaluation(self) -> "Evaluation":
@@ -221,12 +227,14 @@ class EvaluatePatchSizes(Operation):
 
     command: ClassVar[str] = "evaluate patch-sizes"
 
-    samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
-    validation: tuple[str, ...] = option(metavar="DIR", help="held out")
-    runs: str = option(metavar="DIR", help="for checkpoints; a cancelled run goes on from them", provenance="none")
-    width: float = option(default=0.125, help="factor of the published numbers of maps")
-    steps: int = option(default=600, help="of each of the ten trainings, of 512 patches")
-    patches: int = option(default=500_000, low=1, help="to measure on")
+    samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to train on")
+    validation: tuple[str, ...] = option(metavar="DIR", help="folder of held-out samples")
+    runs: str = option(
+        metavar="DIR", help="folder of checkpoints, from which a cancelled run goes on", provenance="none"
+    )
+    width: float = option(default=0.125, help="share of the published numbers of maps")
+    steps: int = option(default=600, help="steps of each of the ten trainings, of 512 patches")
+    patches: int = option(default=500_000, low=1, help="how many patches to measure on")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
         default=None, short="-o", metavar="REPORT", help="write an HTML report with a chart", provenance="none"
