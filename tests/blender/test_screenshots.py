@@ -12,12 +12,15 @@ import pytest
 from live import Window, drawn, save
 
 SETTLE = "0.3"  # seconds in which Blender sees where the mouse is
-LOOKS = {
-    "1x": "",
-    "2x": "bpy.context.preferences.view.ui_scale = 2.0",
-    "light": "import os; bpy.ops.script.execute_preset(menu_idname='USERPREF_MT_interface_theme_presets', filepath="
-    "next(path for path in [os.path.join(bpy.utils.preset_paths('interface_theme')[0], 'Blender_Light.xml')]))",
-}
+THEME = """
+import os
+folder = bpy.utils.preset_paths("interface_theme")[0]
+bpy.ops.script.execute_preset(
+    menu_idname="USERPREF_MT_interface_theme_presets", filepath=os.path.join(folder, "Blender_{}.xml")
+)
+"""
+# The looks of a window at each scale, by what makes them: a theme moves nothing, so both are seen in one window.
+LOOKS = {1: {"1x": THEME.format("Dark"), "light": THEME.format("Light")}, 2: {"2x": ""}}
 EMISSION = """
 shader = bpy.data.objects["Cube"].active_material.node_tree.nodes["Principled BSDF"]
 shader.inputs["Emission Strength"].default_value = {}
@@ -61,27 +64,44 @@ class Photographer:
 
     window: Window
     folder: Path
-    look: str
-    ellipsis: "Ellipsis"
+    scale: int
+    ellipses: dict[str, "Ellipsis"] = field(default_factory=dict)  # by the look
     faults: list[str] = field(default_factory=list)
     still: list[str] = field(default_factory=list)  # panels that do not scroll
+
+    def __post_init__(self) -> None:
+        if self.scale != 1:
+            self.window.ask("run", f"bpy.context.preferences.view.ui_scale = {self.scale}")
+            self.window.input("sleep", "1")
+        for look in LOOKS[self.scale]:
+            self.put_on(look)
+            self.ellipses[look] = Ellipsis.photographed(self.window, self.scale)
 
     def photograph(self, state: str, *steps: str) -> None:
         for step in steps or STEPS:
             self.window.ask("alone", *STEPS[step])
-            self.window.input("mousemove", 20, 980, "sleep", SETTLE)
-            picture = self._look(f"{self.look}_{state}_{step}.png")
-            left, top, _, height = self.window.state["sidebar"]
-            if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
-                over = ("mousemove", left + 100, top + height // 2)
-                self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 5)
-                self.window.input("mousemove", 20, 980, "sleep", SETTLE)
-                below = self._look(f"{self.look}_{state}_{step}_below.png")
-                if np.abs(below - picture).max(axis=-1).mean() < 0.01:
-                    self.still.append(f"{state}_{step}")
-                self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 4)
+            self.window.input("mousemove", 20, 980)
+            for look in LOOKS[self.scale]:
+                self._photograph(look, f"{state}_{step}")
 
-    def _look(self, name: str) -> np.ndarray:
+    def put_on(self, look: str) -> None:
+        self.window.ask("run", LOOKS[self.scale][look])
+        self.window.input("sleep", SETTLE)
+
+    def _photograph(self, look: str, name: str) -> None:
+        self.put_on(look)
+        picture = self._look(look, f"{look}_{name}.png")
+        left, top, _, height = self.window.state["sidebar"]
+        if self.scale == 2 and drawn(picture)[-60:].any():  # there is more below
+            over = ("mousemove", left + 100, top + height // 2)
+            self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 5)
+            self.window.input("mousemove", 20, 980, "sleep", SETTLE)
+            below = self._look(look, f"{look}_{name}_below.png")
+            if np.abs(below - picture).max(axis=-1).mean() < 0.01:
+                self.still.append(name)
+            self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 4)
+
+    def _look(self, look: str, name: str) -> np.ndarray:
         left, top, width, height = self.window.state["sidebar"]
         screen = self.window.screenshot(self.folder / "screen.png")
         picture = np.ascontiguousarray(screen[top : top + height, left : left + width])
@@ -89,7 +109,7 @@ class Photographer:
         shown = drawn(picture).mean()
         if shown < 0.05:
             self.faults.append(f"{name}: {shown:.1%} of its rows show anything, so it is empty or without contrast")
-        for row, column in self.ellipsis.found(picture.mean(axis=-1)):
+        for row, column in self.ellipses[look].found(picture.mean(axis=-1)):
             self.faults.append(f"{name}: text that does not fit is cut off near row {row}, column {column}")
         return picture
 
@@ -150,32 +170,26 @@ def summed(grey: np.ndarray, pattern: np.ndarray) -> np.ndarray:
     return np.fft.irfft2(spectrum, grey.shape)[: len(grey) - height + 1, : grey.shape[1] - width + 1]
 
 
-@pytest.mark.parametrize("look", LOOKS)
-def test_text_that_is_cut_off_is_seen(unfolded, look):
-    """The measure below can fail: it finds what Blender cuts off, and nothing where all fits."""
-    if LOOKS[look]:
-        unfolded.ask("run", LOOKS[look])
-        unfolded.input("sleep", "1")
-    ellipsis = Ellipsis.photographed(unfolded, 2 if look == "2x" else 1)
+def check_cut_off_text_is_seen(window: Window, ellipsis: Ellipsis) -> None:
+    """The measure can fail: it finds what Blender cuts off, and nothing where all fits."""
     for probe, expected in ((PROBE.replace("long = 0", "long = 1"), True), (PROBE.replace("…", ""), False)):
-        unfolded.ask("run", probe)
-        unfolded.ask("alone")
-        unfolded.input("mousemove", 20, 980, "sleep", "1")
-        left, top, width, height = unfolded.state["sidebar"]
-        screen = unfolded.screenshot(unfolded.file.with_name("cut.png")).mean(axis=-1)
+        window.ask("run", probe)
+        window.ask("alone")
+        window.input("mousemove", 20, 980, "sleep", "1")
+        left, top, width, height = window.state["sidebar"]
+        screen = window.screenshot(window.file.with_name("cut.png")).mean(axis=-1)
         assert bool(ellipsis.found(screen[top : top + height, left : left + width])) == expected
-        unfolded.ask("alone", *STEPS["rig"])
-        unfolded.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
+        window.ask("alone", *STEPS["rig"])
+        window.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
 
 
-@pytest.mark.parametrize("look", LOOKS)
-def test_every_state_of_every_step(unfolded, album, tmp_path, look):
+@pytest.mark.parametrize("scale", LOOKS)
+def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
     window = unfolded
-    if LOOKS[look]:
-        window.ask("run", LOOKS[look])
-        window.input("sleep", "1")
-    ellipsis = Ellipsis.photographed(window, 2 if look == "2x" else 1)
-    photographer = Photographer(window, album, look, ellipsis)
+    photographer = Photographer(window, album, scale)
+    for look, ellipsis in photographer.ellipses.items():
+        photographer.put_on(look)
+        check_cut_off_text_is_seen(window, ellipsis)
 
     def run(code: str) -> None:
         window.ask("run", code)
