@@ -35,15 +35,23 @@ def test_commands_of_blender_are_ones_that_there_are(page: Path) -> None:
             _parser().parse_args(arguments)
 
 
+@pytest.fixture(scope="module")
+def inputs(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("inputs")
+    make_inputs(folder)
+    shutil.copy(folder / "photo.dng", folder / "statue.dng")
+    for name in ("statue", "cloth"):
+        write_rig(folder / f"{name}.rig.json", RIG)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    for name in ("Statue", "StatueLow"):
+        bpy.ops.wm.obj_import(filepath=str(folder / "statue.obj"), forward_axis="Y", up_axis="Z")
+        bpy.context.object.name = name
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    return folder
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("page", [page for page in WRITTEN if needs_blender(page)], ids=name_of)
-def test_the_page_runs_from_top_to_bottom(page: Path, tmp_path: Path) -> None:
-    make_inputs(tmp_path)
-    shutil.copy(tmp_path / "photo.dng", tmp_path / "statue.dng")
-    for name in ("statue", "cloth"):
-        write_rig(tmp_path / f"{name}.rig.json", RIG)
-    for name in ("Statue", "StatueLow"):
-        bpy.ops.wm.obj_import(filepath=str(tmp_path / "statue.obj"), forward_axis="Y", up_axis="Z")
-        bpy.context.object.name = name
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+def test_the_page_runs_from_top_to_bottom(page: Path, inputs: Path, tmp_path: Path) -> None:
+    shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     run_page(page, tmp_path, {"blender": BLENDER})

@@ -53,6 +53,8 @@ INSTEAD = {
     r"--count \d+": "--count 2",
     r"range\(1000\)": "range(2)",
     r"--model all": "--model lambertian",
+    r"(mpsnet|blender_addon) try-it": r"\1 try-it --pixels 128 --samples 4 --size 128",
+    r"--width 512 --height 512": "--width 128 --height 128",
     # Blender has the extension; pip's bpy has to load it.
     r"^import bpy$": "import bpy, blender_addon; blender_addon.register()",
 }
