@@ -13,6 +13,8 @@ from documentation import GENERATED, PROJECT, WRITTEN, blocks, commands
 
 from mpsnet_core.cli.command import _parser
 
+PARSER = _parser()
+
 
 def page_name(page):
     return str(page.relative_to(PROJECT))
@@ -21,7 +23,7 @@ def page_name(page):
 @pytest.mark.parametrize("page", WRITTEN, ids=page_name)
 def test_commands_are_ones_that_there_are(page):
     for arguments in commands(page, "mpsnet"):
-        _parser().parse_args(arguments)
+        PARSER.parse_args(arguments)
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=page_name)
@@ -73,7 +75,7 @@ def test_the_reference_has_the_options_below_the_headings_of_help(capsys):
     page = "\n".join(runpy.run_path(str(PROJECT / "docs" / "generated_pages.py"))["command_line"]())
     for section in page.split("\n## mpsnet ")[1:]:
         with pytest.raises(SystemExit):
-            _parser().parse_args([*section.partition("\n")[0].split(), "--help"])
+            PARSER.parse_args([*section.partition("\n")[0].split(), "--help"])
         options = capsys.readouterr().out.partition("\noptions:\n")[2]
         helped = re.findall(r"^(\w.+):$|^  (?:-\w(?: [^,]+)?, )?(--[a-z-]+)", options, re.MULTILINE)
         own = [(heading.lower(), flag) for heading, flag in helped if flag not in {"--help", "--progress"}]
