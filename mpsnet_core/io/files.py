@@ -262,7 +262,7 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
     """
     choices = WRITABLE_BITS.get(path.suffix.lower())
     if choices is None:
-        kind = f"{path.suffix} is not an image format of ours" if path.suffix else "its name has no ending"
+        kind = f"{path.suffix} is not a supported image format" if path.suffix else "its name has no ending"
         raise SettingsError(f"cannot write {path}: {kind}; use {', '.join(WRITABLE_BITS)}")
     if bits is None:
         return choices[0]

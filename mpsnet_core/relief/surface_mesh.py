@@ -160,7 +160,7 @@ def writable_mesh(path: str | os.PathLike[str]) -> Path:
     path = writable_path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         kind = path.suffix or "no suffix"
-        raise FileError(f"cannot write {path}: {kind} is not a mesh format of ours; use {', '.join(MESH_SUFFIXES)}")
+        raise FileError(f"cannot write {path}: {kind} is not a supported mesh format; use {', '.join(MESH_SUFFIXES)}")
     return path
 
 

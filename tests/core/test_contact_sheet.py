@@ -201,7 +201,7 @@ test_a_bad_show_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.run("show", b.photo(), "-o", b / "no" / "s.png"),
             "does not exist; create it",
         ),
-        ("show as a film", lambda b: b.run("show", b.photo(), "-o", b / "s.mp4"), "s.mp4…not an image format of ours"),
+        ("show as a film", lambda b: b.run("show", b.photo(), "-o", b / "s.mp4"), "s.mp4…not a supported image format"),
         ("show a rig", lambda b: b.run("show", b.rig()), "rig.json cannot be read as an image"),
         (
             "show a cut photo",

@@ -140,7 +140,7 @@ test_a_bad_output_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.estimate(format="exr"),
             "--format exr is not what …out.png ends in; change one, or leave --format out",
         ),
-        ("unknown suffix", lambda b: b.estimate(output="out.gif"), "out.gif…not an image format of ours; use .png"),
+        ("unknown suffix", lambda b: b.estimate(output="out.gif"), "out.gif…not a supported image format; use .png"),
         (
             "over the photo",
             lambda b: b.estimate(b.photo("out.png", kind="uint16")),
@@ -180,7 +180,7 @@ test_a_bad_output_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "unknown format for several",
             lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", format="gif"),
-            ".gif is not an image format of ours",
+            ".gif is not a supported image format",
         ),
     ]
 )

@@ -263,7 +263,7 @@ class TestCommand:
             (["--mask", "alpha"], "no alpha channel"),
             (["--overlay", "photo.exr"], "would overwrite"),
             (["--overlay", "mask.png"], "would overwrite"),
-            (["--overlay", "o.gif"], "o.gif: .gif is not an image format of ours"),
+            (["--overlay", "o.gif"], "o.gif: .gif is not a supported image format"),
         ],
         ids=lambda value: " ".join(value) if isinstance(value, list) else "",
     )

@@ -176,8 +176,8 @@ def test_what_cannot_be_made(tmp_path: Path) -> None:
             lambda: surface_mesh(surface.heights, NormalMap(np.ones((3, 4, 3)), np.ones((3, 4), bool))),
             "the height map is 40 x 40 but the normal map is 4 x 3",
         ),
-        (lambda: write_surface_mesh(tmp_path / "m.stl", mesh), ".stl is not a mesh format of ours"),
-        (lambda: write_surface_mesh(tmp_path / "m", mesh), "no suffix is not a mesh format of ours"),
+        (lambda: write_surface_mesh(tmp_path / "m.stl", mesh), ".stl is not a supported mesh format"),
+        (lambda: write_surface_mesh(tmp_path / "m", mesh), "no suffix is not a supported mesh format"),
         (lambda: write_surface_mesh(tmp_path / "no" / "m.ply", mesh), "does not exist; create it first"),
         (lambda: write_surface_mesh(tmp_path / "m.ply", mesh, up="x"), 'is "y" or "z", not'),  # type: ignore[arg-type]
     ):

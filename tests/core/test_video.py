@@ -321,7 +321,7 @@ def test_a_videos_results_over_its_masks_are_refused(
         (["--layer", "B"], "turn.mkv is a video, which has no layers; leave --layer out"),
         (["--smooth", "13"], "smooth 13 is out of range; choose 0 to 12"),
         (["--confidence", "c.png"], "--confidence takes one photo at a time"),
-        (["--format", "gif"], "gif is not an image format of ours"),
+        (["--format", "gif"], "gif is not a supported image format"),
         (["-o", "out.png"], "out.png is one file, but .*turn.mkv is a video; give a folder"),
         (["-o", "out.dng"], "out.dng is one file, but .*turn.mkv is a video; give a folder"),
         (["-o", "no/where"], "no does not exist; create it first"),
