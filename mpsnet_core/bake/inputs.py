@@ -8,8 +8,9 @@ from pathlib import Path
 from mpsnet_core.bake.base_detail_removal import BaseMap, note_shares, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.bake.projection import View
-from mpsnet_core.errors import FileError, InputError
+from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
+from mpsnet_core.io.files import located
 from mpsnet_core.io.frames import is_several, matching_files, numbering
 from mpsnet_core.io.provenance import content, identity
 from mpsnet_core.progress import Progress
@@ -86,7 +87,7 @@ class ViewReader:
         views, shares = list[View](), list[Sequence[float]]()
         for number, one in enumerate(inputs):
             progress(number / len(inputs), f"reading {one.normals.name}")
-            try:
+            with located(f"view {one.camera}={one.normals}"):
                 normals = read_normals(one.normals, convention=self.convention, confidence=one.confidence)
                 view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
                 if self.base_maps and scene is not None:
@@ -100,8 +101,6 @@ class ViewReader:
                     normals = correct_low_frequencies(view.normals, view.camera, whole, scene, scale=self.level)
                     view = replace(view, normals=normals)
                 views.append(view)
-            except InputError as error:
-                raise type(error)(f"view {one.camera}={one.normals}: {error}") from None
         if known is None:
             note_shares(shares)
         return views, shares

@@ -24,7 +24,7 @@ from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.capture.transfer_curve import note_doubtful_curve
-from mpsnet_core.errors import FileError, GeometryError, InputError
+from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.files import located
@@ -90,10 +90,8 @@ class Photography:
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
-        try:
+        with located(f"view {view.name}"):
             capture = self._capture(view, scene)
-        except InputError as error:
-            raise type(error)(f"view {view.name}: {error}") from None
         note_doubts(capture, f"view {view.name}")
         return capture
 
@@ -247,13 +245,11 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
     """
     shape, whose, sources = _shape(mesh), dict[str, str](), []
     for view in views:
-        try:
+        with located(f"view {view.name}"):
             mask = photography.mask_of(view)
             if photography.masks and whose.setdefault(mask, view.name) != view.name:
                 raise FileError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
             sources.append(_source(view, photography, mask, shape, recipe))
-        except InputError as error:
-            raise type(error)(f"view {view.name}: {error}") from None
     return sources
 
 

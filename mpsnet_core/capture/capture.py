@@ -16,8 +16,8 @@ from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.sizes import SAME_CAMERA, SAME_SIZE, check_same_size, size
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
-from mpsnet_core.errors import FormatError, GeometryError, InputError, NoObject, SettingsError
-from mpsnet_core.io.files import resolved
+from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
+from mpsnet_core.io.files import located, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import SATURATED_SHARE, Image
 from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
@@ -252,12 +252,10 @@ def read_capture(
     image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
 
     def taken(image: Image) -> Capture:
-        try:
+        with located(path):
             return capture_from(
                 image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
             )
-        except InputError as error:
-            raise type(error)(f"{path}: {error}") from None
 
     capture = taken(image)
     if correction is not None:  # which has been read as sRGB
@@ -295,12 +293,10 @@ def with_white(
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
-        try:
+        with located(file):
             image = straightened(image if correction is None else corrected(image, correction))
             # Checked one by one: the sum would not show which of them does not fit.
             total += _checked_white(image.pixels, None, capture.mask)
-        except InputError as error:
-            raise type(error)(f"{file}: {error}") from None
         clipped |= image.saturated
     if np.array_equal(total.astype(capture.image.dtype), capture.image):
         raise _white_is_the_photo(photos[0])

@@ -11,7 +11,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
+from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.distant_lights import as_distant_lights, turn_back
@@ -19,7 +19,7 @@ from mpsnet_core.estimate.features import CONSTANTS, channel_count
 from mpsnet_core.estimate.operators import check_operators
 from mpsnet_core.estimate.patches import patch_answer
 from mpsnet_core.estimate.registry import DEFAULT_TILE
-from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -62,14 +62,12 @@ class OnnxModel:
         self.tile = tile
         check_operators(self.path)
         self.session = _session(self.path, provider, threads)
-        try:
+        with located(f"model file {self.path} cannot be used"):
             metadata = _metadata(self.session)
             self.card = card_from_metadata(metadata)
             if passes is not None:
                 self.card = replace(self.card, passes=passes)
             _check_fit(self.session, self.card)
-        except InputError as error:
-            raise type(error)(f"model file {self.path} cannot be used: {error}") from None
         self.record = record_from_metadata(metadata)
         self._outputs = [node.name for node in self.session.get_outputs()]
 

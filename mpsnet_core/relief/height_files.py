@@ -21,6 +21,7 @@ from mpsnet_core.io.files import (
     MAX_TEXT_BYTES,
     checked_bits,
     existing_file,
+    located,
     read_json,
     remove_file,
     writable_path,
@@ -260,7 +261,7 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     scale_file = scale_sidecar(path)
     data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
     values = read_channel(path)
-    try:
+    with located(f"height map {path} with {scale_file.name}"):
         black, white = _number(data, "black"), _number(data, "white")
         described = _kept_data(path)
         if described is not None and (described.get("black"), described.get("white")) != (black, white):
@@ -268,8 +269,6 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
         camera = _camera(data, values.shape)
         mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
         return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
-    except InputError as error:
-        raise type(error)(f"height map {path} with {scale_file.name}: {error}") from None
 
 
 def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:

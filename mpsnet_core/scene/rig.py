@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
+from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import check_small, existing_file, located, read_json, write_json
 
 RIG_FORMAT = "mpsnet-rig"
@@ -315,7 +315,7 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
     Errors in the block name the file. Raises FileError where it is missing, FormatError where it is malformed.
     """
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe", "exact"))
-    try:
+    with located(f"rig file {path}"):
         lights = data.get("lights")
         if not isinstance(lights, list) or len(lights) != 3:
             raise FormatError('"lights" must be a list of three lights')
@@ -328,8 +328,6 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
         if not isinstance(data.get("exact", False), bool):
             raise FormatError('"exact" is true or false: whether lights and mixing are known exactly')
         yield data, near
-    except InputError as error:
-        raise type(error)(f"rig file {path}: {error}") from None
 
 
 def _json_position(light: Any, name: str) -> NDArray[np.float64]:

@@ -13,7 +13,8 @@ from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_hi
 from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.sizes import check_same_size, size
-from mpsnet_core.errors import GeometryError, InputError
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, read_image, read_mask
 from mpsnet_core.progress import Progress, silent
@@ -95,10 +96,8 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
         mask = read_mask(photos.mask)
         check_same_size(f"the mask {photos.mask}", mask.shape, "the photo", image.shape[:2])
         return [ball_from_mask(mask, camera, photos.radius)]
-    try:
+    with located(photos.files[0]):
         return find_balls(image, camera, count=photos.balls, radius=photos.radius, mirror=photos.mirror)
-    except InputError as error:
-        raise type(error)(f"{photos.files[0]}: {error}") from None
 
 
 def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sighting]:
@@ -112,14 +111,12 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
     for number, file in enumerate(photos.files):
         progress((number + 1) / (len(photos.files) + 1), f"looking for highlights in {file.name}")
         image = photos.read(file)
-        for spots, ball in zip(found, balls, strict=True):
-            try:
+        with located(file):
+            for spots, ball in zip(found, balls, strict=True):
                 if len(photos.files) == 1:
                     spots += find_coloured_highlights(image, ball)
                 else:
                     spots.append(find_highlight(image, ball))
-            except InputError as error:
-                raise type(error)(f"{file}: {error}") from None
     lens_known = photos.camera is not None
     return [Sighting(ball, tuple(spots), lens_known) for ball, spots in zip(balls, found, strict=True)]
 
