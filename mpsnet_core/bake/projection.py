@@ -10,6 +10,7 @@ from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import transformed
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
+from mpsnet_core.capture.sizes import SAME_SIZE, check_same_size, size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -46,17 +47,11 @@ class View:
     colours: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        height, width = self.normals.mask.shape
-        if self.colours is not None and self.colours.shape != (height, width, 3):
-            raise GeometryError(
-                f"the colours are {self.colours.shape[1]} x {self.colours.shape[0]} but the normal map is {width} x "
-                f"{height}; they must be the same size"
-            )
-        if (self.camera.width, self.camera.height) != (width, height):
-            raise GeometryError(
-                f"the camera is {self.camera.width} x {self.camera.height} but its normal map is {width} x {height}; "
-                "they must be the same size"
-            )
+        shape = self.normals.mask.shape
+        if self.colours is not None and self.colours.shape != (*shape, 3):
+            sizes = f"{size(self.colours.shape)} but the normal map is {size(shape)}"
+            raise GeometryError(f"the colours are {sizes}; {SAME_SIZE}")
+        check_same_size("the camera", (self.camera.height, self.camera.width), "its normal map", shape)
 
 
 class Projector:

@@ -14,12 +14,12 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
-from mpsnet_core.capture.sizes import SAME_CAMERA, SAME_SIZE, check_same_size, size
+from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.files import located, resolved
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import SATURATED_SHARE, Image
+from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
 from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
@@ -34,7 +34,6 @@ LEAST_KNOWN = 0.8
 MOST_OFF = 2.0
 # The angle, in radians, between two channels as vectors of all pixels, below which they show the same light.
 ALIKE = 0.03
-CHANNELS = ("red", "green", "blue")
 # A channel whose mean is below this share of the brightest one's hardly saw its light.
 BLACK = 0.01
 # Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
@@ -138,8 +137,8 @@ class Capture:
             "the depth": None if self.depth is None else np.shape(self.depth),
         }
         for name, shape in parts.items():
-            if shape is not None and shape != photo[:2]:
-                raise GeometryError(f"{name} is {size(shape)} but the photo is {size(photo)}; {SAME_SIZE}")
+            if shape is not None:
+                check_same_size(name, shape, "the photo", photo[:2])
 
     @property
     def saturated(self) -> NDArray[np.bool_]:

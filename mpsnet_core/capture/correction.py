@@ -12,7 +12,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image
 
 log = logging.getLogger(__name__)
@@ -157,7 +157,7 @@ def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDA
     height, width, _ = field.shape
     middle = field[height // 3 : height - height // 3, width // 3 : width - width // 3].mean(axis=(0, 1))
     if not (middle > 0).all():
-        channel = ("red", "green", "blue")[int(np.argmin(middle))]
+        channel = CHANNELS[int(np.argmin(middle))]
         raise FormatError(f"the flat field {flat} is black in the middle of its {channel} channel; were all lights on?")
     field = field / middle
     weak = field < LEAST_FLAT

@@ -63,6 +63,7 @@ class ReadsPhotos(ReadsPictures):
         """
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
+        from mpsnet_core.capture.sizes import check_same_size
         from mpsnet_core.io.files import located
         from mpsnet_core.io.images import read_image
 
@@ -73,9 +74,7 @@ class ReadsPhotos(ReadsPictures):
             if correction is not None:
                 image = corrected(image, correction)
             mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
-        if mask.shape != image.pixels.shape[:2]:
-            sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
-            raise GeometryError(f"{choice} is {sizes[0]} but {photo} is {sizes[1]}; they must be the same size")
+        check_same_size(choice, mask.shape, photo, image.pixels.shape[:2])
         return image, mask
 
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
-from mpsnet_core.capture.capture import ALIKE, CHANNELS, channel_angles, finite_inside
+from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
 
 Level = Literal["good", "watch", "bad"]

@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+# The channels of a photo, and what the lights of a rig are called that lie in them.
+CHANNELS = ("red", "green", "blue")
+
 # Checked before any memory is allocated: a broken or hostile header can claim any size.
 MAX_PIXELS = 400_000_000
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
@@ -44,11 +45,7 @@ class HeightMap:
         values, mask = np.asarray(self.values, np.float32), np.asarray(self.mask, bool)
         if values.ndim != 2 or values.shape != mask.shape:
             raise GeometryError(f"heights of shape {values.shape} do not fit a mask of shape {mask.shape}")
-        if (self.camera.height, self.camera.width) != mask.shape:
-            raise GeometryError(
-                f"the camera is {self.camera.width} x {self.camera.height} but its heights are "
-                f"{mask.shape[1]} x {mask.shape[0]}; they must be the same size"
-            )
+        check_same_size("the camera", (self.camera.height, self.camera.width), "its heights", mask.shape)
         if not mask.any():
             raise GeometryError("the height map's mask is empty; there is nothing to work on")
         if not np.isfinite(values[mask]).all():

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -11,10 +12,7 @@ MAX_SIZE = 8192
 
 def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
     """Raises GeometryError where `what`, an array of `shape` (H, W, ...), is of another size than the normals."""
-    height, width = normals.mask.shape
-    if tuple(shape[:2]) != (height, width):
-        sizes = f"{shape[1]} x {shape[0]} but the normal map is {width} x {height}"
-        raise GeometryError(f"the {what} is {sizes}; they must be the same size")
+    check_same_size(f"the {what}", shape[:2], "the normal map", normals.mask.shape)
 
 
 def check_square(height: int, width: int) -> None:

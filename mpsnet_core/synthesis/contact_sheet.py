@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.image import CHANNELS, linear_to_srgb
 from mpsnet_core.io.images import image_layers, read_image, write_image
 from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
@@ -152,7 +152,7 @@ def photo_row(path: Path) -> list[tuple[str, NDArray[np.float32]]]:
     inside = image.alpha > 0.5 if image.alpha is not None and (image.alpha > 0.5).any() else None
     photo = photo_picture(image.pixels, inside)
     tiles = [(path.stem[-18:], photo)]
-    tiles += [(name, np.repeat(photo[..., k, None], 3, axis=2)) for k, name in enumerate(("red", "green", "blue"))]
+    tiles += [(name, np.repeat(photo[..., k, None], 3, axis=2)) for k, name in enumerate(CHANNELS)]
     if inside is not None:
         tiles.append(("mask", np.repeat(inside[..., None], 3, axis=2).astype(np.float32)))
     return tiles

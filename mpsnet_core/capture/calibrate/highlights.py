@@ -10,7 +10,7 @@ from mpsnet_core.arrays.mask_regions import dilated, labelled
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import CHANNELS, Image
 
 # Of the ball's radius: nearer to its rim a mirror shows what lies behind it, squeezed, and the rim is blurred.
 USED_RADIUS = 0.96
@@ -127,7 +127,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
         top = float(ends.min()) if ends.size else _peak(here)
         weight[..., light] = np.where(clipped, own, np.minimum(here / top, 1))
     found = []
-    for light, name in enumerate(("red", "green", "blue")):
+    for light, name in enumerate(CHANNELS):
         others = weight.sum(axis=-1) - weight[..., light]
         spot = _highlight(window, weight[..., light], others, f"the {name} light")
         if (dilated(owner == light, 1) & (owner >= 0) & (owner != light)).any():

@@ -68,7 +68,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         files = _without_masks(expand_images(given))
         outputs = [file for file in (output, self.overlay, self.json) if file]
         mask = self.mask and mask_source(self.mask)
-        others = files_meant((mask, self.dark, self.flat, self.camera if isinstance(self, HasLens) else None))
+        others = files_meant((mask, self.dark, self.flat, self.camera))
         for number, one in enumerate(outputs):
             writable_path(one)
             # The rig may be read whole and then written anew; nothing else may take its place.
@@ -204,7 +204,7 @@ class CalibrateLights(LooksAtBall):
         return Path(self.output).suffix.lower() == ".lp"
 
     def _choose(self, files: Sequence[Path]) -> _Chosen:
-        from mpsnet_core.capture.calibrate.report import COLOURS
+        from mpsnet_core.io.image import CHANNELS
 
         for name, value in (("places", self.places), ("balls", self.balls)):
             if value < 1:
@@ -229,7 +229,7 @@ class CalibrateLights(LooksAtBall):
             raise SettingsError(
                 "--per-light takes a photo for each light; leave it out for one photo under all of them"
             )
-        names = [*COLOURS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
+        names = [*CHANNELS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
         return _Chosen(places, numbers, names, [files[k] for k in numbers] if self.per_light else None)
 
     def _sightings(
@@ -305,8 +305,9 @@ class CalibrateLights(LooksAtBall):
 
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig of three of an .lp file's lights."""
-        from mpsnet_core.capture.calibrate.report import COLOURS, directions_facts
+        from mpsnet_core.capture.calibrate.report import directions_facts
         from mpsnet_core.io.files import check_apart, writable_path
+        from mpsnet_core.io.image import CHANNELS
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
 
         if len(self.ball) > 1 or self.overlay or self.json:
@@ -327,7 +328,7 @@ class CalibrateLights(LooksAtBall):
         rig = LightRig(directions[numbers])
         _note_replaced(Path(self.output))
         write_rig(self.output, rig)
-        lights = directions_facts(rig.directions, COLOURS, [names[k] for k in numbers])
+        lights = directions_facts(rig.directions, CHANNELS, [names[k] for k in numbers])
         text = "\n".join([f"{self.output}:", *map(str, lights)])
         return LightsCalibrated(self.output, None, lights, text=text)
 

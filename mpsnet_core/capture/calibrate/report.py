@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from mpsnet_core.capture.calibrate.ball import Ball
 from mpsnet_core.capture.calibrate.lights import LightsFound
 from mpsnet_core.capture.calibrate.mixing import MixingFound
+from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import angles_of
-
-COLOURS = ("red", "green", "blue")
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def mixing_lines(found: MixingFound, off: float | None) -> list[str]:
     """The mixing matrix for people, and how well it explains the photo. off: degrees, as `equation_2_error` has it."""
     lines = [
         f"{channel.rjust(6)}: " + "  ".join(f"{value:6.3f}" for value in row)
-        for channel, row in zip(COLOURS, found.mixing, strict=True)
+        for channel, row in zip(CHANNELS, found.mixing, strict=True)
     ]
     if not found.determined:
         lines.append("the lights' strengths alone: the photo does not show how their colours mix")
