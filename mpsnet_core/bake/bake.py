@@ -356,8 +356,6 @@ class _Under:
 def _averaged(points: Texture, samples: int) -> Texture:
     """Texels of samples x samples points: the mean of those on the surface, as vectors; its length is brought to 1.
     Of colours the mean of those that are known."""
-    if samples == 1:
-        return points
     height, width = (length // samples for length in points.covered.shape)
 
     def blocks(values: NDArray[T]) -> NDArray[T]:

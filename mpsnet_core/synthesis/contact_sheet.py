@@ -184,9 +184,9 @@ def _on_background(picture: NDArray[np.float32], inside: NDArray[np.bool_]) -> N
     return np.where(inside[..., None], picture, np.float32(BACKGROUND))
 
 
-def sheet_line(files: Sequence[Path], count: int = ROWS) -> str:
+def sheet_line(files: Sequence[Path]) -> str:
     """The line that the contact sheet of these files keeps: another one where it would show other samples."""
-    return provenance_line("contact sheet", *map(identity, spread(files, count)))
+    return provenance_line("contact sheet", *map(identity, spread(files, ROWS)))
 
 
 def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32], line: str | None = None) -> None:

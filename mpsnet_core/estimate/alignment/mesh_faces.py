@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
@@ -28,8 +27,6 @@ class MeshFaces:
     @classmethod
     def of(cls, mesh: Mesh) -> "MeshFaces":
         vertices = mesh.world_vertices
-        if not len(mesh.triangles):
-            raise GeometryError("the mesh has no faces; give one that has")
         a, b, c = (vertices[mesh.triangles[:, k]] for k in range(3))
         across = np.cross(b - a, c - a)
         length = np.linalg.norm(across, axis=1, keepdims=True)

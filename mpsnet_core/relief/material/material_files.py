@@ -110,16 +110,16 @@ def write_material(
     return files
 
 
-def repeated_picture(material: Material, repeats: int = REPEATS) -> NDArray[np.float32]:
-    """(H, W, 3) sRGB values: the tile `repeats` times each way, as wide as it is, relit from the upper left."""
+def repeated_picture(material: Material) -> NDArray[np.float32]:
+    """(H, W, 3) sRGB values: the tile `REPEATS` times each way, as wide as it is, relit from the upper left."""
     bright = max(float(np.percentile(material.albedo[::4, ::4], 99)), 1e-6)
     normals = NormalMap(material.normals, np.ones(material.height.shape, bool))
     tile = relit(normals, PREVIEW_LIGHT, albedo=material.albedo * np.float32(0.9 / bright))
-    side = PREVIEW_SIDE / repeats / max(material.width_mm, material.height_mm)
+    side = PREVIEW_SIDE / REPEATS / max(material.width_mm, material.height_mm)
     width, height = (max(1, round(side * length)) for length in (material.width_mm, material.height_mm))
     rows, columns = material.height.shape
     small = resampled(tile[..., :3], np.diag([columns / width, rows / height, 1.0]), (height, width), repeated=True)
-    return np.clip(np.tile(small, (repeats, repeats, 1)), 0, 1)
+    return np.clip(np.tile(small, (REPEATS, REPEATS, 1)), 0, 1)
 
 
 def _description(material: Material, low: float, high: float, bend: float) -> dict[str, Any]:
