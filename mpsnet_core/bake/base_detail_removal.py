@@ -22,7 +22,7 @@ from mpsnet_core.bake.low_frequency_correction import (
     rotated,
     rotation_between,
 )
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.errors import check_choice
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
@@ -68,7 +68,7 @@ class BaseMap:
     corner: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        check_shown(self.shown)
+        check_choice("shown", self.shown, SHOWN)
 
 
 def remove_base_details(
@@ -138,14 +138,6 @@ def remove_base_detail(
     vectors = normals.vectors.copy()
     vectors[seen] = rotated(vectors[seen], np.float32(share) * rotation_between(worn[seen], own[seen]))
     return replace(normals, vectors=vectors), share
-
-
-def check_shown(shown: str) -> None:
-    """Raises SettingsError where `shown` is none of the words that :class:`BaseMap` knows."""
-    if shown not in SHOWN:
-        raise SettingsError(
-            f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}"
-        )
 
 
 def note_shares(shares: Sequence[Sequence[float]]) -> None:

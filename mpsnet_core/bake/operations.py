@@ -162,10 +162,8 @@ class LaysOnto(MakesTextures):
 
     def check_onto(self) -> None:
         """Raises SettingsError where the detail cannot go on top of the present map, or its options lack the map."""
-        from mpsnet_core.bake.base_detail_removal import check_shown
         from mpsnet_core.bake.detail_blending import check_blending
 
-        check_shown(self.onto_shown)
         if self.onto:
             check_blending(self.space)
         elif self.onto_convention != "opengl" or self.onto_shown != "auto":
@@ -447,8 +445,7 @@ class ViewsBaked(TexturesBaked):
     """The textures of posed photos.
 
     views: for each its share of the surface, how far it departs from the others, and what its colours were multiplied
-    by. level: the levelling's scale, 0
-    for none. model: the estimator's name.
+    by. level: the levelling's scale, 0 for none. model: the estimator's name.
     """
 
     views: list[dict[str, Any]]
@@ -600,7 +597,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         if self.json:
             writable_path(self.json)
         outputs = [file for file in (target.output, self.report, self.json) if file]
-        mask = None if self.mask in (None, "mesh") else mask_source(self.mask)
+        mask = None if self.mask == "mesh" else mask_source(self.mask)
         given = (self.rig, *self.mesh, self.onto, mask, self.dark, self.flat)
         inputs = [*files_within(self.cameras), *files_meant(given)]
         check_apart(inputs, outputs)

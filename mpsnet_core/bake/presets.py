@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import SettingsError, check_choice
+from mpsnet_core.errors import Choices, SettingsError
 
 if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
     from mpsnet_core.scene.normal_map import Convention
@@ -63,19 +63,16 @@ class Preset:
         return self.naming.format(_snake_case(name) if self.lower else name)
 
 
-PRESETS = {
-    "blender": Preset("Blender", "opengl", 16),
-    "unreal": Preset("Unreal Engine", "directx", 16, naming="T_{}_N"),
-    "unity": Preset("Unity", "opengl", 8, naming="{}_Normal"),
-    "godot": Preset("Godot", "opengl", 8, lower=True),
-    "gltf": Preset("glTF", "opengl", 8),
-}
-
-
-def preset_named(name: str) -> Preset:
-    """The preset of that name. Raises SettingsError where there is none."""
-    check_choice("preset", name, PRESETS)
-    return PRESETS[name]
+PRESETS = Choices(
+    "preset",
+    {
+        "blender": Preset("Blender", "opengl", 16),
+        "unreal": Preset("Unreal Engine", "directx", 16, naming="T_{}_N"),
+        "unity": Preset("Unity", "opengl", 8, naming="{}_Normal"),
+        "godot": Preset("Godot", "opengl", 8, lower=True),
+        "gltf": Preset("glTF", "opengl", 8),
+    },
+)
 
 
 def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:

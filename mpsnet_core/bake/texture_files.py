@@ -10,7 +10,7 @@ from mpsnet_core.bake.base_detail_removal import Shown
 from mpsnet_core.bake.coverage import write_coverage
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
-from mpsnet_core.bake.presets import preset_named, preset_output
+from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
@@ -67,7 +67,7 @@ def texture_target(
         if suffix and not sequence:
             check_ending(Path(output), suffix)
         return TextureTarget(output, convention or "opengl", bits, suffix or ".png")
-    wanted = preset_named(preset)
+    wanted = PRESETS[preset]
     if not sequence:
         folder = output.endswith(("/", "\\"))
         if len(meshes) > 1 and (folder or Path(output).is_dir()):
