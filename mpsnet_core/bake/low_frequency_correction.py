@@ -199,9 +199,8 @@ def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.fl
     hits = scene.hits(origins, directions)
     hit = np.flatnonzero(hits.triangle >= 0)
     hits = hits.chosen(hit)
-    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
     points = origins[hit] - scene.middle + directions[hit] * hits.distance[:, None]
-    return MeshSeen(mesh, camera, hit, hits.triangle, weights, points, directions[hit] @ camera.rotation)
+    return MeshSeen(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)
 
 
 def _smoothed_turns(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_details
 from mpsnet_core.bake.colour_matching import matched
-from mpsnet_core.bake.low_frequency_correction import Levelling, levelling, turned
+from mpsnet_core.bake.low_frequency_correction import levelling, turned
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
@@ -174,11 +174,7 @@ def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
     pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
     origins, directions, _ = scene.rays_of(camera, pixels)
     seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
-    row, column = (
-        np.minimum(((np.arange(n) + 0.5) * count / n).astype(np.int64), count - 1)
-        for n, count in ((camera.height, small[0]), (camera.width, small[1]))
-    )
-    mask: NDArray[np.bool_] = seen[np.ix_(row, column)]
+    mask: NDArray[np.bool_] = seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
     return mask
 
 
@@ -328,7 +324,7 @@ class KeptViews(Sequence[View]):
             self._shares[number], estimated = found, replace(estimated, normals=normals)
         if not self.level:
             return estimated, estimated, 0.0
-        by: Levelling = levelling(estimated.normals, camera, self.mesh, self.scene, scale=self.level)
+        by = levelling(estimated.normals, camera, self.mesh, self.scene, scale=self.level)
         return estimated, replace(estimated, normals=turned(estimated.normals, by)), by.mean_angle
 
 

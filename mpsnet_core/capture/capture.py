@@ -434,9 +434,7 @@ def note_doubts(capture: Capture, name: str = "") -> None:
         mask = capture.mask[rows]
         inside = capture.image[rows][mask]
         if len(inside):
-            level = SATURATED_SHARE * capture.clip
-            clipped = inside >= level if capture.clipped is None else capture.clipped[rows][mask]
-            spoilt += int(clipped.any(axis=1).sum())
+            spoilt += int(capture.saturated_in(rows)[mask].any(axis=1).sum())
             total += inside.sum(axis=0, dtype=np.float64)
             products += inside.T.astype(np.float64) @ inside
     pixels = int(capture.mask.sum())

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import box_sums, dilated
+from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.io.image import CHANNELS, Image
@@ -118,7 +119,7 @@ def check_photo(
 
 def worst(findings: Sequence[Finding]) -> Level:
     """The level of the worst of them."""
-    return max((one.level for one in findings), key=LEVELS.index)
+    return _worse(*(one.level for one in findings))
 
 
 def _level(value: float, limits: tuple[float, float]) -> Level:
@@ -213,9 +214,8 @@ def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
 
 
 def _lights(rig: LightRig) -> Finding:
-    cosines = rig.directions @ rig.directions.T
     pairs = [(0, 1), (0, 2), (1, 2)]
-    apart = np.degrees(np.arccos(np.clip([cosines[pair] for pair in pairs], -1, 1)))
+    apart = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
     first, second = (CHANNELS[light] for light in pairs[int(apart.argmin())])
     condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
     figures: dict[str, float | list[float]] = {
@@ -317,9 +317,8 @@ def _sharpest_edges(
     single image", Pattern Recognition 44, 2011. factor: how many times smaller the picture is that it looks at. None
     where too few edges are high enough.
     """
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     margin = 8 * factor
-    part = tuple(slice(max(0, one[0] - margin), one[-1] + 1 + margin) for one in (rows, columns))
+    part = tuple(slice(max(0, side.start - margin), side.stop + margin) for side in bounding_box(mask))
     small = block_means(pixels[part], factor)
     inside = mask[part][::factor, ::factor]
     near = dilated(inside, 2)

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.dense import Network
@@ -15,8 +16,7 @@ PATCHES_A_BATCH = 1024
 def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
     """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
-    used = np.flatnonzero(capture.mask.any(axis=1)), np.flatnonzero(capture.mask.any(axis=0))
-    box = tuple(slice(places[0], places[-1] + 1) for places in used)
+    box = bounding_box(capture.mask)
     mask = capture.mask[box]
     # Maps are zero outside the mask, so beyond the box as well.
     cut = Capture(capture.image[box], mask, capture.rig, white=None if capture.white is None else capture.white[box])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
@@ -95,8 +96,7 @@ def check_reach(reach: int | None) -> None:
 
 def _extent(mask: NDArray[np.bool_]) -> int:
     """How far apart two pixels of the mask can be."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    return int(hypot(rows[-1] - rows[0], columns[-1] - columns[0])) + 1
+    return int(hypot(*(side.stop - side.start - 1 for side in bounding_box(mask)))) + 1
 
 
 def _spacing(heights: HeightMap) -> NDArray[np.float64]:

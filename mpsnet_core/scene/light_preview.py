@@ -99,7 +99,7 @@ def _surface(
 
     view: (N, 3) towards the viewer; what is seen from its back has its normals turned round.
     """
-    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float64)[..., None]
+    weights = hits.weights.astype(np.float64)
     corners = mesh.world_vertices[mesh.triangles[hits.triangle]]
     object_from_world = np.linalg.inv(mesh.world_from_object[:3, :3])
     at_corners = normalised(mesh.corner_normals[hits.triangle] @ object_from_world)

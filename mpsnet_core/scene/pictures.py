@@ -8,13 +8,14 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import dilated
+from mpsnet_core.arrays.mask_regions import bounding_box, dilated
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.normal_map import NormalMap, encode
 
 BACKGROUND = 0.13
 TITLE_HEIGHT = 30
 GAP = 10
+MARGIN = 8  # of pixels around an object that pictures are cut to
 OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
 SCALE_WIDTH = 90
@@ -110,13 +111,10 @@ def sheet(
     return canvas
 
 
-def cropped(
-    pictures: Sequence[NDArray[np.float32]], mask: NDArray[np.bool_], margin: int = 8
-) -> list[NDArray[np.float32]]:
+def cropped(pictures: Sequence[NDArray[np.float32]], mask: NDArray[np.bool_]) -> list[NDArray[np.float32]]:
     """The pictures cut to the mask's bounding box and a margin."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    top, left = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
-    return [picture[top : rows[-1] + 1 + margin, left : columns[-1] + 1 + margin] for picture in pictures]
+    rows, columns = (slice(max(side.start - MARGIN, 0), side.stop + MARGIN) for side in bounding_box(mask))
+    return [picture[rows, columns] for picture in pictures]
 
 
 def _inferno(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:

@@ -28,6 +28,11 @@ class Hits:
     v: NDArray[np.float32]
     distance: NDArray[np.float32]
 
+    @property
+    def weights(self) -> NDArray[np.float32]:
+        """(N, 3, 1) barycentric coordinates."""
+        return np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
+
     def chosen(self, which: NDArray[np.integer[Any]]) -> "Hits":
         """The hits of some of the rays, by their indices."""
         return Hits(self.triangle[which], self.u[which], self.v[which], self.distance[which])

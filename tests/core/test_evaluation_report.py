@@ -80,7 +80,7 @@ def test_a_sheet_holds_every_tile_whole() -> None:
 def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:
     mask = np.zeros((50, 60), bool)
     mask[20:30, 5:40] = True
-    (cut,) = cropped([np.dstack([mask] * 3).astype(np.float32)], mask, margin=8)
+    (cut,) = cropped([np.dstack([mask] * 3).astype(np.float32)], mask)
     assert cut.shape == (10 + 16, 5 + 35 + 8, 3)
     assert cut.sum() == 3 * mask.sum()
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import eroded
+from mpsnet_core.arrays.mask_regions import bounding_box, eroded
+from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, cross_matrix, flow
 from mpsnet_core.scene.camera import Camera
@@ -165,12 +166,12 @@ def _world(local: Poses, scene: RayScene) -> Poses:
 
 
 def _scale(evidence: Evidence, longest: int) -> _Scale:
-    rows, columns = np.flatnonzero(evidence.mask.any(axis=1)), np.flatnonzero(evidence.mask.any(axis=0))
-    side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
+    rows, columns = bounding_box(evidence.mask)
+    side = max(rows.stop - rows.start, columns.stop - columns.start)
     factor = max(1, round(side / longest))
     border = round(MARGIN * side)
-    top, left = max(0, rows[0] - border) // factor * factor, max(0, columns[0] - border) // factor * factor
-    window = slice(top, rows[-1] + 1 + border), slice(left, columns[-1] + 1 + border)
+    top, left = (max(0, part.start - border) // factor * factor for part in (rows, columns))
+    window = slice(top, rows.stop + border), slice(left, columns.stop + border)
     mask, normals = evidence.mask[window], evidence.normals[window]
     shares = block_means(mask[..., None].astype(np.float32), factor)[..., 0].astype(np.float64)
     means = block_means(normals, factor).astype(np.float64)
@@ -179,7 +180,7 @@ def _scale(evidence: Evidence, longest: int) -> _Scale:
     outline, across = _outline(shares)
     return _Scale(
         factor,
-        (int(top), int(left)),
+        (top, left),
         smooth,
         _detail(smooth, inside),
         inside,
@@ -307,7 +308,7 @@ def _normal_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Floa
 
 def _robust(residual: Floats) -> Floats:
     """Cauchy's weights, as wide as the residuals' own spread where that is larger than 1."""
-    spread = max(1.0, 1.4826 * float(np.median(np.abs(residual))))
+    spread = max(1.0, DEVIATIONS * float(np.median(np.abs(residual))))
     weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
     return weights
 
@@ -339,7 +340,7 @@ def _blurred(values: Floats, sigma: float) -> Floats:
 def _outline(shares: Floats) -> tuple[Floats, Floats]:
     """Points (N, 2; x, y) in pixels where shares (h, w) of an object cross a half, and unit normals that point out."""
     padded = np.pad(shares, 1)
-    slopes = np.stack([np.gradient(_blurred(padded, 1.5), axis=axis) for axis in (1, 0)], axis=-1)
+    gradients = np.stack([np.gradient(_blurred(padded, 1.5), axis=axis) for axis in (1, 0)], axis=-1)
     points, normals = [], []
     for axis in (0, 1):
         low, high = (padded[:-1], padded[1:]) if axis == 0 else (padded[:, :-1], padded[:, 1:])
@@ -348,7 +349,7 @@ def _outline(shares: Floats) -> tuple[Floats, Floats]:
         share = (0.5 - low[crossing]) / (high[crossing] - low[crossing])
         place = np.stack([column + 0.5, row + 0.5], axis=1) + share[:, None] * ((0, 1) if axis == 0 else (1, 0))
         points.append(place - 1)
-        normals.append(-slopes[row, column])
+        normals.append(-gradients[row, column])
     point, normal = np.concatenate(points), np.concatenate(normals)
     length = np.linalg.norm(normal, axis=1)
     # What the picture's border cuts off is no outline.
