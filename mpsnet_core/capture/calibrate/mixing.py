@@ -344,11 +344,11 @@ def _joint_step(
     moved: NDArray[np.float64],
     free: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The matrix with ambient light (4, 3), the step (9,) of outline and lights that explain the colours (P, 3) best,
-    and the equations' matrix (21, 21).
+    """The matrix with ambient light (4, 3), the step (10,) of outline, lights and exponent that explain the colours
+    (P, 3) best, and the equations' matrix (22, 22).
 
-    basis: (P, 4). jacobian: (P, 3, 9), what a step does to each channel. prior: (9, 9) precision of `moved` (9,), how
-    far outline and lights have come. free: (21,) which unknowns may differ from zero.
+    basis: (P, 4). jacobian: (P, 3, 10), what a step does to each channel. prior: (10, 10) precision of `moved` (10,),
+    how far these have come. free: (22,) which unknowns may differ from zero.
     """
     left = np.zeros((12 + OTHERS, 12 + OTHERS))
     right = np.zeros(12 + OTHERS)

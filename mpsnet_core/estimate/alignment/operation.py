@@ -1,7 +1,7 @@
 """The operation align: a photo and a mesh to the camera that took the photo."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -286,22 +286,16 @@ def _reduced(capture: "Capture", factor: int) -> "Capture":
 
 
 def _resized(camera: "Camera", factor: float, width: int, height: int) -> "Camera":
-    from dataclasses import replace
-
     return replace(camera, width=width, height=height, focal=camera.focal * factor, centre=camera.centre * factor)
 
 
 def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
-    from dataclasses import replace
-
     camera = _resized(fit.camera, factor, width, height)
     return replace(fit, camera=camera, outline=fit.outline * factor)
 
 
 def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> "Camera":
     """A rough start as a perspective camera of the photo's size."""
-    from dataclasses import replace
-
     import numpy as np
 
     if camera.projection != "perspective":

@@ -161,8 +161,8 @@ def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
     inside = np.flatnonzero(distance(points) < 0)
     places = points[:, inside]
     depth = distance(places)
-    slope = np.stack([distance(places + step[:, None]) - depth for step in 1e-3 * np.eye(3)])
-    points[:, inside] -= depth * slope / np.maximum(lengths(slope), 1e-9)
+    gradient = np.stack([distance(places + step[:, None]) - depth for step in 1e-3 * np.eye(3)])
+    points[:, inside] -= depth * gradient / np.maximum(lengths(gradient), 1e-9)
     before[:, inside] += 0.7 * (points[:, inside] - before[:, inside])
 
 

@@ -82,17 +82,17 @@ def sheet(front: Array, back: Array) -> Shape:
 def displaced(shape: Shape, height: Callable[[Array], NDArray[np.floating[Any]]]) -> Shape:
     """A smooth shape of one part moved along its normals by a height field in space: points (N, 3) to (N,) heights.
 
-    The normals tilt with the slope of the field along the surface.
+    The normals tilt with the gradient of the field along the surface.
     """
     normals = vertex_normals(shape)
     side = normalised(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
     other = np.cross(normals, side)
     here = np.asarray(height(shape.vertices), np.float64)
-    slopes = [
+    gradient = [
         (height(shape.vertices + _STEP * tangent) - height(shape.vertices - _STEP * tangent)) / (2 * _STEP)
         for tangent in (side, other)
     ]
-    tilted = normalised(normals - slopes[0][:, None] * side - slopes[1][:, None] * other)
+    tilted = normalised(normals - gradient[0][:, None] * side - gradient[1][:, None] * other)
     return smooth_shape(shape.vertices + here[:, None] * normals, shape.triangles, tilted)
 
 
