@@ -125,6 +125,14 @@ def by_session_uid(datablocks: Any, session_uid: int) -> Any:
     return next((one for one in datablocks if one.session_uid == session_uid), None)
 
 
+def find_object(scene: Any, name: str) -> Any:
+    """The scene's object of that name. Raises InputError where there is none."""
+    target = scene.objects.get(name)
+    if target is None:
+        raise InputError(f'there is no object "{name}" in the scene; check its name')
+    return target
+
+
 def verb_of(idname: str) -> str:
     """ "estimate" for "mps.estimate" as well as for "MPS_OT_estimate", which is how Blender writes it itself."""
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")

@@ -16,7 +16,8 @@ from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 
 from ..child_process.core_process import Work
-from ..operators import RunsCore, as_typed, by_session_uid
+from ..mesh_file import BegunMesh, begin_mesh, slot_labels
+from ..operators import RunsCore, as_typed, by_session_uid, find_object
 from ..outputs import (
     FORMATS,
     frame_pattern,
@@ -38,7 +39,6 @@ from ..settings.declared import take_given
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .coverage import coverage_folder, store_coverage
 from .existing_maps import Part, base_maps, present_maps, store_base_map
-from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
 from .texture_owners import FRAME, files_for, refuse_anothers
 from .texture_sets import (
@@ -47,7 +47,6 @@ from .texture_sets import (
     BakeTarget,
     load_textures,
     refuse_shared,
-    slot_labels,
     texture_of,
     with_tokens,
 )
@@ -426,14 +425,6 @@ def texture_name(settings: Any, name: str) -> str:
 def bits(settings: Any, suffix: str) -> int:
     """Bits a channel for a file with that ending."""
     return BITS[suffix] if settings.bits == "AUTO" else int(settings.bits)
-
-
-def find_object(scene: Any, name: str) -> Any:
-    """The scene's object of that name. Raises InputError where there is none."""
-    target = scene.objects.get(name)
-    if target is None:
-        raise InputError(f'there is no object "{name}" in the scene; check its name')
-    return target
 
 
 def _refuse_linked(target: Any) -> None:

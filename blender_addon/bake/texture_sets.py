@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.errors import GeometryError
 
@@ -38,46 +36,12 @@ def without_tokens(name: str) -> str:
     return re.sub("[._-]?<[A-Z]+>", "", name).strip("._-")
 
 
-def slot_labels(obj: Any) -> list[str]:
-    """For each of an object's material slots, the name of its material for the core; there is always one.
-
-    The name that the material will have, where it has to be made.
-    """
-    return [_label(slot.material, obj) for slot in obj.material_slots] or [_label(None, obj)]
-
-
-def material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[str, Any]:
-    """The object's and its materials' names for the core's mesh file, of an evaluated mesh.
-
-    polygons: (T,) that of each triangle. Arrays for the triangles are pairs or views, for :mod:`.mesh_file` to write.
-    """
-    labels = [_label(material, obj) for material in mesh.materials] or [_label(None, obj)]
-    of_polygon = np.zeros(len(mesh.polygons), np.int32)
-    if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
-        mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
-    names = list(dict.fromkeys(labels))
-    slots = np.array([names.index(label) for label in labels], np.int32)
-    return {
-        "materials": np.array(names, str),
-        "triangle_material": (
-            slots[np.minimum(of_polygon, len(slots) - 1)],
-            polygons,
-        ),  # as Blender takes numbers beyond the last
-        "objects": np.array([obj.name], str),
-        "triangle_object": np.broadcast_to(np.int32(0), polygons.shape),
-    }
-
-
-def _label(material: Any, obj: Any) -> str:
-    # Materials of other files may have the same name as one of this file's.
-    return material.name_full if material else f"MPS {obj.name}"
-
-
 @dataclass(frozen=True)
 class BakeTarget:
     """An object that was baked onto, by numbers and names that hold whatever happens to the file meanwhile.
 
-    uid: its session number. labels: of its slots, see :func:`slot_labels`. used: those of slots that have faces.
+    uid: its session number. labels: of its slots, see :func:`.mesh_file.slot_labels`. used: those of slots
+    that have faces.
     """
 
     uid: int

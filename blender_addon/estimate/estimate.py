@@ -11,8 +11,7 @@ from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
 
-from ..bake.bake import find_object
-from ..operators import RunsCore, by_session_uid
+from ..operators import RunsCore, by_session_uid, find_object
 from ..outputs import (
     FORMATS,
     fine_preview,

@@ -10,7 +10,7 @@ import numpy as np
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
-from ..bake.mesh_file import begin_mesh
+from ..mesh_file import begin_mesh
 from ..operators import Slices, as_typed
 from ..outputs import remembered
 from ..photo.camera import write_photo_camera

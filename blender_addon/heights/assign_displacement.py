@@ -8,7 +8,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..bake.mesh_file import DISPLACE, MODIFIERS, SMOOTHNESS, SUBDIVISION, TRIAL, find_modifier
+from ..mesh_file import DISPLACE, MODIFIERS, SMOOTHNESS, SUBDIVISION, TRIAL, find_modifier
 from ..nodes import (
     BEFORE_NODE,
     DISPLACEMENT_NODE,

@@ -11,9 +11,9 @@ from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.relief.operations import Integrate
 
 from ..bake.bake import BakesOnto
-from ..bake.mesh_file import DISPLACE, begin_mesh
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
+from ..mesh_file import DISPLACE, begin_mesh
 from ..nodes import TEXTURE_NODE, find_node
 from ..operators import as_typed, by_session_uid
 from ..outputs import (

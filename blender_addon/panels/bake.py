@@ -7,7 +7,8 @@ from mpsnet_core.errors import InputError
 
 from ..bake.bake import NO_CAMERA
 from ..bake.existing_maps import usable_maps
-from ..bake.texture_sets import BakeTarget, slot_labels, with_tokens
+from ..bake.texture_sets import BakeTarget, with_tokens
+from ..mesh_file import slot_labels
 from ..outputs import remembered
 from ..photo.camera import chosen_camera
 from ..rig.rig import rig_camera

@@ -14,10 +14,9 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
-from ..bake.bake import find_object
-from ..bake.mesh_file import begin_mesh
 from ..estimate.photo_options import network, painted_mask, reading, rig_file_for, rig_path
-from ..operators import RunsCore, as_typed, by_session_uid
+from ..mesh_file import begin_mesh
+from ..operators import RunsCore, as_typed, by_session_uid, find_object
 from ..outputs import fine_preview, image_file, load_image, output_path, picture_size
 from ..provenance import Provenance, stamp
 from ..rig.rig import scene_camera

@@ -23,8 +23,8 @@ from mpsnet_core.scene.camera import camera_data, write_camera
 from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import write_rig
 
-from ..bake.mesh_file import SURFACES, write_surfaces
 from ..child_process.core_process import CoreCrashed, CoreProcess
+from ..mesh_file import SURFACES, write_surfaces
 from ..operators import ReportingOperator, by_session_uid, redraw_panels
 from ..photo.studio import rendered
 from .rig import drawn_rig, light_rig, rig_camera, scene_camera, view_layer

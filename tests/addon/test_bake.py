@@ -11,7 +11,7 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon import operators
-from blender_addon.bake.mesh_file import begin_mesh
+from blender_addon.mesh_file import begin_mesh
 from blender_addon.rig.rig import light_rig
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError

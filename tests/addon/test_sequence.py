@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.mesh_file import begin_mesh
 from blender_addon.bake.moving_target import Moving
+from blender_addon.mesh_file import begin_mesh
 from blender_addon.outputs import frame_pattern
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_image, write_image

@@ -15,7 +15,7 @@ from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.recipe import Recipe
 
-from ...bake.mesh_file import as_rendered
+from ...mesh_file import as_rendered
 from ...operators import operator_report
 from ...photo.studio import refuse_glow
 

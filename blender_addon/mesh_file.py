@@ -20,8 +20,7 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 
-from ..operators import Slices
-from .texture_sets import material_arrays
+from .operators import Slices
 
 # What a modifier shows in the viewport, and what in a render.
 _SHOWN_AND_RENDERED = (
@@ -51,7 +50,7 @@ class BegunMesh:
     """A mesh file that is begun.
 
     uv_map: its name, "" for none. used: the materials that faces have, by their names in the file, see
-    :func:`.textures.slot_labels`. slices: what is left to do; the file is there after the last.
+    :func:`slot_labels`. slices: what is left to do; the file is there after the last.
     """
 
     uv_map: str
@@ -94,7 +93,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
             if not mesh.polygons:
                 raise GeometryError(f'"{obj.name}" has no faces; choose an object with a surface')
             polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
-            names = material_arrays(mesh, obj, polygons)
+            names = _material_arrays(mesh, obj, polygons)
             vertices, of_corner, normals, corners = _shape(mesh)
             if uv_map is None:
                 uvs, in_uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32), np.zeros_like(corners) + np.arange(3)
@@ -208,6 +207,41 @@ def as_rendered(obj: Any) -> Iterator[None]:
     finally:
         for modifier, shown, value in changed:
             setattr(modifier, shown, value)
+
+
+def slot_labels(obj: Any) -> list[str]:
+    """For each of an object's material slots, the name of its material for the core; there is always one.
+
+    The name that the material will have, where it has to be made.
+    """
+    return [_label(slot.material, obj) for slot in obj.material_slots] or [_label(None, obj)]
+
+
+def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[str, Any]:
+    """The object's and its materials' names for the core's mesh file, of an evaluated mesh.
+
+    polygons: (T,) that of each triangle. Arrays for the triangles are pairs or views, for :func:`_written`.
+    """
+    labels = [_label(material, obj) for material in mesh.materials] or [_label(None, obj)]
+    of_polygon = np.zeros(len(mesh.polygons), np.int32)
+    if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
+        mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
+    names = list(dict.fromkeys(labels))
+    slots = np.array([names.index(label) for label in labels], np.int32)
+    return {
+        "materials": np.array(names, str),
+        "triangle_material": (
+            slots[np.minimum(of_polygon, len(slots) - 1)],
+            polygons,
+        ),  # as Blender takes numbers beyond the last
+        "objects": np.array([obj.name], str),
+        "triangle_object": np.broadcast_to(np.int32(0), polygons.shape),
+    }
+
+
+def _label(material: Any, obj: Any) -> str:
+    # Materials of other files may have the same name as one of this file's.
+    return material.name_full if material else f"MPS {obj.name}"
 
 
 def _uv_map(obj: Any, mesh: Any, name: str) -> str:
