@@ -31,7 +31,8 @@ class Hits:
     @property
     def weights(self) -> NDArray[np.float32]:
         """(N, 3, 1) barycentric coordinates."""
-        return np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
+        weights: NDArray[np.float32] = np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
+        return weights
 
     def chosen(self, which: NDArray[np.integer[Any]]) -> "Hits":
         """The hits of some of the rays, by their indices."""
