@@ -6,6 +6,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import LightRig
 
 from ..estimate.photo_options import rig_file_for
+from ..mesh_file import SURFACES
 from ..photo.camera import is_real
 from ..rig.light_preview import light_preview
 from ..rig.rig import COLOURS, drawn_rig, rig_objects
@@ -14,7 +15,7 @@ from .text import wrapped
 from .what_counts import Lights, lights_of
 
 # Types of objects that can have a surface.
-_SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
+_SURFACES = {*SURFACES, "EMPTY"}
 
 
 class MPS_PT_rig(Step):

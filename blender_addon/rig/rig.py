@@ -13,6 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig
 
+from ..mesh_file import SURFACES
 from ..operators import ReportingOperator
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings
@@ -180,7 +181,7 @@ def surfaces(depsgraph: Any, objects: Iterable[Any]) -> Iterator[tuple[Any, NDAr
 
 
 def _vertices(evaluated: Any) -> NDArray[np.float64]:
-    if evaluated.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
+    if evaluated.type not in SURFACES:
         return np.empty((0, 3))
     mesh = evaluated.to_mesh()
     if mesh is None:
