@@ -283,9 +283,9 @@ def test_strength_and_detail_only_reach_the_core(
     bpy.ops.mps.bake(size=64, output=str(tmp_path / "plain.png"))
     bpy.ops.mps.bake(strength=strength, output=str(tmp_path / "strong.png"))
     plain, strong = vectors_in(tmp_path / "plain.png"), vectors_in(tmp_path / "strong.png")
-    slopes = [vectors[..., :2] / vectors[..., 2:] for vectors in (plain, strong)]
+    gradients = [vectors[..., :2] / vectors[..., 2:] for vectors in (plain, strong)]
     gentle = plain[..., 2] > 0.9
-    assert np.abs(slopes[1] - strength * slopes[0])[gentle].max() < 0.01
+    assert np.abs(gradients[1] - strength * gradients[0])[gentle].max() < 0.01
     # The estimate errs where lights do not reach; what is large of it goes, and the sphere is smooth.
     bpy.ops.mps.bake(strength=1.0, level=True, level_scale=0.02, output=str(tmp_path / "detail.png"))
     flat = np.array([0, 0, 1.0])

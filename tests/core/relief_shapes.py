@@ -7,8 +7,6 @@ from surface_shapes import texels_of
 
 from mpsnet_core.scene.mesh import Mesh
 
-Field = Callable[[np.ndarray], np.ndarray]
-
 # Sums of sines in space, (wave vectors, phases): amplitudes 1.
 WAVES = np.array([[5.0, 1.0, 2.0], [-2.0, 6.0, 1.0], [1.0, -3.0, 7.0], [9.0, 4.0, -5.0]])
 PHASES = np.array([0.3, 1.1, 2.0, 0.7])
@@ -19,7 +17,7 @@ def waves(points: np.ndarray) -> np.ndarray:
     return np.sin(points @ WAVES.T + PHASES).mean(axis=-1)
 
 
-def waves_slope(points: np.ndarray) -> np.ndarray:
+def waves_gradient(points: np.ndarray) -> np.ndarray:
     """(N, 3) its gradient."""
     return np.cos(points @ WAVES.T + PHASES) @ WAVES / len(WAVES)
 

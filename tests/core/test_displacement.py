@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mesh_file import write_mesh
-from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_slope
+from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
 from surface_shapes import texels_of
 
 from mpsnet_core.arrays.graph_poisson import Solver, graph_of
@@ -31,7 +31,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 def bumpy_sphere(points: np.ndarray, radius: float = 1.0) -> np.ndarray:
     """(N, 3) normals of the sphere r = radius + AMPLITUDE waves, in the directions of `points`."""
     p = unit(points)
-    gradient = AMPLITUDE * waves_slope(p)
+    gradient = AMPLITUDE * waves_gradient(p)
     across = gradient - (gradient * p).sum(axis=1, keepdims=True) * p
     return unit((radius + AMPLITUDE * waves(p))[:, None] * p - across)
 
@@ -110,7 +110,7 @@ def test_a_torus_whose_one_island_meets_itself() -> None:
         middle = points * (1, 1, 0) / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         out = unit(points - middle)
         on = middle + 0.4 * out  # where the tube of radius 0.4 is, and the waves are asked
-        gradient = AMPLITUDE * waves_slope(on)
+        gradient = AMPLITUDE * waves_gradient(on)
         around = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(on))], axis=1)
         about = np.cross(around, out)
         wide, radius = np.linalg.norm(on[:, :2], axis=1), 0.4 + AMPLITUDE * waves(on)

@@ -321,8 +321,8 @@ def test_no_network_sees_farther_than_its_halo(name: str) -> None:
     reaches = []
     middle = side // 2 // network.multiple * network.multiple
     for place in range(middle, middle + network.multiple, max(1, network.multiple // 4)):
-        (slope,) = torch.autograd.grad(prediction.normals[0, 0, place, place], image, retain_graph=True)
-        rows, columns = np.nonzero(slope.abs().sum(dim=(0, 1)).numpy())
+        (gradient,) = torch.autograd.grad(prediction.normals[0, 0, place, place], image, retain_graph=True)
+        rows, columns = np.nonzero(gradient.abs().sum(dim=(0, 1)).numpy())
         reaches.append(max(place - min(rows.min(), columns.min()), max(rows.max(), columns.max()) - place))
     assert network.halo - network.multiple < max(reaches) <= network.halo, "a halo too large costs time"
 

@@ -1,7 +1,6 @@
 """Shapes: closed, wound outwards, of one size, with normals that fit; broken meshes; the same from the same seed."""
 
 import json
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -318,10 +317,6 @@ def test_mesh_files_are_listed_in_order(tmp_path: Path) -> None:
     for name in ("b.obj", "A.STL", "c.ply", "notes.txt", "c.mtl"):
         (tmp_path / name).touch()
     assert mesh_files(tmp_path) == ["A.STL", "b.obj", "c.ply"]
-
-
-def _write(text: str) -> Callable[[Path], None]:
-    return lambda path: path.write_text(text) and None
 
 
 PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"

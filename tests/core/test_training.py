@@ -120,9 +120,9 @@ def test_the_expected_error_is_learned_as_the_mean_and_teaches_the_normals_nothi
     loss.total.backward()
     assert expected.grad is not None and float(expected.grad.sum()) == pytest.approx(0, abs=1e-6), "least at the mean"
     assert not expected.grad[:, 0][weights == 0].any()
-    slope, normals.grad = normals.grad, None
+    gradient, normals.grad = normals.grad, None
     loss_of(Prediction(normals), truth, weights, error_weight=0.7).total.backward()
-    assert torch.equal(slope, normals.grad)
+    assert torch.equal(gradient, normals.grad)
 
 
 def test_equation_2_inside_learns_where_all_lights_reach_and_is_trusted_where_it_is_better() -> None:
