@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
+from mpsnet_core.estimate.features import LEAST_MEAN
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
 from mpsnet_core.learning.training.jpeg import jpeg_losses
@@ -282,8 +283,7 @@ def _photographed(
         light = light * seen.float()
         if level == 0:
             means = _means(light, seen)
-            # A channel that is black everywhere must not blow up the others.
-            means = torch.maximum(means, 1e-4 * means.mean(dim=1, keepdim=True))
+            means = torch.maximum(means, LEAST_MEAN * means.mean(dim=1, keepdim=True))
         mean = means[chosen]
         photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
