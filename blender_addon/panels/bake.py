@@ -19,10 +19,7 @@ from .what_counts import lacks_file, lacks_named
 class MPS_PT_bake(Step):
     bl_label = "4  Bake"
     verbs = ("bake",)
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.bake.image
+    shows = "bake"
 
     @classmethod
     def lacks(cls, context: Any) -> str:

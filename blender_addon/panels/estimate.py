@@ -12,10 +12,7 @@ from .what_counts import camera_of, lacks_of_estimate, lights_of
 class MPS_PT_estimate(Step):
     bl_label = "3  Estimate"
     verbs = ("estimate",)
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.estimate.image
+    shows = "estimate"
 
     @classmethod
     def lacks(cls, context: Any) -> str:

@@ -10,12 +10,9 @@ from .what_counts import lacks_file
 class MPS_PT_heights(Step):
     bl_label = "5  Height"
     verbs = ("integrate",)
+    shows = "heights"
     optional = True
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.heights.image
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -45,11 +42,8 @@ class MPS_PT_displace(Step):
     bl_label = "Displace Object"
     bl_parent_id = "MPS_PT_heights"
     verbs = ("displace",)
+    shows = "displace"
     optional = True
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.displace.image
 
     @classmethod
     def lacks(cls, context: Any) -> str:

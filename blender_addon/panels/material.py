@@ -11,12 +11,9 @@ from .what_counts import lacks_file, lights_of
 class MPS_PT_material(Step):
     bl_label = "Flat Material"
     verbs = ("make_material",)
+    shows = "material"
     optional = True
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.material.image
 
     @classmethod
     def lacks(cls, context: Any) -> str:

@@ -21,10 +21,7 @@ from .what_counts import lacks_file, lacks_mask, lights_of
 class MPS_PT_photo(Step):
     bl_label = "2  Photo"
     verbs = ("open_photo", "render_photo")
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.photo.image
+    shows = "photo"
 
     @classmethod
     def verb(cls, context: Any) -> str:

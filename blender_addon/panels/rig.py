@@ -169,13 +169,10 @@ class MPS_PT_calibrate(Step):
     bl_label = "Calibrate Real Lights"
     way = "PHOTOGRAPH"
     verbs = ("calibrate_lights", "calibrate_mixing")
+    shows = "calibrate"
     optional = True
     bl_parent_id = "MPS_PT_rig"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.calibrate.image
 
     @classmethod
     def lacks(cls, context: Any) -> str:

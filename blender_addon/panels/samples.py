@@ -12,15 +12,12 @@ class MPS_PT_samples(Step):
     bl_label = "Training Data"
     bl_category = "MPS Training"
     verbs = ("render_samples",)
+    shows = "samples"
     optional = True
 
     @classmethod
     def poll(cls, context: Any) -> bool:
         return bool(preference("training"))
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.samples.image
 
     def draw(self, context: Any) -> None:
         samples = context.scene.mps.samples

@@ -1,10 +1,10 @@
 """A step of the sidebar: a panel whose header tells how the step stands, and whose body says what to do.
 
-A step is a subclass with ``verbs``, its operators' names without "mps."; ``result``, the image or True that stands for
-its being done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and ``picture`` of the
-result. Where more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own. Errors, notes,
-progress, time left and what a result was made of come from the operators (``ReportingOperator``, ``RunsCore``,
-``provenance``).
+A step is a subclass with ``verbs``, its operators' names without "mps."; ``shows`` or ``result``, the image or True
+that stands for its being done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and
+``picture`` of the result. Where more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own.
+Errors, notes, progress, time left and what a result was made of come from the operators (``ReportingOperator``,
+``RunsCore``, ``provenance``).
 """
 
 from dataclasses import dataclass
@@ -57,6 +57,7 @@ class Step(bpy.types.Panel):
 
     way = ""  # to a photo that it belongs to, see MPS_PG_scene; "" for both
     verbs: tuple[str, ...] = ()
+    shows = ""  # the settings of the scene whose image is the result
     optional = False  # what need not be done says nothing until it is
 
     @classmethod
@@ -66,7 +67,7 @@ class Step(bpy.types.Panel):
     @classmethod
     def result(cls, context: Any) -> Any:
         """The image that the step is there for, or whether it is done; None where it is not yet."""
-        return None
+        return getattr(context.scene.mps, cls.shows).image if cls.shows else None
 
     @classmethod
     def verb(cls, context: Any) -> str:
