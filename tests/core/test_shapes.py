@@ -1,6 +1,7 @@
 """Shapes: closed, wound outwards, of one size, with normals that fit; broken meshes; the same from the same seed."""
 
 import json
+import struct
 from functools import cache
 from pathlib import Path
 
@@ -281,6 +282,22 @@ def test_creases_stay_sharp_and_y_is_up(tmp_path: Path) -> None:
     np.testing.assert_allclose(shape.corner_normals, np.repeat(flat[:, None], 3, axis=1), atol=1e-6)
     size = shape.vertices.max(axis=0) - shape.vertices.min(axis=0)
     np.testing.assert_allclose(size / size[0], (1, 1, 2), rtol=1e-6)
+
+
+def test_a_binary_ply_of_triangles_and_quads_is_read(tmp_path: Path) -> None:
+    """A pyramid on a square, as Blender writes it."""
+    points = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1), (0.5, 1, 0.5)]
+    faces = [(0, 1, 2, 3), (1, 0, 4), (2, 1, 4), (3, 2, 4), (0, 3, 4)]
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 5\n"
+    head += "property float x\nproperty float y\nproperty float z\n"
+    head += "element face 5\nproperty list uchar uint vertex_indices\nend_header\n"
+    rows = [struct.pack(f"<B{len(face)}I", len(face), *face) for face in faces]
+    path = tmp_path / "pyramid.ply"
+    path.write_bytes(head.encode() + np.array(points, "<f4").tobytes() + b"".join(rows))
+    shape = meshes.load_mesh(str(path))
+    assert_closed(shape.triangles)
+    scale = np.ptp(shape.vertices[:, 0])  # of a base of 1 x 1
+    assert volume(shape) == pytest.approx(scale**3 / 3, rel=1e-6)
 
 
 def test_a_hole_with_a_long_rim_is_filled(tmp_path: Path) -> None:

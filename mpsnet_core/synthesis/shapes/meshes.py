@@ -1,4 +1,4 @@
-"""Meshes from files: read by trimesh, merged, wound outwards, closed and given normals."""
+"""Meshes from files: read, merged, wound outwards, closed and given normals."""
 
 import os
 from collections.abc import Iterator
@@ -13,6 +13,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.mesh_import import read_scene
+from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
 Array = NDArray[np.float64]
@@ -91,6 +92,9 @@ def load_mesh(path: str) -> Shape:
 
 
 def _read(path: Path) -> tuple[Array, Faces]:
+    if path.suffix.lower() == ".ply":  # trimesh reads no binary file of triangles and quads
+        mesh = read_mesh(path, shape_only=True)
+        return mesh.vertices, mesh.triangles.astype(np.int64)
     try:
         with read_scene(path) as scene:
             placed = [
