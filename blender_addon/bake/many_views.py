@@ -11,8 +11,6 @@ from mathutils import Matrix
 
 from mpsnet_core.bake.operations import BakeViews
 from mpsnet_core.errors import InputError, SettingsError
-from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
-from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
@@ -103,6 +101,10 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             if not self.photos:
                 raise SettingsError("where are the photos of these cameras? Choose their folder")
             return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
+        # With OpenImageIO, which Blender need not load as it starts.
+        from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
+        from mpsnet_core.scene.photogrammetry.lens import Lens
+
         views = []
         for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")

@@ -12,7 +12,6 @@ from bpy.props import StringProperty
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
-from mpsnet_core.io.images import read_orientation
 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
@@ -192,6 +191,8 @@ def _drawn(scene: Any) -> Provenance:
 
 def _is_shown_as_read(path: Path) -> bool:
     """Whether Blender shows a photo as the core reads it: it knows no camera raw and leaves turned photos lying."""
+    from mpsnet_core.io.images import read_orientation  # with OpenImageIO, which Blender need not load as it starts
+
     suffix = path.suffix.lower()
     return suffix not in RAW_SUFFIXES and (suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1)
 

@@ -166,7 +166,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     with located(f"mesh file {path}"):
         reader = readers.get(path.suffix.lower())
         if reader is None:
-            raise FormatError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
+            raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
         return reader(path, shape_only)
 
 

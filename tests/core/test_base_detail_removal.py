@@ -141,7 +141,7 @@ def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
 
 
 def test_a_word_that_says_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="choose auto, yes, no"):
+    with pytest.raises(InputError, match="choose auto, yes or no"):
         present(shown="perhaps")
 
 

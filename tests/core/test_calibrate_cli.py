@@ -303,7 +303,7 @@ BALL_CASES: dict[str, tuple[list[str], str]] = {
     "photos of two sizes": (["only0.png", "other.exr", "only1.png", "--per-light"], "other.exr is 60 x 50 … 240 x 200"),
     "output over a photo": (["ball.exr", "-o", "ball.exr"], "would overwrite"),
     "overlay over the rig": (["ball.exr", "--overlay", "rig_out.json"], "would overwrite"),
-    "overlay of no format": (["ball.exr", "--overlay", "overlay.gif"], "overlay.gif … not an image format"),
+    "overlay of no format": (["ball.exr", "--overlay", "overlay.gif"], "overlay.gif … not a supported image format"),
     "no folder": (["ball.exr", "-o", "none/rig.json"], "does not exist; create it"),
     "dark frame of another size": (["ball.exr", "--dark", "other.exr"], "dark frame is 60 x 50 … photo is 240 x 200"),
     "output over the dark frame": (["ball.exr", "--dark", "black.exr", "-o", "black.exr"], "would overwrite"),

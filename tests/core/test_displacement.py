@@ -435,7 +435,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
             "margin 99999 is out of range; choose 0 to 16384",
         ),
         (["--uvs", "mesh.npz", "--height", "h.exr", "--space", "world"], "space 'world' is not known"),
-        (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not an image format"),
+        (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not a supported image format"),
         (["--uvs", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
         (["--uvs", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
         (["--uvs", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),

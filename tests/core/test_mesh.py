@@ -428,11 +428,11 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_mesh(b.replaced(glb(b / "m.glb", normals=True), b"\2\0\0\0\3\0\0\0", b"\2\0\0\0\3\0\0\1")),
             "m.glb: the mesh's triangles name vertices that it does not have; export it again",
         ),
-        ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a mesh format we read"),
+        ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a supported mesh format"),
         (
             "a packed mesh",
             lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")),
-            ".bz2 is not a mesh format we read; use OBJ",
+            ".bz2 is not a supported mesh format; use OBJ",
         ),
         (
             "npz with a password",
@@ -478,7 +478,7 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "not a mesh",
             lambda b: read_mesh(b.photo("mesh.png", kind="uint8")),
-            "mesh.png…not a mesh format…use OBJ, PLY, GLB or npz",
+            "mesh.png…not a supported mesh format…use OBJ, PLY, GLB or npz",
         ),
         ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj"),
         (
