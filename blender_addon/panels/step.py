@@ -7,6 +7,7 @@ Errors, notes, progress, time left and what a result was made of come from the o
 ``RunsCore``, ``provenance``).
 """
 
+import re
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -209,4 +210,6 @@ def _changed(context: Any, image: Any) -> list[str]:
 
 
 def sentence(text: str) -> str:
+    """A core's message as the panel shows it: without the options of the command line, which follow in brackets."""
+    text = re.sub(r" \(--[^()]*\)", "", text)
     return text[:1].upper() + text[1:]

@@ -13,7 +13,7 @@ from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
-from blender_addon.panels.step import Kind
+from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
 from blender_addon.panels.what_counts import camera_of, lights_of
 from blender_addon.provenance import seen_lately
@@ -453,11 +453,16 @@ def test_time_left_in_words(seconds, words):
     assert in_words(seconds) == words
 
 
+def test_the_panel_names_no_options_of_the_command_line():
+    said = "the camera is far away; give its lens (--focal, --camera): 45 mm (or more) are usual"
+    assert sentence(said) == "The camera is far away; give its lens: 45 mm (or more) are usual"
+
+
 def test_text_is_broken_and_shortened_to_a_width():
-    sentence = "cannot read /home/somebody/pictures/a_long_name.exr: it is not an image"
-    broken = lines(sentence, 20, len)
+    said = "cannot read /home/somebody/pictures/a_long_name.exr: it is not an image"
+    broken = lines(said, 20, len)
     assert max(map(len, broken)) <= 20
-    assert "".join("".join(broken).split()) == "".join(sentence.split())
+    assert "".join("".join(broken).split()) == "".join(said.split())
     assert lines("short", 20, len) == ["short"]
     assert lines("", 20, len) == []
     short = shortened("14:32  a_long_name.exr", 12, len)
