@@ -54,6 +54,7 @@ INSTEAD = {
     r"range\(1000\)": "range(2)",
     r"--model all": "--model lambertian",
     r"(mpsnet|blender_addon) try-it": r"\1 try-it --pixels 128 --samples 4 --size 128",
+    r"\brender-samples\b": "render-samples --samples 4",
     r"--width 512 --height 512": "--width 128 --height 128",
     # Blender has the extension; pip's bpy has to load it.
     r"^import bpy$": "import bpy, blender_addon; blender_addon.register()",
