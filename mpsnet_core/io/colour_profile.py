@@ -34,9 +34,13 @@ def profile_curve(profile: bytes) -> Curve | None:
             parts = [curve(values[..., channel]) for channel, curve in enumerate(curves)]
             return np.clip(np.stack(parts, axis=-1), 0, 1)
 
-    every = np.linspace(0, 1, 256)[:, None].repeat(3, axis=1)
-    rises = np.ptp(linear(every), axis=0) > LEAST_RISE  # never by what is no number
+    rises = np.ptp(sampled(linear), axis=0) > LEAST_RISE  # never by what is no number
     return linear if rises.all() else None
+
+
+def sampled(curve: Curve) -> NDArray[np.floating[Any]]:
+    """(256, 3) what a curve makes of stored values from 0 to 1."""
+    return curve(np.linspace(0, 1, 256, dtype=np.float32)[:, None].repeat(3, axis=1))
 
 
 def _curve(tag: bytes) -> Curve:

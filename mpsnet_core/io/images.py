@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS, bands
 from mpsnet_core.errors import Choices, FileError, FormatError, SettingsError
-from mpsnet_core.io.colour_profile import Curve, profile_curve
+from mpsnet_core.io.colour_profile import Curve, profile_curve, sampled
 from mpsnet_core.io.files import RAW_SUFFIXES, checked_bits, existing_file, temporary_folder, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
@@ -150,12 +150,11 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
     linear = is_float or "lin" in stated or stated in ("raw", "data")
     curve = None if linear or profile is None else profile_curve(profile.tobytes())
-    assumed = not (linear or _states_its_curve(path, spec))
+    assumed = not (linear or curve is not None or _states_its_curve(path, spec))
     known: tuple[tuple[str, Curve], ...] = (("linear", _as_it_is), ("sRGB", srgb_to_linear))
     name, decoded = known[0] if linear else known[1]
     if curve is not None:
-        every = np.linspace(0, 1, 256, dtype=np.float32)[:, None].repeat(3, axis=1)
-        same = (pair for pair in known if np.abs(pair[1](every) - curve(every)).max() < SAME_CURVE)
+        same = (pair for pair in known if np.abs(sampled(pair[1]) - sampled(curve)).max() < SAME_CURVE)
         name, decoded = next(same, ("its colour profile states", curve))
     hint = ""
     if assumed and spec.format.basetype == oiio.UINT16:
@@ -176,8 +175,11 @@ def as_stored(image: Image) -> Image:
 
 
 def _states_its_curve(path: Path, spec: Any) -> bool:
-    """Whether a file states its encoding, as JPEG does; OpenImageIO reports sRGB for files without a statement, too."""
-    if any(spec.getattribute(name) is not None for name in ("ICCProfile", "CICP", "oiio:Gamma", "Exif:ColorSpace")):
+    """Whether a file states its encoding otherwise than by a profile, as JPEG does.
+
+    OpenImageIO reports sRGB for files without a statement, too.
+    """
+    if any(spec.getattribute(name) is not None for name in ("CICP", "oiio:Gamma", "Exif:ColorSpace")):
         return True
     if path.suffix.lower() == ".png":
         with path.open("rb") as file:
