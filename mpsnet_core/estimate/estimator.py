@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.features import divided
+from mpsnet_core.estimate.fireflies import without_fireflies
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refined
 from mpsnet_core.estimate.white_photo import painted_grey
@@ -72,7 +73,7 @@ class Estimator:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
-        given, capture = capture.white is not None, painted_grey(capture)
+        given, capture = capture.white is not None, painted_grey(without_fireflies(capture))
         if given and capture.white is None:
             log.warning(
                 "the white photo is NOT USED: a channel of it is black, or it is clipped nearly everywhere; take it "
