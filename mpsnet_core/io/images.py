@@ -125,7 +125,8 @@ def read_image(
         band = _as_float(values[rows][..., colour])
         if alpha is not None and premultiplied:
             cover = alpha[rows, :, None]
-            band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
+            # Without any cover a colour is light alone, as some renderers write every pixel.
+            band = np.divide(band, cover, out=band, where=cover > 1e-6)
         pixels[rows] = decoded(band)
     clip = np.inf if _is_float(spec) else 1.0
     return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
@@ -206,6 +207,8 @@ def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
 def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
     """Read a mask: where the alpha channel is above half if it varies, else where the brightest channel is.
 
+    Whole numbers that are 0 and 1 alone are labels, as annotation tools write them: 1 is the object.
+
     Returns
     -------
     (H, W) bool array
@@ -222,7 +225,9 @@ def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
         alpha = _as_float(values[..., names.pop("A")])
         if alpha.min() < alpha.max() or not names:
             return alpha > 0.5
-    return _as_float(values[..., list(names.values())].max(axis=-1)) > 0.5
+    brightest = values[..., list(names.values())].max(axis=-1)
+    are_labels = brightest.dtype.kind == "u" and brightest.max() == 1
+    return brightest == 1 if are_labels else _as_float(brightest) > 0.5
 
 
 def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:

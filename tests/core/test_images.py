@@ -181,6 +181,13 @@ def test_colour_comes_without_alpha_multiplied_into_it(
     assert np.isfinite(image.pixels).all()
 
 
+def test_a_render_without_any_cover_keeps_its_colour(tmp_path: Path, colours: np.ndarray) -> None:
+    stored = np.dstack([colours, np.zeros((5, 9))])
+    image = read_image(write_file(tmp_path / "photo.exr", stored, "float"))
+    np.testing.assert_array_equal(image.pixels, colours)
+    assert image.alpha is not None and not image.alpha.any()
+
+
 class TestLayers:
     """Multi-layer files as Blender writes them: 4.5 one part with full channel names, 5.x a part for each pass."""
 
@@ -243,6 +250,12 @@ class TestMasks:
         }[kind]
         values = np.stack(channels, axis=-1)
         assert (read_mask(write_file(tmp_path / "mask.png", values, "uint8")) == expected).all()
+
+    @pytest.mark.parametrize("kind", ["uint8", "uint16"])
+    def test_labels_of_0_and_1_are_read(self, tmp_path: Path, kind: str) -> None:
+        expected = np.arange(20).reshape(4, 5) % 3 == 0
+        stored = expected / np.iinfo(kind).max
+        assert (read_mask(write_file(tmp_path / "mask.png", stored, kind)) == expected).all()
 
 
 class TestWriting:
