@@ -29,6 +29,8 @@ Encoding = Literal["auto", "linear", "srgb"]
 # Whether values are linear; None where the file decides.
 _IS_LINEAR = Choices[bool | None]("encoding", {"auto": None, "linear": True, "srgb": False})
 
+# The gamma of a PNG that stands for the sRGB curve, and the range of others that a display or a camera may have.
+SRGB_GAMMA, OTHER_GAMMAS = 2.2, (1.0, 3.0)
 # A colour profile's curve that differs nowhere by more is the sRGB curve, or none: small profiles have coarse tables.
 SAME_CURVE = 0.003
 
@@ -85,7 +87,7 @@ def read_image(
         A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
     encoding : {"auto", "linear", "srgb"}, optional
         Of the file's values. "auto": float files and files that state so are linear, those with a colour profile (ICC)
-        have its curve, all others the sRGB curve.
+        or a PNG's gamma have its curve, all others the sRGB curve.
     layer : str, optional
         Layer of a multi-layer or multi-part EXR: its full name or the name's last part ("Combined"). By default the
         unnamed layer, else the only one, else the one called Combined.
@@ -151,17 +153,26 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
     linear = is_float or "lin" in stated or stated in ("raw", "data")
     curve = None if linear or profile is None else profile_curve(profile.tobytes())
+    if curve is None and not linear:
+        curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float))
     assumed = not (linear or curve is not None or _states_its_curve(path, spec))
     known: tuple[tuple[str, Curve], ...] = (("linear", _as_it_is), ("sRGB", srgb_to_linear))
     name, decoded = known[0] if linear else known[1]
     if curve is not None:
         same = (pair for pair in known if np.abs(sampled(pair[1]) - sampled(curve)).max() < SAME_CURVE)
-        name, decoded = next(same, ("its colour profile states", curve))
+        name, decoded = next(same, ("the file states", curve))
     hint = ""
     if assumed and spec.format.basetype == oiio.UINT16:
         hint = "; if a raw converter wrote linear values, set the encoding to linear"
     log.info("read as %s (%s file)%s", name, "float" if is_float else spec.format, hint)
     return decoded, assumed
+
+
+def _gamma_curve(gamma: float | None) -> Curve | None:
+    """Of a PNG that states no more than its gamma; None where that stands for the sRGB curve, or is none."""
+    if gamma is None or abs(gamma - SRGB_GAMMA) < 0.01 or not OTHER_GAMMAS[0] <= gamma <= OTHER_GAMMAS[1]:
+        return None
+    return lambda values: np.maximum(values, 0) ** np.float32(gamma)
 
 
 def _as_it_is(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:

@@ -95,6 +95,24 @@ def test_a_file_that_says_it_is_linear_is_left_alone(tmp_path: Path) -> None:
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), 0.5), abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("gamma", "linear"),
+    [
+        (55_556, 0.3**1.8),  # of a Mac before 2009
+        (45_455, 0.0732389),  # stands for sRGB
+        (1, 0.0732389),  # no display has it
+    ],
+)
+def test_values_have_the_gamma_of_a_png(tmp_path: Path, gamma: int, linear: float) -> None:
+    """A chunk gAMA of 100,000 over the gamma, and none of sRGB."""
+    path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.3), "uint16", oiio__ColorSpace="unknown")
+    head, data = path.read_bytes()[:33], path.read_bytes()[33:]
+    assert b"sRGB" not in data
+    chunk = b"gAMA" + struct.pack(">I", gamma)
+    path.write_bytes(head + struct.pack(">I", 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data)
+    assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), linear), abs=1e-4)
+
+
 def colour_profile(*curves: bytes) -> np.ndarray:
     """A profile of the three curves alone, red, green and blue (ICC.1:2022, 7.2 and 7.3)."""
     table, start = struct.pack(">I", len(curves)), 128 + 4 + 12 * len(curves)
