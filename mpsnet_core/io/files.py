@@ -282,12 +282,13 @@ def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Pat
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
     """Raises FileError where one of `outputs` is among the files `taken` by inputs, or among the outputs before it."""
-    files = set(map(resolved, taken))
+    needed, made = set(map(resolved, taken)), set[Path]()
     for output in outputs:
         file = resolved(output)
-        if file in files:
-            raise FileError(f"the result would overwrite {output}, a file that it needs; choose another output")
-        files.add(file)
+        if file in needed or file in made:
+            what = "a file that it needs" if file in needed else "another result"
+            raise FileError(f"the result would overwrite {output}, {what}; choose another output")
+        made.add(file)
 
 
 def is_utf8(path: str | os.PathLike[str]) -> bool:

@@ -194,7 +194,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
     of another kind.
     """
     target, suffix = Path(output), file_suffix(kind or "png")
-    if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
+    if len(photos) == 1 and not target.is_dir() and (target.suffix or target.exists()):
         if kind:
             check_ending(target, suffix)
         return [writable_image(target)]

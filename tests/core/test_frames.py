@@ -1,11 +1,13 @@
 """Which photos a command line means, and what their results are called."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from bad_input import SPHERE, Bench, gets_one_clear_sentence
 
+from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import expand_images, numbering, output_files
 
 NAMES = ["b.TIF", "frame_0001.png", "frame_01.png", "frame_0002.png", "frame_0010.png", "frame_a.png"]
@@ -112,6 +114,12 @@ def test_results_of_a_sequence_have_their_number_behind_all_other_digits(tmp_pat
     assert [file.name for file in files] == ["shot2_v3_07_normals.png", "shot2_v3_08_normals.png"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no /dev/null")
+def test_a_device_is_no_folder_for_one_photo() -> None:
+    with pytest.raises(InputError, match="/dev/null: it is a device; give a file name"):
+        output_files([Path("photo.png")], "/dev/null")
+
+
 def two(b: Bench) -> list[Path]:
     for name in ("a", "b"):
         (b / name).mkdir()
@@ -160,7 +168,7 @@ test_a_bad_output_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "confidence over the normals",
             lambda b: b.estimate(confidence=b / "out.png"),
-            "overwrite…out.png…choose another output",
+            "overwrite…out.png, another result; choose another output",
         ),
         (
             "confidence in no folder",
