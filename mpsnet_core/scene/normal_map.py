@@ -17,6 +17,9 @@ Convention = Literal["opengl", "directx"]
 _GREEN = Choices("convention", {"opengl": 1, "directx": -1})
 # The share of a map's normals that must face outwards, or the camera, in the space that the map is read in.
 OUTWARDS_SHARE = 0.9
+# A vector this close to the usual one of those that are not of unit length is of a background.
+BACKGROUND = 0.1
+SAMPLED = 100_000  # pixels of a large map, to find its background
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,20 @@ def read_normals(
         raise FormatError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
     if alpha is not None and not mask.any():
         raise FormatError(f"{path} holds no normals: its mask is empty; estimate them again")
-    if not mask.any() or unit[mask].mean() < 0.5:
+    if not (_are_unit(colours, unit) if alpha is None else unit[mask].mean() >= 0.5):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     trust = np.ones(mask.shape, np.float32) if confidence is None else read_channel(confidence)
     return NormalMap(colours, mask, trust, in_place=True)
+
+
+def _are_unit(vectors: NDArray[np.float32], unit: NDArray[np.bool_]) -> bool:
+    """Whether most vectors are unit ones, but for a background of one colour: a photo has some by chance as well."""
+    step = max(1, round((unit.size / SAMPLED) ** 0.5))
+    some = vectors[::step, ::step][~unit[::step, ::step]]
+    some = some[np.isfinite(some).all(axis=-1)]
+    background = np.median(some, axis=0) if len(some) else np.zeros(3)
+    others = sum(
+        np.count_nonzero((np.abs(vectors[rows] - background).max(axis=-1) >= BACKGROUND) & ~unit[rows])  # no NaN is
+        for rows in bands(len(vectors))
+    )
+    return bool(np.count_nonzero(unit) > others)

@@ -75,11 +75,15 @@ def test_the_convention_is_what_stands_in_the_file(tmp_path: Path, sphere: Spher
     assert green[0].flat[top] > 0.98 and green[1].flat[top] < 0.02
 
 
-def test_a_foreign_map_without_alpha_is_masked_by_unit_length(tmp_path: Path, sphere: Sphere) -> None:
-    colours = np.where(sphere.mask[..., None], 0.5 + 0.5 * sphere.normals, 0)
-    back = read_normals(write_file(tmp_path / "n.png", colours, "uint8"))
-    np.testing.assert_array_equal(back.mask, sphere.mask)
-    assert degrees_between(back.vectors, sphere.normals)[sphere.mask].max() < 0.4
+@pytest.mark.parametrize("background", [0.0, 0.5, (0.0, 0.7, 0.2), np.nan])
+def test_a_foreign_map_without_alpha_is_masked_by_unit_length(
+    tmp_path: Path, sphere: Sphere, background: float | tuple[float, ...]
+) -> None:
+    normals, mask = np.pad(sphere.normals, [(40, 40), (40, 40), (0, 0)]), np.pad(sphere.mask, 40)
+    colours = np.where(mask[..., None], 0.5 + 0.5 * normals, background)
+    back = read_normals(write_file(tmp_path / "n.tif", colours, "half"))
+    np.testing.assert_array_equal(back.mask, mask)
+    assert degrees_between(back.vectors, normals)[mask].max() < 0.4
 
 
 def test_a_confidence_map_is_read_beside_the_normals(tmp_path: Path) -> None:
@@ -98,6 +102,11 @@ test_a_bad_normal_map_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "not a normal map",
             lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")),
+            "photo.png is not a normal map…choose another",
+        ),
+        (
+            "a photo",
+            lambda b: read_normals(b.photo("photo.png", SPHERE.image, "uint8")),
             "photo.png is not a normal map…choose another",
         ),
         (
