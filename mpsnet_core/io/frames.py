@@ -143,7 +143,9 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
             if not found:
                 raise FileError(f"no image matches {path}; check the pattern")
         else:
-            raise FileError(f"image {path} does not exist; check the path")
+            pattern = re.sub("%0([1-9])d|[$]F([1-9])", lambda count: "#" * int(count[1] or count[2]), path.name)
+            hint = f"numbered frames are {path.with_name(pattern)}" if pattern != path.name else "check the path"
+            raise FileError(f"image {path} does not exist; {hint}")
         photos += found
     return photos
 

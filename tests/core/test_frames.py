@@ -208,6 +208,12 @@ test_a_bad_photo_list_gets_one_clear_sentence = gets_one_clear_sentence(
             "shots holds no images (.png",
         ),
         ("missing", lambda b: b.estimate(b / "photo.png"), "photo.png does not exist; check the path"),
+        (
+            "a pattern of other programs",
+            lambda b: b.estimate(b / "f_%04d.png"),
+            "f_%04d.png does not exist; numbered frames are …f_####.png",
+        ),
+        ("a pattern of Houdini's", lambda b: b.estimate(b / "f_$F3.png"), "numbered frames are …f_###.png"),
         ("a name too long for the system", lambda b: b.estimate(b / ("x" * 300 + ".png")), "xxx.png…too long"),
         (
             "two of the same name",
