@@ -168,7 +168,11 @@ def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDAr
     for channel in range(3):  # one at a time, which takes little memory
         finite = np.isfinite(image[..., channel])
         if not finite.all(where=mask):
-            raise FormatError(f"the {name} holds values that are not finite inside the mask; export it again")
+            row, column = np.argwhere(~finite & mask)[0]
+            raise FormatError(
+                f"the {name} holds values that are not finite inside the mask, the first at x {column}, y {row}; "
+                "export it again, or leave them out of the mask"
+            )
         if not finite.all():
             result = image.copy() if result is image else result
             result[..., channel][~finite] = 0

@@ -131,7 +131,7 @@ def cut(path: Path, share: float = 0.6) -> Path:
 
 def with_pixel(value: float) -> np.ndarray:
     image = SPHERE.image.copy()
-    image[8, 8, 1] = value
+    image[8, 9, 1] = value
     return image
 
 

@@ -252,7 +252,7 @@ test_a_bad_white_photo_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "not finite",
             lambda b: b.estimate(white=b.photo("white.exr", with_pixel(NAN))),
-            "white.exr: the white photo holds values that are not finite inside the mask; export it again",
+            "white.exr: the white photo …not finite inside the mask, the first at x 9, y 8; export it again, or leave",
         ),
         (
             "of one channel",

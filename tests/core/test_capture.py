@@ -132,7 +132,7 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "NaN",
             lambda b: read_capture(b.photo(pixels=with_pixel(NAN)), published_rig(), mask="none"),
-            "photo.exr: the photo holds values that are not finite inside the mask; export it again",
+            "photo.exr: the photo …not finite inside the mask, the first at x 9, y 8; export it again, or leave",
         ),
         (
             "infinity",

@@ -190,7 +190,7 @@ test_bad_input_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a photo that is not finite",
             lambda b: b.run("check", b.photo(pixels=with_pixel(np.nan)), "--mask", "none"),
-            "photo.exr: the photo holds values that are not finite inside the mask; export it again",
+            "photo.exr: the photo …not finite inside the mask, the first at x 9, y 8; export it again, or leave",
         ),
         (
             "a mask of nothing",
