@@ -206,6 +206,13 @@ class TestCommand:
         assert done.returncode == 0, done.stderr
         assert "the fit is poor" in done.stderr
 
+    @pytest.mark.parametrize("shape", [(1, 1), (48, 1), (4, 300)])
+    def test_an_object_too_small_or_thin_gets_one_sentence(self, mpsnet_here, files, shape: tuple[int, int]):
+        write_file(files / "photo.exr", np.full((*shape, 3), 0.5), "float")
+        done = self.align(mpsnet_here, files, "--mask", "none")
+        assert done.returncode == 2
+        assert f"the object is {shape[1]} x {shape[0]} pixels, too little to place a mesh by" in done.stderr
+
     @pytest.mark.parametrize(
         ("text", "sentence"),
         [

@@ -30,6 +30,7 @@ LONGEST = 1024
 POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.006, 35.0, 0.9
 # Another view that costs less than this many times as much might be as right.
 AMBIGUOUS = 1.3
+LEAST_SIDE = 4  # pixels of the object's shorter side on the coarsest scale, where a mesh is placed first
 CANDIDATES = 3
 
 
@@ -163,6 +164,7 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.scene.camera import FULL_FRAME, read_camera
         from mpsnet_core.scene.mesh import read_mesh
 
+        _check_size(capture.mask)
         height, width = capture.mask.shape
         longer = max(height, width)
         faces = MeshFaces.of(read_mesh(self.mesh, shape_only=True))
@@ -264,6 +266,18 @@ class Align(RunsModel, ReadsPhotos):
             return []
         output = Path(self.output)
         return [output.with_name(f"{output.stem}_{number}{output.suffix}") for number in range(2, CANDIDATES + 1)]
+
+
+def _check_size(mask: "NDArray[np.bool_]") -> None:
+    """Raises GeometryError where next to nothing is left of the object on the coarsest scale."""
+    from mpsnet_core.arrays.mask_regions import bounding_box
+    from mpsnet_core.estimate.alignment.refine import SCALES
+
+    height, width = (side.stop - side.start for side in bounding_box(mask))
+    if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < LEAST_SIDE:
+        raise GeometryError(
+            f"the object is {width} x {height} pixels, too little to place a mesh by; take a larger photo of it"
+        )
 
 
 def _quality(fit: "Fit") -> str:
