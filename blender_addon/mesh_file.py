@@ -20,6 +20,7 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 
+from .appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
 from .operators import Slices
 
 # What a modifier shows in the viewport, and what in a render.
@@ -29,15 +30,6 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-# What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
-SUBDIVISION, DISPLACE, TRIAL, FACES = "MPS Subdivision", "MPS Displace", "MPS Trial", "MPS Faces"
-SMOOTHNESS = "MPS Smoothness"
-MODIFIERS = {
-    **dict.fromkeys((SUBDIVISION, TRIAL, FACES), "SUBSURF"),
-    DISPLACE: "DISPLACE",
-    SMOOTHNESS: "WEIGHTED_NORMAL",
-}
-
 # Types of objects whose surface is a mesh once it is evaluated.
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 MOST_TRIANGLES = 4_000_000  # of what is read while the window waits
@@ -175,12 +167,6 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
                     part = whole[start : start + _ROWS_A_SLICE]
                     file.write((part if rows is None else values[part]).tobytes())
                     yield False
-
-
-def find_modifier(obj: Any, name: str) -> Any:
-    """The object's modifier of that name, None where there is none; one of another kind has the name by chance."""
-    found = obj.modifiers.get(name)
-    return found if found is not None and found.type == MODIFIERS[name] else None
 
 
 @contextmanager

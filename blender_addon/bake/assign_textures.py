@@ -7,8 +7,8 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..heights.assign_displacement import remove_displacement, remove_object_normals
-from ..nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
+from ..appearance.displacement import remove_displacement, remove_object_normals
+from ..appearance.nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
 from ..outputs import remember
 from .texture_owners import store_owners
 from .texture_sets import AssignedTexture, own_materials

@@ -9,7 +9,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
+from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
 from ..operators import ReportingOperator
 from ..outputs import from_json
 from ..rig.rig import bounding_sphere

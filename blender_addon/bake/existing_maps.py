@@ -11,7 +11,7 @@ import bpy
 from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
-from ..nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, find_node
+from ..appearance.nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, find_node
 from ..operators import by_session_uid
 from ..outputs import image_file, tile_files
 from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget

@@ -6,7 +6,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..nodes import (
+from ..appearance.nodes import (
     DISPLACEMENT_NODE,
     GREEN_NODE,
     HEIGHT_NODE,

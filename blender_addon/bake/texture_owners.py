@@ -11,8 +11,8 @@ import bpy
 from mpsnet_core.bake.texture_names import tile_patterns
 from mpsnet_core.errors import FileError
 
-from ..mesh_file import DISPLACE, find_modifier
-from ..nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node
+from ..appearance.modifiers import DISPLACE, find_modifier
+from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node
 from ..operators import by_session_uid
 from ..outputs import from_json, remember, remembered
 from .existing_maps import Part, parts_of

@@ -13,7 +13,7 @@ import bpy
 
 from mpsnet_core.errors import GeometryError
 
-from ..nodes import with_nodes
+from ..appearance.nodes import with_nodes
 from ..outputs import load_image, load_tiles
 
 # The token in a file's name for each way to part textures, and what stands before it where we put it there.

@@ -10,11 +10,20 @@ from mathutils import Matrix
 from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.relief.operations import Integrate
 
+from ..appearance.displacement import (
+    assign_displacement,
+    leave_normals_uncorrected,
+    remove_heights,
+    remove_object_normals,
+    show_normals,
+    show_object_normals,
+)
+from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
+from ..appearance.nodes import TEXTURE_NODE, find_node
 from ..bake.bake import BakesOnto
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
-from ..mesh_file import DISPLACE, begin_mesh
-from ..nodes import TEXTURE_NODE, find_node
+from ..mesh_file import begin_mesh
 from ..operators import as_typed, by_session_uid
 from ..outputs import (
     fine_preview,
@@ -29,19 +38,6 @@ from ..outputs import (
 from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
 from ..settings.displace import DisplaceSettings
-from .assign_displacement import (
-    assign_displacement,
-    keep_smoothness,
-    leave_normals_uncorrected,
-    move_by_modifier,
-    remove_heights,
-    remove_modifier,
-    remove_object_normals,
-    show_normals,
-    show_object_normals,
-    subdivide,
-    subdivided,
-)
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
 MOST_BASE_LEVELS = 3

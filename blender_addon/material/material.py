@@ -12,10 +12,9 @@ from mpsnet_core.io.files import makeable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
+from ..appearance.modifiers import FACES, remove_modifier, subdivide
+from ..appearance.nodes import ensure_node, new_material
 from ..estimate.photo_options import network, reading_without_mask, rig_and_camera_options
-from ..heights.assign_displacement import remove_modifier, subdivide
-from ..mesh_file import FACES
-from ..nodes import ensure_node, new_material
 from ..operators import RunsCore, as_typed
 from ..outputs import fine_preview, image_file, load_image, picture_size, remembered, requested_path
 from ..preferences import output_folder

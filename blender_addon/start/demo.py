@@ -7,7 +7,7 @@ from typing import Any
 import bmesh
 import bpy
 
-from ..nodes import new_material
+from ..appearance.nodes import new_material
 from ..rig.rig import remove_rig
 
 NAME = "MPS Demo"

@@ -3,9 +3,9 @@
 import bpy
 import pytest
 
+from blender_addon.appearance.displacement import assign_displacement
 from blender_addon.bake.assign_textures import assign_textures
 from blender_addon.bake.texture_sets import AssignedTexture
-from blender_addon.heights.assign_displacement import assign_displacement
 
 from .test_photo import pixels
 

@@ -8,8 +8,8 @@ import pytest
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
+from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.commands import main
-from blender_addon.heights.assign_displacement import move_by_modifier
 from blender_addon.panels.heights import MPS_PT_displace
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.normal_map import encode

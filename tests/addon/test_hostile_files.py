@@ -10,9 +10,9 @@ from pathlib import Path
 import bpy
 import pytest
 
+from blender_addon.appearance.modifiers import move_by_modifier, subdivide
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.child_process.simulation_caches import simulations_write_into
-from blender_addon.heights.assign_displacement import move_by_modifier, subdivide
 from blender_addon.outputs import may_open
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate

@@ -7,7 +7,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
 from mpsnet_core.synthesis.shading.pattern import DARKEST_PAINT, DIRT_EDGE, DIRT_OCTAVES, NOISE, PAINT_OCTAVES
 
-from ...nodes import new_material
+from ...appearance.nodes import new_material
 from .nodes import Graph, Value
 
 PART = "part"  # the mesh attribute that holds each face's part

@@ -1,0 +1,1 @@
+"""What an object looks like: the nodes of its materials, its modifiers, its displacement. Used by several steps."""
