@@ -15,9 +15,9 @@ from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
-from ..estimate.photo_options import network, reading
 from ..outputs import file_name, image_file, origin, remembered, requested_path
 from ..photo.camera import chosen_camera
+from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
 from ..settings.bake import BakeSettings

@@ -26,11 +26,11 @@ from ..outputs import (
     remembered,
 )
 from ..photo.camera import chosen_camera
+from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
-from .photo_options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 
 
 class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):

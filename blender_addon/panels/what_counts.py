@@ -13,9 +13,9 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import is_several
 from mpsnet_core.scene.rig import LightRig, read_rig
 
-from ..estimate.photo_options import rig_file_for
 from ..outputs import origin, remembered
 from ..photo.camera import chosen_camera, is_real
+from ..photo.options import rig_file_for
 from ..provenance import is_there
 from ..rig.rig import drawn_rig
 

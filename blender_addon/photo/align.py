@@ -14,7 +14,6 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
-from ..estimate.photo_options import network, painted_mask, reading, rig_file_for, rig_path
 from ..mesh_file import begin_mesh
 from ..operators import RunsCore, as_typed, by_session_uid, find_object
 from ..outputs import fine_preview, image_file, load_image, output_path, picture_size
@@ -24,6 +23,7 @@ from ..rig.several_rigs import result_name
 from ..settings.align import AlignSettings
 from ..settings.declared import from_option, take_given
 from .camera import chosen_camera, is_real
+from .options import network, painted_mask, reading, rig_file_for, rig_path
 
 # On a camera object that was made here and so may be moved; others are the user's own.
 _MADE_HERE = "mpsnet_aligned"

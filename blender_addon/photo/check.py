@@ -9,9 +9,9 @@ import bpy
 from mpsnet_core.capture.operations import Check
 from mpsnet_core.errors import InputError
 
-from ..estimate.photo_options import reading, rig_file_for, rig_path
 from ..operators import RunsCore
 from ..outputs import image_file, remembered
+from .options import reading, rig_file_for, rig_path
 
 _VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad": "The photo should be taken again"}
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import FindMask
 
-from ..estimate.photo_options import painted_mask, reading
 from ..operators import RunsCore
 from ..outputs import image_file
 from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at
+from .options import painted_mask, reading
 
 # The picture's darkest and brightest values outside of the object, and on it; between them is half.
 _OUTSIDE, _INSIDE = (0.02, 0.4), (0.6, 0.95)

@@ -119,7 +119,7 @@ def test_each_step_goes_on_after_everything_was_renamed(sphere, scene, tmp_path)
 def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_path, monkeypatch, verb):
     """pip's bpy has no preferences of add-ons, so what they would say is put in their place."""
     chosen = {"threads": 3, "provider": "CUDA"}
-    monkeypatch.setattr("blender_addon.estimate.photo_options.preference", chosen.get)
+    monkeypatch.setattr("blender_addon.photo.options.preference", chosen.get)
     given = []
 
     def run(operation, *_):

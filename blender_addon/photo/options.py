@@ -13,11 +13,11 @@ from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 from ..mesh_file import begin_mesh
 from ..operators import Slices, as_typed
 from ..outputs import remembered
-from ..photo.camera import write_photo_camera
 from ..preferences import preference
 from ..provenance import made_by
 from ..rig.rig import light_rig, rig_camera
 from ..settings.estimate import MODELS
+from .camera import write_photo_camera
 
 
 class Viewpoint(TypedDict, total=False):
