@@ -21,7 +21,7 @@ import bpy  # noqa: E402
 import blender_addon  # noqa: E402
 from blender_addon.child_process.trust import preferences_trust  # noqa: E402
 from blender_addon.commands import COMMAND, main  # noqa: E402
-from blender_addon.operators import operator_report  # noqa: E402
+from blender_addon.errors import operator_report  # noqa: E402
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_UNFORESEEN  # noqa: E402
 from mpsnet_core.io.crash_log import unforeseen  # noqa: E402
 

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
@@ -12,14 +12,17 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from mpsnet_core.errors import Cancelled, InputError, in_one_line
+from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.crash_log import unforeseen
 from mpsnet_core.io.files import temporary_folder
 from mpsnet_core.progress import Progress
 
 from .child_process.core_process import CORE, CoreCrashed, CoreProcess, Program, Work, run
+from .errors import system_report
 from .provenance import Provenance, refuse_to_overwrite, store_provenance
+from .scene.objects import by_session_uid
 from .settings.record import store_record
+from .slices import Slices
 from .time_left import Pace, in_words
 
 TICK_SECONDS = 0.1
@@ -31,10 +34,6 @@ _MISSING = {
     "estimate": "Estimate the normals first",
     "bake": "Bake the texture first",
 }
-
-# Work of which each step is short enough for a live window to wait for; close() ends it early. It yields whether the
-# next step is a long one, before which the window is drawn.
-Slices = Generator[bool, None, None]
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +100,7 @@ class ReportingOperator(bpy.types.Operator):
         except (InputError, CoreCrashed) as error:
             self._failed(str(error))
         except OSError as error:
-            self._failed(_sentence(error))
+            self._failed(system_report(error))
         except (Cancelled, KeyboardInterrupt):
             self.report({"ERROR"}, CANCELLED)
         except Exception as error:  # noqa: BLE001
@@ -120,37 +119,9 @@ class ReportingOperator(bpy.types.Operator):
             store_record(scene, verb_of(self.bl_idname), error=error, notes=notes)
 
 
-def by_session_uid(datablocks: Any, session_uid: int) -> Any:
-    """The datablock with this number, whatever it is called by now; None where it is gone."""
-    return next((one for one in datablocks if one.session_uid == session_uid), None)
-
-
-def find_object(scene: Any, name: str) -> Any:
-    """The scene's object of that name. Raises InputError where there is none."""
-    target = scene.objects.get(name)
-    if target is None:
-        raise InputError(f'there is no object "{name}" in the scene; check its name')
-    return target
-
-
 def verb_of(idname: str) -> str:
     """ "estimate" for "mps.estimate" as well as for "MPS_OT_estimate", which is how Blender writes it itself."""
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")
-
-
-def as_typed(number: float) -> float:
-    """The number that was typed: Blender stores 0.1 as 0.10000000149."""
-    return float(f"{number:g}")
-
-
-def operator_report(error: RuntimeError) -> str:
-    """What an operator that was called from here reported, as one line."""
-    return " ".join(str(error).split()).removeprefix("Error: ")
-
-
-def _sentence(error: OSError) -> str:
-    where = f"{error.filename}: " if error.filename else "a file could not be read or written: "
-    return in_one_line(f"{where}{error.strerror or error}; make room on the disk or check the permissions")
 
 
 @dataclass(eq=False)

@@ -16,8 +16,7 @@ from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 
 from ..child_process.core_process import Work
-from ..mesh_file import BegunMesh, begin_mesh, slot_labels
-from ..operators import RunsCore, as_typed, by_session_uid, find_object
+from ..operators import RunsCore
 from ..outputs import (
     FORMATS,
     frame_pattern,
@@ -34,8 +33,10 @@ from ..photo.camera import cameras_place, chosen_camera, lacks_camera, write_pho
 from ..provenance import Provenance, chosen, rounded, stamp
 from ..rig.rig import rig_camera
 from ..rig.several_rigs import all_rigs
+from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
+from ..scene.objects import by_session_uid, find_object
 from ..settings.bake import BakeSettings
-from ..settings.declared import take_given
+from ..settings.declared import as_typed, take_given
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .coverage import coverage_folder, store_coverage
 from .existing_maps import Part, base_maps, present_maps, store_base_map

@@ -12,7 +12,7 @@ from mpsnet_core.errors import InputError
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
 from ..operators import ReportingOperator
 from ..outputs import from_json
-from ..rig.rig import bounding_sphere
+from ..scene.surfaces import bounding_sphere
 
 NAME = "MPS Coverage"
 # Of what no view saw, of what was filled, and of what some view saw; and the values from which on each counts.

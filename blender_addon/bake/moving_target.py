@@ -12,9 +12,10 @@ import bpy
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 
-from ..mesh_file import BegunMesh, begin_mesh
-from ..operators import Slices, by_session_uid
-from ..rig.rig import scene_camera, view_layer
+from ..scene.camera import scene_camera
+from ..scene.mesh_file import BegunMesh, begin_mesh
+from ..scene.objects import by_session_uid, view_layer
+from ..slices import Slices
 
 MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 

@@ -13,8 +13,8 @@ from mathutils import Euler, Matrix, Vector
 
 from ..operators import ReportingOperator
 from ..outputs import from_json
-from ..rig.rig import bounding_sphere
 from ..rig.several_rigs import all_rigs
+from ..scene.surfaces import bounding_sphere
 
 TICK_SECONDS = 1 / 30
 SECONDS_A_TURN = 6.0

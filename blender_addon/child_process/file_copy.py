@@ -6,7 +6,7 @@ import bpy
 
 from mpsnet_core.errors import FileError
 
-from ..operators import operator_report
+from ..errors import operator_report
 
 
 def save_copy(path: Path, *, compress: bool, mend: str) -> None:

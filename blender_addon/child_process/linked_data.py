@@ -14,7 +14,7 @@ import bpy
 
 from mpsnet_core.errors import FileError
 
-from ..rig.rig import view_layer
+from ..scene.objects import view_layer
 
 # --- libraries --------------------------------------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import Parent, ParentGone, requests
 from mpsnet_core.io.files import temporary_folder
 
-from ..operators import operator_report
+from ..errors import operator_report
 
 
 def decode_video(path: Path) -> None:

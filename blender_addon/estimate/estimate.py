@@ -11,7 +11,7 @@ from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
 
-from ..operators import RunsCore, by_session_uid, find_object
+from ..operators import RunsCore
 from ..outputs import (
     FORMATS,
     fine_preview,
@@ -29,6 +29,7 @@ from ..photo.camera import chosen_camera
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.several_rigs import result_name, rig_at
+from ..scene.objects import by_session_uid, find_object
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 

@@ -23,8 +23,6 @@ from ..appearance.nodes import TEXTURE_NODE, find_node
 from ..bake.bake import BakesOnto
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
-from ..mesh_file import begin_mesh
-from ..operators import as_typed, by_session_uid
 from ..outputs import (
     fine_preview,
     image_file,
@@ -36,7 +34,9 @@ from ..outputs import (
     tile_files,
 )
 from ..provenance import Provenance, chosen, stamp
-from ..settings.declared import take_given
+from ..scene.mesh_file import begin_mesh
+from ..scene.objects import by_session_uid
+from ..settings.declared import as_typed, take_given
 from ..settings.displace import DisplaceSettings
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.

@@ -15,12 +15,12 @@ from mpsnet_core.relief.height_names import scale_sidecar
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
-from ..operators import RunsCore, as_typed
+from ..operators import RunsCore
 from ..outputs import fine_preview, image_file, load_image, output_path, overruled_format, remembered
 from ..photo.options import Viewpoint, seen_through
 from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
-from ..settings.declared import take_given
+from ..settings.declared import as_typed, take_given
 from ..settings.heights import HeightsSettings
 
 PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}

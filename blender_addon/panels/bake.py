@@ -8,10 +8,10 @@ from mpsnet_core.errors import InputError
 from ..bake.bake import NO_CAMERA
 from ..bake.existing_maps import usable_maps
 from ..bake.texture_sets import BakeTarget, with_tokens
-from ..mesh_file import slot_labels
 from ..outputs import remembered
 from ..photo.camera import chosen_camera
 from ..rig.rig import rig_camera
+from ..scene.mesh_file import slot_labels
 from .step import Step
 from .what_counts import lacks_file, lacks_named
 

@@ -5,11 +5,11 @@ from typing import Any
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import LightRig
 
-from ..mesh_file import SURFACES
 from ..photo.camera import is_real
 from ..photo.options import rig_file_for
 from ..rig.light_preview import light_preview
 from ..rig.rig import COLOURS, drawn_rig, rig_objects
+from ..scene.surfaces import SURFACES
 from .step import Kind, State, Step, sentence
 from .text import wrapped
 from .what_counts import Lights, lights_of

@@ -14,14 +14,15 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
-from ..mesh_file import begin_mesh
-from ..operators import RunsCore, as_typed, by_session_uid, find_object
+from ..operators import RunsCore
 from ..outputs import fine_preview, image_file, load_image, output_path, picture_size
 from ..provenance import Provenance, stamp
-from ..rig.rig import scene_camera
 from ..rig.several_rigs import result_name
+from ..scene.camera import scene_camera
+from ..scene.mesh_file import begin_mesh
+from ..scene.objects import by_session_uid, find_object
 from ..settings.align import AlignSettings
-from ..settings.declared import from_option, take_given
+from ..settings.declared import as_typed, from_option, take_given
 from .camera import chosen_camera, is_real
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 

@@ -43,7 +43,7 @@ from ..child_process.linked_data import (
 )
 from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
-from ..operators import operator_report
+from ..errors import operator_report
 from .studio import RenderKind, RenderProgress, render
 
 REPORT_SECONDS = 0.5

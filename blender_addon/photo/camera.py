@@ -7,7 +7,7 @@ from mpsnet_core.scene.camera import write_camera
 
 from ..outputs import picture_size, remembered
 from ..provenance import Provenance, made_by, rounded
-from ..rig.rig import scene_camera
+from ..scene.camera import scene_camera
 
 
 def is_real(photo: Any) -> bool:

@@ -10,13 +10,14 @@ import numpy as np
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
-from ..mesh_file import begin_mesh
-from ..operators import Slices, as_typed
 from ..outputs import remembered
 from ..preferences import preference
 from ..provenance import made_by
 from ..rig.rig import light_rig, rig_camera
+from ..scene.mesh_file import begin_mesh
+from ..settings.declared import as_typed
 from ..settings.estimate import MODELS
+from ..slices import Slices
 from .camera import write_photo_camera
 
 

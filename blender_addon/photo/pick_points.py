@@ -17,7 +17,7 @@ from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, WRONG_PIXELS
 
 from ..operators import ReportingOperator, redraw_panels
 from ..outputs import picture_size
-from ..rig.rig import scene_camera
+from ..scene.camera import scene_camera
 from .align import MPS_OT_align_photo, mesh_of_photo
 from .camera import chosen_camera
 

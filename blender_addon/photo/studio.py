@@ -18,9 +18,12 @@ from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
 from ..child_process.core_process import run
-from ..operators import operator_report
+from ..errors import operator_report
 from ..outputs import literally, render_path, sidecar
-from ..rig.rig import light_rig, rig_camera, rig_parts, scene_camera, surfaces, view_layer
+from ..rig.rig import light_rig, rig_camera, rig_parts
+from ..scene.camera import scene_camera
+from ..scene.objects import rendered, view_layer
+from ..scene.surfaces import surfaces
 
 # Called before each of Cycles's renders, with how many are done of how many, and words for the one that begins.
 RenderProgress = Callable[[int, int, str], None]
@@ -165,29 +168,6 @@ def _studio(scene: Any) -> Iterator[Any]:
         yield studio
     finally:
         bpy.data.scenes.remove(studio)
-
-
-def rendered(layer: Any, special: str = "") -> Iterator[Any]:
-    """Objects of a view layer that its render shows, lights apart.
-
-    special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
-    """
-    if layer.collection.hide_render:
-        return
-    if layer.holdout or layer.indirect_only:
-        special = layer.collection.name
-    # A collection within an excluded one may be included again.
-    for obj in () if layer.exclude else layer.collection.objects:
-        if obj.type == "LIGHT" or obj.hide_render:
-            continue
-        if special:
-            raise InputError(
-                f'"{obj.name}" is in the collection "{special}", which this view layer shows as holdout or indirect '
-                "only; switch that off or exclude the collection"
-            )
-        yield obj
-    for child in layer.children:
-        yield from rendered(child, special)
 
 
 def _leave_target_out(studio: Any, bake: Any) -> list[str]:

@@ -9,11 +9,11 @@ import bpy
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
 
-from ..operators import RunsCore, as_typed
+from ..operators import RunsCore
 from ..outputs import fine_preview, load_image, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
-from ..settings.declared import take_given
+from ..settings.declared import as_typed, take_given
 from .several_rigs import rig_at
 
 _OVERLAY = "MPS Calibration"

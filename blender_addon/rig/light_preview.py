@@ -24,10 +24,12 @@ from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import write_rig
 
 from ..child_process.core_process import CoreCrashed, CoreProcess
-from ..mesh_file import SURFACES, write_surfaces
-from ..operators import ReportingOperator, by_session_uid, redraw_panels
-from ..photo.studio import rendered
-from .rig import drawn_rig, light_rig, rig_camera, scene_camera, view_layer
+from ..operators import ReportingOperator, redraw_panels
+from ..scene.camera import scene_camera
+from ..scene.mesh_file import write_surfaces
+from ..scene.objects import by_session_uid, rendered, view_layer
+from ..scene.surfaces import SURFACES
+from .rig import drawn_rig, light_rig, rig_camera
 
 TICK_SECONDS = 0.3
 PIXELS = 256

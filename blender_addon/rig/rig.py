@@ -1,7 +1,7 @@
 """The rig: three coloured lights and a camera around an object, and what they are as the core's nouns."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -10,11 +10,11 @@ from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig
 
-from ..mesh_file import SURFACES
 from ..operators import ReportingOperator
+from ..scene.objects import view_layer
+from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings
 
@@ -87,8 +87,8 @@ def add_rig(context: Any) -> None:
     if not selected:
         raise InputError("nothing is selected; select the object that the rig shall stand around")
     orientation = _orientation(context, settings.view)
-    points = _points(context.evaluated_depsgraph_get(), selected)
-    centre, radius = _sphere_around(points, orientation)
+    points = surface_points(context.evaluated_depsgraph_get(), selected)
+    centre, radius = sphere_around(points, orientation)
     seen = (points - np.array(centre)) @ np.array(orientation)
     remove_rig(scene)
 
@@ -141,55 +141,6 @@ def rig_objects(scene: Any) -> Iterable[Any]:
     around = settings.collection.objects if settings.collection is not None else ()
     cameras = [obj for obj in around if obj.type == "CAMERA" and obj.parent == settings.target]
     return [obj for obj in (*every, *cameras) if obj is not None]
-
-
-def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:
-    """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
-
-    Raises InputError where none of them has a surface.
-    """
-    return _sphere_around(_points(depsgraph, objects), Matrix.Identity(3))
-
-
-def _points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64]:
-    """(N, 3) points of all the objects' surfaces, in the world. Raises InputError where there is none."""
-    clouds = [points for _, points in surfaces(depsgraph, objects)]
-    if not clouds:
-        raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")
-    return np.concatenate(clouds)
-
-
-def _sphere_around(points: NDArray[np.float64], axes: Matrix) -> tuple[Vector, float]:
-    """Centre of the points' box along the axes, the columns, and how far they reach from there."""
-    turned = points @ np.array(axes)
-    centre = np.array(axes) @ (turned.min(axis=0) + turned.max(axis=0)) / 2
-    radius = float(np.linalg.norm(points - centre, axis=1).max())
-    if radius == 0:
-        raise InputError("the selected object is a single point; select a mesh with a surface")
-    return Vector(centre), radius
-
-
-def surfaces(depsgraph: Any, objects: Iterable[Any]) -> Iterator[tuple[Any, NDArray[np.float64]]]:
-    """The surfaces of objects as modifiers and instances make them: whose, and the points (N, 3) in the world."""
-    wanted = set(objects)
-    for instance in depsgraph.object_instances:
-        owner = (instance.parent or instance.object).original
-        points = _vertices(instance.object) if owner in wanted else ()
-        if len(points):
-            matrix = np.array(instance.matrix_world)
-            yield owner, points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _vertices(evaluated: Any) -> NDArray[np.float64]:
-    if evaluated.type not in SURFACES:
-        return np.empty((0, 3))
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return np.empty((0, 3))
-    flat = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", flat)
-    evaluated.to_mesh_clear()
-    return flat.reshape(-1, 3).astype(np.float64)
 
 
 def _orientation(context: Any, view: str) -> Matrix:
@@ -288,11 +239,6 @@ def drawn_rig(scene: Any) -> LightRig:
     return near_rig(positions, target, mixing, lobes.pop() or 0.0)
 
 
-def view_layer(scene: Any) -> Any:
-    """The view layer in use, or the first one of a scene that is not open."""
-    return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
-
-
 def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
     """The rig's camera, target and three lights. Raises InputError where one is missing."""
     settings = scene.mps.rig
@@ -348,46 +294,6 @@ def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
     if data.type == "SUN":
         return colour / math.pi
     return colour / _area_power((light.matrix_world.translation - centre).length)
-
-
-def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -> Camera:
-    """A Blender camera as the core's: its pose, and its focal length and centre in pixels.
-
-    size: width and height of the picture in pixels, which are square; the scene's own resolution unless given.
-
-    Raises InputError for a panoramic or custom camera and for one that its parents shear.
-    """
-    data = camera.data
-    if data.type not in {"PERSP", "ORTHO"}:
-        raise InputError(
-            f'camera "{camera.name}" is panoramic or has a shader of its own; make it orthographic or perspective in '
-            "its properties"
-        )
-    render = scene.render
-    if size is None:
-        width = int(render.resolution_x * render.resolution_percentage / 100)
-        height = int(render.resolution_y * render.resolution_percentage / 100)
-        aspect = np.array([render.pixel_aspect_x, render.pixel_aspect_y])
-    else:
-        (width, height), aspect = size, np.ones(2)
-    extent = np.array([width, height]) * aspect
-    fit = data.sensor_fit
-    if fit == "AUTO":
-        fit = "HORIZONTAL" if extent[0] >= extent[1] else "VERTICAL"
-        sensor = data.sensor_width
-    else:
-        sensor = data.sensor_width if fit == "HORIZONTAL" else data.sensor_height
-    fitted = extent[0] if fit == "HORIZONTAL" else extent[1]
-    per_unit = fitted / data.ortho_scale if data.type == "ORTHO" else fitted * data.lens / sensor
-    shift = np.array([data.shift_x, -data.shift_y]) * fitted / aspect
-    return Camera(
-        "orthographic" if data.type == "ORTHO" else "perspective",
-        width,
-        height,
-        per_unit / aspect,
-        np.array([width, height]) / 2 - shift,
-        np.array(camera.matrix_world.normalized(), dtype=np.float64),
-    )
 
 
 CLASSES = (MPS_OT_add_rig, MPS_OT_remove_rig)

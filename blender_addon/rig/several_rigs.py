@@ -16,11 +16,12 @@ from mpsnet_core.errors import InputError
 
 from ..operators import ReportingOperator, idle
 from ..outputs import file_name
+from ..scene.surfaces import bounding_sphere
 from ..settings.declared import GIVEN
 from ..settings.estimate import EstimateSettings
 from ..settings.photo import PhotoSettings
 from ..settings.rig import RigSettings
-from .rig import MPS_OT_add_rig, add_rig, bounding_sphere, remove_rig
+from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
 _STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
 _VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "paint_mask", "estimate", "error_map")

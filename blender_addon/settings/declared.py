@@ -139,3 +139,8 @@ def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.Pr
             setattr(group, name, getattr(operator, name))
         else:
             setattr(operator, name, getattr(group, name))
+
+
+def as_typed(number: float) -> float:
+    """The number that was typed: Blender stores 0.1 as 0.10000000149."""
+    return float(f"{number:g}")

@@ -12,8 +12,10 @@ from mathutils import Euler, Vector
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.files import ensure_folder
 
-from ..operators import TICK_SECONDS, ReportingOperator, by_session_uid, idle, operator_report, redraw_panels
+from ..errors import operator_report
+from ..operators import TICK_SECONDS, ReportingOperator, idle, redraw_panels
 from ..outputs import file_name, requested_path
+from ..scene.objects import by_session_uid
 from ..settings.declared import PATH
 from ..settings.record import error_of
 from .demo import make_demo, remove_demo

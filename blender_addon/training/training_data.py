@@ -17,9 +17,10 @@ from mpsnet_core.synthesis.operations import MakeSamples
 
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
-from ..operators import RunsCore, by_session_uid
+from ..operators import RunsCore
 from ..outputs import file_name, fine_preview, lasting, load_image, requested_path
 from ..preferences import PACKAGE, output_folder, preference
+from ..scene.objects import by_session_uid
 from ..settings.declared import GIVEN, take_given
 from ..settings.samples import SamplesSettings
 

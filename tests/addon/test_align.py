@@ -13,7 +13,7 @@ from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.panels.what_counts import camera_of
 from blender_addon.photo.align import _camera_object
-from blender_addon.rig.rig import scene_camera
+from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.images import read_image
 from mpsnet_core.scene.camera import Camera, read_camera

@@ -11,8 +11,8 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon import operators
-from blender_addon.mesh_file import begin_mesh
 from blender_addon.rig.rig import light_rig
+from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from blender_addon.rig.rig import scene_camera
+from blender_addon.scene.camera import scene_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import find_coloured_highlights
 from mpsnet_core.capture.calibrate.lights import Sighting, find_lights

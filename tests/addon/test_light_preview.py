@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.operators import by_session_uid
 from blender_addon.rig import light_preview as module
 from blender_addon.rig.light_preview import PIXELS, light_preview, tick
+from blender_addon.scene.objects import by_session_uid
 
 PATIENCE = 300  # seconds
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from blender_addon.bake.moving_target import Moving
-from blender_addon.mesh_file import begin_mesh
 from blender_addon.outputs import frame_pattern
+from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_image, write_image
 from mpsnet_core.scene.camera import read_camera

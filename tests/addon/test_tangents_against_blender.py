@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.mesh_file import begin_mesh
+from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 
 Build = Callable[[], None]

@@ -15,9 +15,9 @@ from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.recipe import Recipe
 
-from ...mesh_file import as_rendered
-from ...operators import operator_report
+from ...errors import operator_report
 from ...photo.studio import refuse_glow
+from ...scene.mesh_file import as_rendered
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape
 
-from ...operators import operator_report
+from ...errors import operator_report
 from ...outputs import literally
 from .denoising import add_denoising, denoising_helps
 from .materials import weight_passes

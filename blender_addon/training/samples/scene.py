@@ -45,7 +45,7 @@ def sample_scene(recipe: Recipe) -> Iterator[Any]:
 
 
 def _add_camera(scene: Any, camera: Camera) -> Any:
-    """The inverse of :func:`blender_addon.rig.rig.scene_camera`, for a camera whose pixels may be oblong."""
+    """The inverse of :func:`blender_addon.scene.camera.scene_camera`, for a camera whose pixels may be oblong."""
     data = bpy.data.cameras.new("MPS Camera")
     data.sensor_fit, data.sensor_width = "HORIZONTAL", SENSOR_WIDTH
     (fx, fy), width = camera.focal, camera.width

@@ -20,8 +20,9 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 
-from .appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
-from .operators import Slices
+from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
+from ..slices import Slices
+from .surfaces import SURFACES
 
 # What a modifier shows in the viewport, and what in a render.
 _SHOWN_AND_RENDERED = (
@@ -30,8 +31,6 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-# Types of objects whose surface is a mesh once it is evaluated.
-SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 MOST_TRIANGLES = 4_000_000  # of what is read while the window waits
 
 _ROWS_A_SLICE = 100_000

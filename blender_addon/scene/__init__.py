@@ -1,0 +1,1 @@
+"""What a scene holds, as the core takes it: objects, surfaces, cameras, meshes."""

@@ -1,0 +1,49 @@
+"""What is found in a scene: by what outlives a name, by its name, and by whether a render shows it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+
+def by_session_uid(datablocks: Any, session_uid: int) -> Any:
+    """The datablock with this number, whatever it is called by now; None where it is gone."""
+    return next((one for one in datablocks if one.session_uid == session_uid), None)
+
+
+def find_object(scene: Any, name: str) -> Any:
+    """The scene's object of that name. Raises InputError where there is none."""
+    target = scene.objects.get(name)
+    if target is None:
+        raise InputError(f'there is no object "{name}" in the scene; check its name')
+    return target
+
+
+def view_layer(scene: Any) -> Any:
+    """The view layer in use, or the first one of a scene that is not open."""
+    return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
+
+
+def rendered(layer: Any, special: str = "") -> Iterator[Any]:
+    """Objects of a view layer that its render shows, lights apart.
+
+    special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
+    """
+    if layer.collection.hide_render:
+        return
+    if layer.holdout or layer.indirect_only:
+        special = layer.collection.name
+    # A collection within an excluded one may be included again.
+    for obj in () if layer.exclude else layer.collection.objects:
+        if obj.type == "LIGHT" or obj.hide_render:
+            continue
+        if special:
+            raise InputError(
+                f'"{obj.name}" is in the collection "{special}", which this view layer shows as holdout or indirect '
+                "only; switch that off or exclude the collection"
+            )
+        yield obj
+    for child in layer.children:
+        yield from rendered(child, special)

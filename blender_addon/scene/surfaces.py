@@ -1,0 +1,62 @@
+"""The surfaces of objects as points in the world, as modifiers and instances make them, and a sphere around them."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+
+# Types of objects whose surface is a mesh once it is evaluated.
+SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
+
+def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:
+    """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
+
+    Raises InputError where none of them has a surface.
+    """
+    return sphere_around(surface_points(depsgraph, objects), Matrix.Identity(3))
+
+
+def surface_points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64]:
+    """(N, 3) points of all the objects' surfaces, in the world. Raises InputError where there is none."""
+    clouds = [points for _, points in surfaces(depsgraph, objects)]
+    if not clouds:
+        raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")
+    return np.concatenate(clouds)
+
+
+def sphere_around(points: NDArray[np.float64], axes: Matrix) -> tuple[Vector, float]:
+    """Centre of the points' box along the axes, the columns, and how far they reach from there."""
+    turned = points @ np.array(axes)
+    centre = np.array(axes) @ (turned.min(axis=0) + turned.max(axis=0)) / 2
+    radius = float(np.linalg.norm(points - centre, axis=1).max())
+    if radius == 0:
+        raise InputError("the selected object is a single point; select a mesh with a surface")
+    return Vector(centre), radius
+
+
+def surfaces(depsgraph: Any, objects: Iterable[Any]) -> Iterator[tuple[Any, NDArray[np.float64]]]:
+    """The surfaces of objects as modifiers and instances make them: whose, and the points (N, 3) in the world."""
+    wanted = set(objects)
+    for instance in depsgraph.object_instances:
+        owner = (instance.parent or instance.object).original
+        points = _vertices(instance.object) if owner in wanted else ()
+        if len(points):
+            matrix = np.array(instance.matrix_world)
+            yield owner, points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _vertices(evaluated: Any) -> NDArray[np.float64]:
+    if evaluated.type not in SURFACES:
+        return np.empty((0, 3))
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return np.empty((0, 3))
+    flat = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", flat)
+    evaluated.to_mesh_clear()
+    return flat.reshape(-1, 3).astype(np.float64)
