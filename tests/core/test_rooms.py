@@ -1,4 +1,7 @@
-"""The rooms of mpsnet_core import from below alone, and in no circle (pyproject.toml, tool.importlinter)."""
+"""The rooms of both packages import from below alone, and in no circle (pyproject.toml, tool.importlinter).
+
+The sources are read, not imported: it takes no bpy.
+"""
 
 import subprocess
 import sys
