@@ -31,7 +31,7 @@ from ..outputs import (
 )
 from ..photo.camera import cameras_place, chosen_camera, lacks_camera, write_photo_camera
 from ..provenance import Provenance, chosen, rounded, stamp
-from ..rig.rig import rig_camera
+from ..rig.light_rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, find_object

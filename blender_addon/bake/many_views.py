@@ -19,7 +19,7 @@ from ..outputs import file_name, image_file, origin, remembered, requested_path
 from ..photo.camera import chosen_camera
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
-from ..rig.rig import drawn_rig, light_rig, rig_camera
+from ..rig.light_rig import drawn_rig, light_rig, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given

@@ -10,7 +10,7 @@ from ..bake.existing_maps import usable_maps
 from ..bake.texture_sets import BakeTarget, with_tokens
 from ..outputs import remembered
 from ..photo.camera import chosen_camera
-from ..rig.rig import rig_camera
+from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from .step import Step
 from .what_counts import lacks_file, lacks_named

@@ -11,7 +11,7 @@ from ..child_process.trust import SCRIPTS_OFF
 from ..photo.camera import is_real
 from ..photo.pick_points import picking
 from ..provenance import made_by
-from ..rig.rig import drawn_rig, rig_camera
+from ..rig.light_rig import drawn_rig, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.record import notes_of
 from .step import Step, sentence

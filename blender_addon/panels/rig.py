@@ -8,7 +8,8 @@ from mpsnet_core.scene.rig import LightRig
 from ..photo.camera import is_real
 from ..photo.options import rig_file_for
 from ..rig.light_preview import light_preview
-from ..rig.rig import COLOURS, drawn_rig, rig_objects
+from ..rig.light_rig import COLOURS, drawn_rig
+from ..rig.rig import rig_objects
 from ..scene.surfaces import SURFACES
 from .step import Kind, State, Step, sentence
 from .text import wrapped

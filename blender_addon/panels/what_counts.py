@@ -17,7 +17,7 @@ from ..outputs import origin, remembered
 from ..photo.camera import chosen_camera, is_real
 from ..photo.options import rig_file_for
 from ..provenance import is_there
-from ..rig.rig import drawn_rig
+from ..rig.light_rig import drawn_rig
 
 NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 

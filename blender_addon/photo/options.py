@@ -13,7 +13,7 @@ from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 from ..outputs import remembered
 from ..preferences import preference
 from ..provenance import made_by
-from ..rig.rig import light_rig, rig_camera
+from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import begin_mesh
 from ..settings.declared import as_typed
 from ..settings.estimate import MODELS

@@ -19,7 +19,7 @@ from ..child_process.trust import blocked_scripts_note
 from ..operators import ReportingOperator, RunsCore, at_the_pointer, verb_of
 from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_sidecar, remember, render_path
 from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
-from ..rig.rig import drawn_rig, light_rig, rig_camera
+from ..rig.light_rig import drawn_rig, light_rig, rig_camera
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import PATH, take_given
 from ..settings.photo import PhotoSettings

@@ -20,7 +20,7 @@ from mpsnet_core.scene.rig import write_rig
 from ..child_process.core_process import run
 from ..errors import operator_report
 from ..outputs import literally, render_path, sidecar
-from ..rig.rig import light_rig, rig_camera, rig_parts
+from ..rig.light_rig import light_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import surfaces

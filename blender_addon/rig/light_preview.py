@@ -29,7 +29,7 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import write_surfaces
 from ..scene.objects import by_session_uid, rendered, view_layer
 from ..scene.surfaces import SURFACES
-from .rig import drawn_rig, light_rig, rig_camera
+from .light_rig import drawn_rig, light_rig, rig_camera
 
 TICK_SECONDS = 0.3
 PIXELS = 256

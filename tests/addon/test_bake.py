@@ -11,7 +11,7 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon import operators
-from blender_addon.rig.rig import light_rig
+from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError

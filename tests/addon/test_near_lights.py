@@ -62,7 +62,7 @@ def test_lights_at_one_and_a_half_times_the_objects_size_cost_the_baseline_littl
 
 
 def test_lights_of_several_kinds_are_taken_as_distant(sphere, scene):
-    from blender_addon.rig.rig import light_rig
+    from blender_addon.rig.light_rig import light_rig
 
     bpy.ops.mps.add_rig(light_type="AREA")
     assert light_rig(scene).near is not None

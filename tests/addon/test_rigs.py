@@ -12,7 +12,7 @@ from blender_addon.estimate.estimate import MPS_OT_estimate
 from blender_addon.outputs import file_name
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
-from blender_addon.rig.rig import light_rig
+from blender_addon.rig.light_rig import light_rig
 from blender_addon.rig.several_rigs import result_name
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_image

@@ -15,12 +15,11 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.camera import FULL_FRAME, Camera
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.shapes import Shape
 
-from ...rig.rig import SENSOR_WIDTH
 from .materials import PART, build_material
 
 _ALL_BUT_BLACK = 1e-6  # Cycles leaves out lights that are black
@@ -47,12 +46,12 @@ def sample_scene(recipe: Recipe) -> Iterator[Any]:
 def _add_camera(scene: Any, camera: Camera) -> Any:
     """The inverse of :func:`blender_addon.scene.camera.scene_camera`, for a camera whose pixels may be oblong."""
     data = bpy.data.cameras.new("MPS Camera")
-    data.sensor_fit, data.sensor_width = "HORIZONTAL", SENSOR_WIDTH
+    data.sensor_fit, data.sensor_width = "HORIZONTAL", FULL_FRAME
     (fx, fy), width = camera.focal, camera.width
     if camera.projection == "orthographic":
         data.type, data.ortho_scale = "ORTHO", width / fx
     else:
-        data.type, data.lens = "PERSP", fx * SENSOR_WIDTH / width
+        data.type, data.lens = "PERSP", fx * FULL_FRAME / width
     data.shift_x = (width / 2 - camera.centre[0]) / width
     data.shift_y = (camera.centre[1] - camera.height / 2) / width * fx / fy
     distance = camera.world_from_camera[2, 3]

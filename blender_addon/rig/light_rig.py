@@ -1,0 +1,108 @@
+"""The rig as the core's noun: where its lights shine from as they stand now, and how their colours mix."""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from mathutils import Vector
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.rig import LightRig, near_rig
+
+from ..scene.objects import view_layer
+
+COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
+# How the brightness of lights with a place falls off their axis: a disc is seen smaller from the side.
+_LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
+
+
+def light_rig(scene: Any) -> LightRig:
+    """The rig as its objects stand now, in the camera's axes.
+
+    A sun shines along its own axis wherever it stands; any other light shines from its place towards the target. Where
+    all three are of one such kind they are near lights, which differ from pixel to pixel. The mixing matrix follows
+    from the lights' colours and their brightness at the target.
+
+    Raises InputError where a part of the rig is missing, or no normal can be told from how the lights stand.
+    """
+    view_layer(scene).update()
+    return drawn_rig(scene)
+
+
+def drawn_rig(scene: Any) -> LightRig:
+    """:func:`light_rig` as Blender last evaluated the scene, for panels, which must not evaluate it."""
+    camera, target, lights = rig_parts(scene)
+    to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
+    centre = target.matrix_world.translation
+    directions = np.array([_direction(light, centre) for light in lights])
+    mixing = _mixing(lights, centre)
+    lobes = {_LOBES.get(light.data.type) for light in lights}
+    if len(lobes) > 1 or None in lobes:
+        return LightRig(directions @ to_camera.T, mixing)
+    places = np.array([*(light.matrix_world.translation for light in lights), centre])
+    *positions, target = (places - np.array(camera.matrix_world.translation)) @ to_camera.T
+    return near_rig(positions, target, mixing, lobes.pop() or 0.0)
+
+
+def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
+    """The rig's camera, target and three lights. Raises InputError where one is missing."""
+    settings = scene.mps.rig
+    camera = rig_camera(scene)
+    in_scene = set(scene.objects)
+    if settings.target not in in_scene:
+        raise InputError("the rig's target was deleted; add the rig again")
+    lights = [light.object for light in settings.lights]
+    if len(lights) != len(COLOURS):
+        raise InputError(f"the rig has {len(lights)} lights, not a red, a green and a blue one; add the rig again")
+    for colour, light in zip(COLOURS, lights, strict=True):
+        if light is None or light not in in_scene or light.type != "LIGHT":
+            raise InputError(f"the rig's {colour.lower()} light was deleted; add the rig again")
+        if light.hide_render:
+            raise InputError(f"the rig's {colour.lower()} light is hidden from renders; show it again")
+    return camera, settings.target, lights
+
+
+def rig_camera(scene: Any) -> Any:
+    """The rig's camera. Raises InputError where there is none."""
+    settings = scene.mps.rig
+    if not settings.lights:
+        raise InputError("there is no rig in this scene; select the object and add one first")
+    if settings.camera not in set(scene.objects):
+        raise InputError("the rig's camera was deleted; add the rig again")
+    if settings.camera.type != "CAMERA":
+        raise InputError(f'the rig\'s camera "{settings.camera.name}" is not a camera; add the rig again')
+    return settings.camera
+
+
+def _direction(light: Any, centre: Vector) -> Vector:
+    if light.data.type == "SUN":
+        return light.matrix_world.to_3x3().col[2].normalized()
+    direction = light.matrix_world.translation - centre
+    if direction.length < 1e-9:
+        raise InputError(f'light "{light.name}" stands in the rig\'s target; move it away from the object')
+    return direction.normalized()
+
+
+def _mixing(lights: Iterable[Any], centre: Vector) -> NDArray[np.float64]:
+    columns = np.stack([_brightness(light, centre) for light in lights], axis=-1)
+    if columns.max() <= 0:
+        raise InputError("the rig's lights are all black; give them their strength back")
+    return columns / columns.max()
+
+
+def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
+    """(3,) red, green and blue that the light brings to the target."""
+    data = light.data
+    colour = np.array(data.color) * data.energy * 2.0**data.exposure
+    if data.use_temperature:
+        colour *= np.array(data.temperature_color)
+    if data.type == "SUN":
+        return colour / math.pi
+    return colour / area_power((light.matrix_world.translation - centre).length)
+
+
+def area_power(distance: float) -> float:
+    """Watts with which an area light at `distance` lights a surface facing it as a sun of strength π does."""
+    return (math.pi * distance) ** 2
