@@ -9,7 +9,7 @@ import atexit
 
 import bpy
 
-from . import commands, manual, menu, operators, panels, preferences, presets, settings, translations
+from . import commands, manual, menu, panels, preferences, presets, settings, translations
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
@@ -18,6 +18,7 @@ from .estimate import error_map
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
+from .operators import core_run, reporting
 from .photo import align, check, drop, look_through, paint_mask, pick_points
 from .photo import photo as photo_step
 from .rig import calibrate, light_preview, several_rigs
@@ -31,7 +32,8 @@ _MODULES = (
     preferences,
     choices,
     presets,
-    operators,
+    reporting,
+    core_run,
     rig_step,
     several_rigs,
     light_preview,

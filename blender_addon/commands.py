@@ -15,7 +15,7 @@ from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 
 from .estimate.decode_video import decode_video
-from .operators import CANCELLED
+from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
 from .training.training_data import samples_folder, samples_status
 

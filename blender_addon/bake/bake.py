@@ -16,7 +16,7 @@ from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 
 from ..child_process.core_process import Work
-from ..operators import RunsCore
+from ..operators.core_run import RunsCore
 from ..outputs import (
     FORMATS,
     frame_pattern,

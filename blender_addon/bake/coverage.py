@@ -10,7 +10,7 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
-from ..operators import ReportingOperator
+from ..operators.reporting import ReportingOperator
 from ..outputs import from_json
 from ..scene.surfaces import bounding_sphere
 

@@ -16,7 +16,7 @@ from ..appearance.nodes import (
     ensure_node,
     find_node,
 )
-from ..operators import ReportingOperator
+from ..operators.reporting import ReportingOperator
 from .assign_textures import ensure_normal_map, mark_asset
 
 # Stored with a group that was made here: the texture that it shows, by which it is known when it is made again.

@@ -11,7 +11,7 @@ import bpy
 from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix, Vector
 
-from ..operators import ReportingOperator
+from ..operators.reporting import ReportingOperator
 from ..outputs import from_json
 from ..rig.several_rigs import all_rigs
 from ..scene.surfaces import bounding_sphere

@@ -11,7 +11,7 @@ from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.operations import CompareNormals
 
-from ..operators import RunsCore
+from ..operators.core_run import RunsCore
 from ..outputs import fine_preview, image_file, load_image, output_path, remembered, sidecar
 from ..provenance import Provenance, file_stamp, stamp
 from ..rig.several_rigs import result_name, rig_at

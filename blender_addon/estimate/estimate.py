@@ -11,7 +11,7 @@ from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
 
-from ..operators import RunsCore
+from ..operators.core_run import RunsCore
 from ..outputs import (
     FORMATS,
     fine_preview,

@@ -15,7 +15,7 @@ from typing import Any
 
 import bpy
 
-from ..operators import ReportingOperator, verb_of
+from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import may_open
 from ..provenance import changed_since, made_by, made_when, seen_lately
 from ..settings.record import error_of, notes_of

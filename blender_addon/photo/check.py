@@ -9,7 +9,7 @@ import bpy
 from mpsnet_core.capture.operations import Check
 from mpsnet_core.errors import InputError
 
-from ..operators import RunsCore
+from ..operators.core_run import RunsCore
 from ..outputs import image_file, remembered
 from .options import reading, rig_file_for, rig_path
 

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..operators import ReportingOperator
+from ..operators.reporting import ReportingOperator
 from ..outputs import picture_size
 from .camera import chosen_camera, is_real
 

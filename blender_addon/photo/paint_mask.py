@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import FindMask
 
-from ..operators import RunsCore
+from ..operators.core_run import RunsCore
 from ..outputs import image_file
 from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at

@@ -16,7 +16,9 @@ from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, V
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
-from ..operators import ReportingOperator, RunsCore, at_the_pointer, verb_of
+from ..operators.core_run import RunsCore
+from ..operators.progress import at_the_pointer
+from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_sidecar, remember, render_path
 from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
 from ..rig.light_rig import drawn_rig, light_rig, rig_camera

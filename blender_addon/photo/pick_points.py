@@ -15,7 +15,8 @@ from mathutils import Matrix, Vector
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, WRONG_PIXELS
 
-from ..operators import ReportingOperator, redraw_panels
+from ..operators.progress import redraw_panels
+from ..operators.reporting import ReportingOperator
 from ..outputs import picture_size
 from ..scene.camera import scene_camera
 from .align import MPS_OT_align_photo, mesh_of_photo

@@ -9,7 +9,7 @@ import bpy
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
 
-from ..operators import RunsCore
+from ..operators.core_run import RunsCore
 from ..outputs import fine_preview, load_image, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings

@@ -24,7 +24,8 @@ from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import write_rig
 
 from ..child_process.core_process import CoreCrashed, CoreProcess
-from ..operators import ReportingOperator, redraw_panels
+from ..operators.progress import redraw_panels
+from ..operators.reporting import ReportingOperator
 from ..scene.camera import scene_camera
 from ..scene.mesh_file import write_surfaces
 from ..scene.objects import by_session_uid, rendered, view_layer

@@ -13,7 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import FULL_FRAME
 from mpsnet_core.scene.rig import direction_from_angles
 
-from ..operators import ReportingOperator
+from ..operators.reporting import ReportingOperator
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings

@@ -14,7 +14,8 @@ from mathutils import Euler, Matrix
 
 from mpsnet_core.errors import InputError
 
-from ..operators import ReportingOperator, idle
+from ..operators.core_run import idle
+from ..operators.reporting import ReportingOperator
 from ..outputs import file_name
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import GIVEN

@@ -13,7 +13,9 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.files import ensure_folder
 
 from ..errors import operator_report
-from ..operators import TICK_SECONDS, ReportingOperator, idle, redraw_panels
+from ..operators.core_run import TICK_SECONDS, idle
+from ..operators.progress import redraw_panels
+from ..operators.reporting import ReportingOperator
 from ..outputs import file_name, requested_path
 from ..scene.objects import by_session_uid
 from ..settings.declared import PATH

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from blender_addon import operators
+from blender_addon.operators import core_run
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
+from blender_addon.slices import give_up
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
@@ -234,7 +235,7 @@ def test_a_mesh_is_written_as_it_was_when_its_file_was_begun(heavy, tmp_path):
 
 
 def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, tmp_path, monkeypatch):
-    monkeypatch.setattr(operators, "SLICE_SECONDS", 0)
+    monkeypatch.setattr(core_run, "SLICE_SECONDS", 0)
     manager, started = bpy.context.window_manager, []
 
     def job():
@@ -242,9 +243,9 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
         folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
         graph = bpy.context.evaluated_depsgraph_get()
         slices = [begin_mesh(folder / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
-        timer = manager.event_timer_add(0.1, window=bpy.context.window)
-        one = operators._Job(held, slices, lambda: started.append({file.name for file in folder.iterdir()}), timer)
-        operators._jobs.append(one)
+        held.callback(give_up, slices)
+        one = core_run._Job(held, slices, lambda: started.append({file.name for file in folder.iterdir()}))
+        core_run._jobs.append(one)
         return one
 
     whole, count = job(), 0
@@ -270,21 +271,19 @@ def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
 
 
 def test_the_window_is_drawn_before_a_long_slice(scene, monkeypatch):
-    monkeypatch.setattr(operators, "SLICE_SECONDS", 60)
-    manager, done = bpy.context.window_manager, []
+    monkeypatch.setattr(core_run, "SLICE_SECONDS", 60)
+    done = []
 
     def slices():
         for name, is_next_long in (("short", False), ("short", True), ("long", True), ("long", False)):
             done.append(name)
             yield is_next_long
 
-    timer = manager.event_timer_add(0.1, window=bpy.context.window)
-    job = operators._Job(ExitStack(), [slices()], lambda: done.append("started"), timer)
+    job = core_run._Job(ExitStack(), [slices()], lambda: done.append("started"))
     for until in (["short", "short"], ["long"], ["long", "started"]):
         done.clear()
         job.go_on()
         assert done == until
-    manager.event_timer_remove(timer)
 
 
 def linked_sphere(folder):

@@ -15,8 +15,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon import operators
 from blender_addon.child_process.core_process import CoreCrashed, CoreProcess, _environment, run
+from blender_addon.operators import core_run
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.scene.rig import published_rig, write_rig
@@ -160,20 +160,19 @@ def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     held = ExitStack()
     folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
     manager = bpy.context.window_manager
-    timer = manager.event_timer_add(0.1, window=manager.windows[0])
-    running = operators._Job(held, [], lambda: CoreProcess(operation, [output]), timer)
+    running = core_run._Job(held, [], lambda: CoreProcess(operation, [output]))
     running.go_on()
-    operators._jobs.append(running)
+    core_run._jobs.append(running)
     manager.mps.running = "MPS_OT_estimate"
     wait_for_writing(running.process, output.parent)
-    operators.unregister()
+    core_run.unregister()
     try:
         assert not running.process.running()
         assert only_the_inputs(output.parent) and not folder.exists()
         assert manager.mps.running == ""
         running.leave(manager)  # Blender may ask for it once more
     finally:
-        operators.register()
+        core_run.register()
 
 
 def test_what_a_killed_blender_left_goes_with_the_next_run(tmp_path):
@@ -181,7 +180,7 @@ def test_what_a_killed_blender_left_goes_with_the_next_run(tmp_path):
 import os, sys
 import bpy
 import blender_addon
-from blender_addon.operators import RunsCore
+from blender_addon.operators.core_run import RunsCore
 from mpsnet_core.errors import InputError
 blender_addon.register()
 class MPS_OT_ends(RunsCore, bpy.types.Operator):

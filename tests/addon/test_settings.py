@@ -126,7 +126,7 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
         given.append(operation)
         raise InputError("far enough")
 
-    monkeypatch.setattr("blender_addon.operators.run", run)
+    monkeypatch.setattr("blender_addon.operators.core_run.run", run)
     scene.mps.rig.camera.data.background_images.new().image = scene.mps.photo.image
     with pytest.raises(RuntimeError, match="far enough"):
         getattr(bpy.ops.mps, verb)()

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.operators.progress import Pace, in_words
 from blender_addon.panels import CLASSES
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
@@ -17,7 +18,6 @@ from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
 from blender_addon.panels.what_counts import camera_of, lights_of
 from blender_addon.provenance import seen_lately
-from blender_addon.time_left import Pace, in_words
 from mpsnet_core.scene.rig import near_rig, write_rig
 
 

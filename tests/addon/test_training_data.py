@@ -52,7 +52,7 @@ def test_what_is_rendered_is_what_the_seed_says(rendered):
 
 
 def test_it_goes_on_where_it_stopped(folder, scene, capfd, monkeypatch):
-    monkeypatch.setattr("blender_addon.operators.LOG_SECONDS", 0)
+    monkeypatch.setattr("blender_addon.operators.progress.LOG_SECONDS", 0)
     first, second = sample_path(folder, 0), sample_path(folder, 1)
     kept = first.stat().st_mtime_ns
     pixels = read_sample(second).lights

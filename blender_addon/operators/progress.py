@@ -1,11 +1,52 @@
-"""How long work will still take, from how far it came in how long."""
+"""How far work is, in the panel, at the mouse pointer and in the log, and how long it will still take."""
 
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
+
+from mpsnet_core.progress import Progress
+
+LOG_SECONDS = 10.0
 
 # Before so much is done, in at least so long, a guess would be worth nothing and is not made. In longer work it is made
 # after less of it.
 _LEAST_SHARE, _LEAST_SECONDS = 0.03, 2.0
 _LEAST_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
+
+
+log = logging.getLogger(__name__)
+
+
+@contextmanager
+def at_the_pointer(manager: Any) -> Iterator[Progress]:
+    """Progress for a script's work: at the mouse pointer, and now and then as a line in the log."""
+    logged = time.monotonic()
+
+    def show(done: float, message: str) -> None:
+        nonlocal logged
+        manager.progress_update(int(100 * done))
+        if time.monotonic() - logged >= LOG_SECONDS:
+            log.info("%.0f%%: %s", 100 * done, message)
+            logged = time.monotonic()
+
+    manager.progress_begin(0, 100)
+    try:
+        yield show
+    finally:
+        manager.progress_end()
+
+
+def redraw_panels(manager: Any) -> None:
+    """Draw the sidebars of all 3D viewports anew, and not the viewports, which may take seconds."""
+    for window in manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
 @dataclass

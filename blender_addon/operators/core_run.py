@@ -1,0 +1,224 @@
+"""What runs the core: beside the live window from a button, to its end from a script."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.io.files import temporary_folder
+
+from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
+from ..provenance import refuse_to_overwrite
+from ..slices import Slices, give_up
+from .progress import Pace, at_the_pointer, in_words, redraw_panels
+from .reporting import ReportingOperator, verb_of
+
+TICK_SECONDS = 0.1
+SLICE_SECONDS = 0.03
+
+
+@dataclass(eq=False)
+class _Job:
+    """Work beside the live window. It outlives Blender's operator, whose data goes when it is removed.
+
+    held: goes with it. slices: what is to be done here before the child process can start. start: starts it.
+    """
+
+    held: ExitStack
+    slices: list[Slices]
+    start: Callable[[], CoreProcess]
+    process: CoreProcess | None = None
+    pace: Pace = field(default_factory=Pace)
+
+    def go_on(self) -> None:
+        """Do what fits between two redraws of the window; after the last slice the process starts."""
+        until = time.monotonic() + SLICE_SECONDS
+        while self.slices:
+            for is_long in self.slices[0]:
+                if is_long or time.monotonic() > until:
+                    return
+            del self.slices[0]
+        self.process = self.start()
+
+    def leave(self, manager: Any) -> None:
+        """Release what the run holds and end a child that still runs. Once is enough."""
+        if self not in _jobs:
+            return
+        _jobs.remove(self)
+        if self.process is not None:
+            self.process.cancel()
+        manager.mps.running = manager.mps.left = ""
+        self.held.close()
+        redraw_panels(manager)
+
+
+_jobs: list[_Job] = []
+
+
+class RunsCore(ReportingOperator):
+    """An operator whose work is one run of the core.
+
+    From a button the run is modal: the window stays live, the panel shows progress, Esc or ``mps.cancel`` ends it.
+    From a script it returns when the work is done. Between the two calls below anything may happen to the file, so
+    they share paths and session numbers (:func:`by_session_uid`), never Blender's data or names, which people change.
+    """
+
+    bl_options = {"UNDO"}
+    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
+    _slices: list[Slices]
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context) and super().poll(context)
+
+    def begin(self, context: Any) -> None:
+        super().begin(context)
+        self._slices = []
+
+    def later(self, slices: Slices) -> None:
+        """Called by `prepare` with work that takes long; it is done a slice at a time before the core starts."""
+        self._slices.append(slices)
+
+    def program(self, folder: Path) -> Program:
+        """What does the work that `prepare` returned, beside a live window. folder: that of `prepare`."""
+        return CORE
+
+    def prepare(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
+        """Write what the core reads into `folder`; return its operation and the files that this will write.
+
+        Raises InputError, as the operation itself does where its options cannot be.
+        """
+        raise NotImplementedError
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        """Take the core's result into Blender. Its notes are reported and stored already."""
+        raise NotImplementedError
+
+    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
+        """What there is to say of the core's result, in sentences; they stay with the step."""
+        return ()
+
+    def look(self) -> None:
+        """Take what the core has written so far into Blender; called ten times a second beside a live window."""
+
+    def act(self, context: Any) -> None:
+        manager = context.window_manager
+        with ExitStack() as held:
+            folder = held.enter_context(temporary_folder())
+            held.callback(give_up, self._slices)
+            work, outputs = self._prepared(context, folder)
+            for _ in chain.from_iterable(self._slices):
+                pass
+            with at_the_pointer(manager) as progress:
+                result = run(work, outputs, progress)
+        self._finished(context, result)
+
+    def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
+        work, outputs = self.prepare(context, folder)
+        refuse_to_overwrite(verb_of(self.bl_idname), outputs)
+        self._made_from = self.provenance(context)
+        return work, outputs
+
+    def _finished(self, context: Any, result: dict[str, Any]) -> None:
+        notes = [*self._notes, *result.get("notes", []), *self.remarks(result)]
+        for note in notes:
+            self.report({"INFO"}, note)
+        self.finish(context, result)
+        self._store_record(notes=notes)
+
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if bpy.app.background:
+            return self.execute(context)
+        self.begin(context)
+        return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
+
+    def _start(self, context: Any) -> None:
+        begun = time.monotonic()
+        with ExitStack() as held:
+            folder = held.enter_context(temporary_folder())
+            held.callback(give_up, self._slices)
+            work, outputs = self._prepared(context, folder)
+            program, manager = self.program(folder), context.window_manager
+            held.callback(manager.event_timer_remove, manager.event_timer_add(TICK_SECONDS, window=context.window))
+            self._job = _Job(held.pop_all(), self._slices, lambda: CoreProcess(work, outputs, program))
+        _jobs.append(self._job)
+        manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
+        if time.monotonic() - begun < SLICE_SECONDS:
+            self._go_on(context)
+        self._show(context)
+        manager.modal_handler_add(self)
+
+    def _go_on(self, context: Any) -> None:
+        try:
+            self._job.go_on()
+        except BaseException:
+            self._job.leave(context.window_manager)
+            raise
+
+    def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
+            self.cancel(context)
+            self.report({"INFO"}, "Cancelled")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        process = self._job.process
+        if process is None or process.running():
+            if process is None and not self.done(lambda: self._go_on(context)):
+                return {"CANCELLED"}
+            self._show(context)
+            self.look()
+            return {"PASS_THROUGH"}
+        self._job.leave(context.window_manager)
+        return {"FINISHED"} if self.done(lambda: self._finished(context, process.result())) else {"CANCELLED"}
+
+    def cancel(self, context: Any) -> None:
+        """Also called by Blender, when another file is opened in the middle of the work."""
+        self._job.leave(context.window_manager)
+
+    def _show(self, context: Any) -> None:
+        shown, process = context.window_manager.mps, self._job.process
+        progress, message = (process.progress, process.message) if process else (0.0, "starting")
+        left = in_words(self._job.pace.left(time.monotonic(), progress))
+        if (shown.progress, shown.message, shown.left) != (progress, message, left):
+            shown.progress, shown.message, shown.left = progress, message, left
+            redraw_panels(context.window_manager)
+
+
+class MPS_OT_cancel(bpy.types.Operator):
+    """Stop what is running; nothing half-written is left"""
+
+    bl_idname = "mps.cancel"
+    bl_label = "Cancel"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return bool(context.window_manager.mps.running)
+
+    def execute(self, context: Any) -> set[Any]:
+        context.window_manager.mps.cancel = True
+        return {"FINISHED"}
+
+
+def idle(cls: Any, context: Any) -> bool:
+    """Poll of what runs the core: one at a time."""
+    if context.window_manager.mps.running:
+        cls.poll_message_set("Wait for the running work, or cancel it")
+        return False
+    return True
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_cancel)
+
+
+def unregister() -> None:
+    for job in list(_jobs):
+        job.leave(bpy.context.window_manager)
+    bpy.utils.unregister_class(MPS_OT_cancel)
