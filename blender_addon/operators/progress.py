@@ -16,7 +16,6 @@ LOG_SECONDS = 10.0
 _LEAST_SHARE, _LEAST_SECONDS = 0.03, 2.0
 _LEAST_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
 
-
 log = logging.getLogger(__name__)
 
 

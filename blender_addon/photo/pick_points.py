@@ -1,19 +1,15 @@
 """Pick Points: places in the photo and the same places on the mesh, clicked side by side, for Align Photo."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import blf
 import bpy
-import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, WRONG_PIXELS
 
 from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
@@ -21,63 +17,16 @@ from ..outputs import picture_size
 from ..scene.camera import scene_camera
 from .align import MPS_OT_align_photo, mesh_of_photo
 from .camera import chosen_camera
+from .markers import OPEN, colour_of, draw_line, draw_marker, draw_text
+from .places import Place, mesh_point, photo_pixel, photo_place, seen_at
 
-# In pixels at the interface's scale 1: how near the mouse grabs a marker, its radius, and the column of the viewport's
-# own buttons at the right, which go on working.
-_GRAB, _RADIUS, _BUTTONS = 12.0, 7.0, 110.0
-# Red, green, blue and alpha by how far a pair is off; the alpha where the mesh hides the place.
-_OPEN, _FITS, _OFF, _WRONG = (1.0, 1.0, 1.0), (0.25, 0.9, 0.35), (1.0, 0.75, 0.15), (1.0, 0.25, 0.2)
-_HIDDEN = 0.3
+# In pixels at the interface's scale 1: how near the mouse grabs a marker, and the column of the viewport's own buttons
+# at the right, which go on working.
+_GRAB, _BUTTONS = 12.0, 110.0
+_HIDDEN = 0.3  # the alpha of a marker where the mesh hides the place
 _ENDS, _DELETES = {"ESC", "RET", "NUMPAD_ENTER"}, {"X", "DEL"}
 
-# In a region's pixels from its lower left corner, or in the photo's from its upper left one.
-Place = tuple[float, float]
 Side = Literal["pixel", "point"]
-
-
-def photo_pixel(place: Place, size: tuple[int, int]) -> Place:
-    """The photo's pixel, from its upper left corner, at Blender's own place in an image, from 0 to 1 and upwards."""
-    return place[0] * size[0], (1 - place[1]) * size[1]
-
-
-def photo_place(pixel: Sequence[float], size: tuple[int, int]) -> Place:
-    """The inverse of :func:`photo_pixel`."""
-    return pixel[0] / size[0], 1 - pixel[1] / size[1]
-
-
-def seen_at(point: Sequence[float], view: Matrix, size: tuple[int, int]) -> Place | None:
-    """Where a region shows a point of the world; None where that is behind the viewer.
-
-    view: brings the world into the region, from -1 to 1 along each of its sides. size: of the region in pixels.
-    """
-    x, y, _, w = view @ Vector((*point, 1))
-    return None if w <= 0 else ((1 + x / w) * size[0] / 2, (1 + y / w) * size[1] / 2)
-
-
-def mesh_point(target: Any, depsgraph: Any, view: Matrix, size: tuple[int, int], place: Place) -> Vector | None:
-    """The place in the world that a region shows of an object's surface; None where it shows none.
-
-    view, size: as :func:`seen_at` takes them. What stands before the object does not count.
-    """
-    inverse = np.linalg.inv(np.array(view, np.float64))
-    across = [2 * at / length - 1 for at, length in zip(place, size, strict=True)]
-    near, far = (Vector(end[:3] / end[3]) for end in (inverse @ [*across, depth, 1] for depth in (-1, 1)))
-    evaluated = target.evaluated_get(depsgraph)
-    into = evaluated.matrix_world.inverted_safe()
-    start = into @ near
-    try:
-        hit, there, _, _ = evaluated.ray_cast(start, into @ far - start)
-    except RuntimeError:  # it has no mesh now
-        return None
-    return evaluated.matrix_world @ there if hit else None
-
-
-def colour_of(residual: float, size: tuple[int, int]) -> tuple[float, float, float]:
-    """Green, yellow or red by how many pixels of a photo of this size a pair is off; white where nobody knows."""
-    unit = max(size) / 1024
-    if residual < 0:
-        return _OPEN
-    return _FITS if residual <= 2 * PIXEL_ERROR * unit else _OFF if residual <= WRONG_PIXELS * unit else _WRONG
 
 
 @dataclass(eq=False)
@@ -154,8 +103,7 @@ class _Picking:
             return True
         found = spot.found(context)
         if found is None:
-            where = "photo" if spot.side == "pixel" else "mesh"
-            self.hint = f"No {where} there"
+            self.hint = f"No {'photo' if spot.side == 'pixel' else 'mesh'} there"
             return not spot.among_buttons(context)
         self.hint = ""
         self.half[spot.side] = found
@@ -183,13 +131,11 @@ class _Picking:
     def told(self, context: Any) -> str:
         """What to do next, in words."""
         number = len(_pairs(context)) + 1
-        if "pixel" in self.half:
-            text = f"Pair {number}: the same place on the mesh"
-        elif "point" in self.half:
-            text = f"Pair {number}: the same place in the photo"
-        else:
-            text = f"Pair {number}: click in the photo, then on the mesh"
-        return f"{self.hint}. {text}" if self.hint else text
+        next_is = "click in the photo, then on the mesh"
+        if self.half:
+            next_is = f"the same place {'on the mesh' if 'pixel' in self.half else 'in the photo'}"
+        hint = f"{self.hint}. " if self.hint else ""
+        return f"{hint}Pair {number}: {next_is}"
 
     def show(self, context: Any) -> None:
         """Draw anew where something has changed, whoever changed it."""
@@ -219,12 +165,12 @@ class _Picking:
                 x, y, w = seen @ [*pair.point, 1]
                 if w:
                     end = to_region(*photo_place((x / w, y / w), size), clip=False)
-                    _draw_line([place, end], (*colour, 1.0))
-            _draw_marker(place, f"{number + 1}{off}", (*colour, 1.0))
+                    draw_line([place, end], colour)
+            draw_marker(place, f"{number + 1}{off}", colour)
         if "pixel" in self.half:
             place = to_region(*photo_place(self.half["pixel"], size), clip=False)
-            _draw_marker(place, f"{len(photo.mps.pairs) + 1}", (*_OPEN, 1.0))
-        if "pixel" not in self.half:
+            draw_marker(place, f"{len(photo.mps.pairs) + 1}", OPEN)
+        else:
             self._draw_told(context)
 
     def _draw_mesh(self) -> None:
@@ -240,15 +186,15 @@ class _Picking:
             for number, pair in enumerate(photo.mps.pairs)
         ]
         if "point" in self.half:
-            markers.append((self.half["point"], f"{len(markers) + 1}", _OPEN))
+            markers.append((self.half["point"], f"{len(markers) + 1}", OPEN))
         for point, text, colour in markers:
             place = seen_at(point, view, size)
             if place is None:
                 continue
             front = mesh_point(target, depsgraph, view, size, place)
             hidden = front is not None and (front - Vector(point)).length > least
-            _draw_marker(place, text, (*colour, _HIDDEN if hidden else 1.0))
-        if "point" not in self.half and "pixel" in self.half:
+            draw_marker(place, text, colour, _HIDDEN if hidden else 1.0)
+        if "pixel" in self.half:
             self._draw_told(context)
 
     def _draw_told(self, context: Any) -> None:
@@ -257,7 +203,7 @@ class _Picking:
         for region in context.area.regions:
             if region.type == "TOOLS" and region.alignment == "LEFT" and region.width > 1:
                 left += region.width
-        _draw_text((left, 20 * scale), self.told(context), (*_OPEN, 1.0), 14)
+        draw_text((left, 20 * scale), self.told(context), OPEN)
 
 
 _running: list[_Picking] = []
@@ -320,9 +266,9 @@ def _spot(context: Any, event: Any) -> _Spot | None:
     photo = context.scene.mps.photo.image
     for area in context.window.screen.areas:
         regions = [region for region in area.regions if _contains(region, event)]
-        if not regions or any(region.type != "WINDOW" for region in regions):  # sidebars lie over the window
+        if {region.type for region in regions} != {"WINDOW"}:  # sidebars lie over the window
             continue
-        (region,) = regions[:1]
+        region = regions[0]
         at = event.mouse_x - region.x, event.mouse_y - region.y
         if area.type == "VIEW_3D":
             return _Spot("point", area, region, at)
@@ -356,43 +302,6 @@ def _redraw(window: Any) -> None:
     for area in window.screen.areas:
         if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
             area.tag_redraw()
-
-
-def _draw_line(places: Sequence[Place], colour: tuple[float, ...]) -> None:
-    shader, region = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR"), bpy.context.region
-    gpu.state.blend_set("ALPHA")
-    # A dark line beneath, so that it is seen on every photo.
-    for width, ink in ((4.0, (0.0, 0.0, 0.0, colour[3] / 2)), (2.0, colour)):
-        shader.uniform_float("viewportSize", (region.width, region.height))
-        shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
-        shader.uniform_float("color", ink)
-        batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0.0) for place in places]}).draw(shader)
-    gpu.state.blend_set("NONE")
-
-
-def _draw_marker(place: Place, text: str, colour: tuple[float, ...]) -> None:
-    scale = bpy.context.preferences.system.ui_scale
-    x, y = place
-    _draw_line(list(_ring(place, _RADIUS * scale)), colour)
-    for dx, dy in ((1, 0), (0, 1)):
-        reach = 2.5 * scale
-        _draw_line([(x - dx * reach, y - dy * reach), (x + dx * reach, y + dy * reach)], colour)
-    _draw_text((x + 11 * scale, y + 5 * scale), text, colour, 14)
-
-
-def _ring(place: Place, radius: float) -> Iterator[Place]:
-    for angle in np.linspace(0, 2 * np.pi, 25):
-        yield place[0] + radius * float(np.cos(angle)), place[1] + radius * float(np.sin(angle))
-
-
-def _draw_text(place: Place, text: str, colour: tuple[float, ...], points: float) -> None:
-    blf.size(0, points * bpy.context.preferences.system.ui_scale)
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 6, 0.0, 0.0, 0.0, colour[3])  # an outline
-    blf.position(0, *place, 0)
-    blf.color(0, *colour)
-    blf.draw(0, text)
-    blf.disable(0, blf.SHADOW)
 
 
 class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):

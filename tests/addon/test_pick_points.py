@@ -7,7 +7,8 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
 
 from blender_addon.panels.photo import MPS_PT_align
-from blender_addon.photo.pick_points import colour_of, mesh_point, photo_pixel, photo_place, seen_at
+from blender_addon.photo.markers import colour_of
+from blender_addon.photo.places import mesh_point, photo_pixel, photo_place, seen_at
 from mpsnet_core.io.images import write_image
 
 REGION = (640, 360)
