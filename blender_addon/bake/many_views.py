@@ -25,8 +25,9 @@ from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 from ..settings.views import ViewsSettings
-from .bake import BakesOnto, bits, level, sampling, targets_place
+from .bakes_onto import BakesOnto, targets_place
 from .coverage import coverage_folder
+from .options import bits, level, sampling
 from .texture_sets import without_tokens
 
 # What Blender's importers of OBJ and glTF do to a file whose y axis is up.

@@ -20,7 +20,7 @@ from ..appearance.displacement import (
 )
 from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
 from ..appearance.nodes import TEXTURE_NODE, find_node
-from ..bake.bake import BakesOnto
+from ..bake.bakes_onto import BakesOnto
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
 from ..outputs import (
