@@ -18,7 +18,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
-from ..scene.objects import by_session_uid, find_object
+from ..scene.objects import by_session_uid, find_object, target_of
 from ..settings.declared import as_typed
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .coverage import store_coverage
@@ -60,7 +60,7 @@ class BakesOnto(RunsCore):
         settings = context.scene.mps.bake
         if self.target:
             settings.target = find_object(context.scene, self.target)
-        target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
+        target = target_of(context)
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         _refuse_linked(target)

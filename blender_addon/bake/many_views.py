@@ -19,7 +19,7 @@ from ..outputs import file_name, image_file, origin, remembered, requested_path
 from ..photo.camera import chosen_camera
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
-from ..rig.light_rig import drawn_rig, light_rig, rig_camera
+from ..rig.light_rig import light_rig, lights_stand, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
@@ -60,7 +60,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **chosen(BakeSettings, scene.bake),
             "Cameras": file_stamp(scene.views.cameras),
             "Rig File": file_stamp(scene.estimate.rig_file),
-            **({} if scene.estimate.rig_file else _lights(context.scene)),
+            **({} if scene.estimate.rig_file else lights_stand(context.scene)),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
@@ -141,15 +141,6 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene.mps.views.report_file = self._report
         self.assign_result(scene, result)
         self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
-
-
-def _lights(scene: Any) -> Provenance:
-    """The scene's lights as an ingredient; nothing where no photo can be taken with them."""
-    try:
-        rig = drawn_rig(scene)
-    except InputError:
-        return {}
-    return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:

@@ -17,6 +17,7 @@ from ..appearance.nodes import (
     find_node,
 )
 from ..operators.reporting import ReportingOperator
+from ..scene.objects import target_of
 from .assign_textures import ensure_normal_map, mark_asset
 
 # Stored with a group that was made here: the texture that it shows, by which it is known when it is made again.
@@ -36,7 +37,7 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
     requires = "bake"
 
     def act(self, context: Any) -> None:
-        target = context.scene.mps.bake.target or context.view_layer.objects.active
+        target = target_of(context)
         slots = target.material_slots if target is not None else ()
         trees = {slot.material.node_tree for slot in slots if slot.material and slot.material.node_tree}
         # Materials may share a texture and with it the group.

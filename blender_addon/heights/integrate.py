@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
 from mpsnet_core.defaults import FACES
 from mpsnet_core.errors import FileError, InputError
@@ -17,9 +16,11 @@ from mpsnet_core.scene.camera import read_camera
 
 from ..operators.core_run import RunsCore
 from ..outputs import fine_preview, image_file, load_image, output_path, overruled_format, remembered
+from ..photo.align import mesh_of_photo
 from ..photo.options import Viewpoint, seen_through
 from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
+from ..scene.surfaces import middle_of
 from ..settings.declared import as_typed, take_given
 from ..settings.heights import HeightsSettings
 
@@ -84,10 +85,9 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         seen = seen_through(scene, image, lens, folder)
         if self.distance:
             return {**seen, "distance": as_typed(self.distance)}
-        target = scene.mps.bake.target or context.view_layer.objects.active
-        if "camera" in seen and target is not None and target.type == "MESH":
-            middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
-            depth = float(read_camera(seen["camera"]).depth_row() @ np.array([*middle, 1]))
+        target = mesh_of_photo(context)
+        if "camera" in seen and target is not None:
+            depth = float(read_camera(seen["camera"]).depth_row() @ np.array([*middle_of(target), 1]))
             if depth > 0:
                 seen["distance"] = depth
         return seen

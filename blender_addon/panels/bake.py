@@ -12,6 +12,7 @@ from ..outputs import remembered
 from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
+from ..scene.objects import target_of
 from .step import Step
 from .what_counts import lacks_file, lacks_named
 
@@ -27,7 +28,7 @@ class MPS_PT_bake(Step):
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
-        target = bake.target or context.view_layer.objects.active
+        target = target_of(context)
         column = self.column()
         column.prop(bake, "objects")
         if bake.objects == "ACTIVE":
@@ -74,7 +75,7 @@ def lacks_targets(context: Any, *, alone: bool = False) -> str:
 def _meshes(context: Any, *, alone: bool = False) -> list[Any]:
     bake, objects = context.scene.mps.bake, context.view_layer.objects
     selected = bake.objects == "SELECTED" and not alone
-    chosen = objects.selected if selected else [bake.target or objects.active]
+    chosen = objects.selected if selected else [target_of(context)]
     return sorted((obj for obj in chosen if obj is not None and obj.type == "MESH"), key=lambda obj: obj.name)
 
 
@@ -121,7 +122,7 @@ class MPS_PT_texture(Step):
     def draw(self, context: Any) -> None:
         self.layout.popover("MPS_PT_bake_presets", text="Presets", icon="PRESET")
         bake = context.scene.mps.bake
-        target = bake.target or context.view_layer.objects.active
+        target = target_of(context)
         column = self.column()
         if bake.objects == "ACTIVE" and target is not None and target.type == "MESH":
             column.prop_search(bake, "uv_map", target.data, "uv_layers")

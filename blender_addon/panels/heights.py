@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ..scene.objects import target_of
 from .bake import lacks_targets
 from .step import Step
 from .what_counts import lacks_file
@@ -51,7 +52,7 @@ class MPS_PT_displace(Step):
 
     def draw(self, context: Any) -> None:
         displace = context.scene.mps.displace
-        target = context.scene.mps.bake.target or context.view_layer.objects.active
+        target = target_of(context)
         column = self.column()
         column.prop(context.scene.mps.bake, "target", placeholder=target.name if target else "")
         column.prop(displace, "method")

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 from bpy.props import IntProperty, StringProperty
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align
@@ -20,7 +20,8 @@ from ..provenance import Provenance, stamp
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera
 from ..scene.mesh_file import begin_mesh
-from ..scene.objects import by_session_uid, find_object
+from ..scene.objects import by_session_uid, find_object, target_of
+from ..scene.surfaces import middle_of
 from ..settings.align import AlignSettings
 from ..settings.declared import as_typed, from_option, take_given
 from .camera import chosen_camera, is_real
@@ -129,7 +130,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
 def mesh_of_photo(context: Any) -> Any:
     """The mesh object that a photo is of unless another is named; None where there is none."""
-    target = context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
+    target = target_of(context)
     return target if target is not None and target.type == "MESH" else None
 
 
@@ -163,9 +164,7 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     data.shift_x, data.shift_y = -off[0] / longer, off[1] / longer
     camera.matrix_world = Matrix(found.world_from_camera.tolist())
     if target is not None:
-        # Not from the object's origin: that of a scan may be far away from what was scanned.
-        middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
-        away = (camera.matrix_world.translation - middle).length + max(target.dimensions)
+        away = (camera.matrix_world.translation - middle_of(target)).length + max(target.dimensions)
         data.clip_start, data.clip_end = away / 1000, away * 10
     data.show_background_images = True
     data.background_images.clear()

@@ -21,7 +21,7 @@ from ..operators.progress import at_the_pointer
 from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_sidecar, remember, render_path
 from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
-from ..rig.light_rig import drawn_rig, light_rig, rig_camera
+from ..rig.light_rig import light_rig, lights_stand, rig_camera
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import PATH, take_given
 from ..settings.photo import PhotoSettings
@@ -183,12 +183,8 @@ def _take(rig: Any, image: bpy.types.Image) -> None:
 
 def _drawn(scene: Any) -> Provenance:
     """Lights and camera as Blender last evaluated them; nothing where no photo can be taken with them."""
-    try:
-        rig = drawn_rig(scene)
-    except InputError:
-        return {}
-    lights = rounded(rig.directions, 3) + rounded(rig.mixing, 3)
-    return {"Lights": lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)}
+    lights = lights_stand(scene)
+    return {**lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
 
 
 def _is_shown_as_read(path: Path) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import LightRig, near_rig
 
+from ..provenance import Provenance, rounded
 from ..scene.objects import view_layer
 
 COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
@@ -44,6 +45,15 @@ def drawn_rig(scene: Any) -> LightRig:
     places = np.array([*(light.matrix_world.translation for light in lights), centre])
     *positions, target = (places - np.array(camera.matrix_world.translation)) @ to_camera.T
     return near_rig(positions, target, mixing, lobes.pop() or 0.0)
+
+
+def lights_stand(scene: Any) -> Provenance:
+    """How the lights stand and shine, as an ingredient of a photo; none where no photo can be taken with them."""
+    try:
+        rig = drawn_rig(scene)
+    except InputError:
+        return {}
+    return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}
 
 
 def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:

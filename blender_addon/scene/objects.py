@@ -21,6 +21,11 @@ def find_object(scene: Any, name: str) -> Any:
     return target
 
 
+def target_of(context: Any) -> Any:
+    """The object that is worked on: the target of the step Bake, else the active one; None where there is none."""
+    return context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
+
+
 def view_layer(scene: Any) -> Any:
     """The view layer in use, or the first one of a scene that is not open."""
     return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]

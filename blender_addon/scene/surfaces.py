@@ -13,6 +13,11 @@ from mpsnet_core.errors import InputError
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
+def middle_of(obj: Any) -> Vector:
+    """The middle of an object's box, in the world; the origin of a scan may be far away from what was scanned."""
+    return obj.matrix_world @ (sum(map(Vector, obj.bound_box), Vector()) / 8)
+
+
 def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:
     """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
 
