@@ -73,7 +73,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             mesh, camera = self._write_place(context, folder, target, normals_image)
             meshes: tuple[str, ...] = (mesh,)
         else:
-            targets = self.bake_targets(context)
+            targets = self.baked_objects(context)
             self._output = self.texture_file(context, targets)
             suffix = self._output.suffix.lower()
             meshes = self.write_meshes(context, folder, targets)

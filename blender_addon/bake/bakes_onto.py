@@ -66,7 +66,7 @@ class BakesOnto(RunsCore):
         _refuse_linked(target)
         return target
 
-    def bake_targets(self, context: Any) -> list[Any]:
+    def baked_objects(self, context: Any) -> list[Any]:
         """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
         settings = context.scene.mps.bake
         if settings.objects == "ACTIVE":
@@ -178,6 +178,7 @@ def _worn(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -
 
 
 def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
+    """What is known of an object whose mesh file is begun, when the textures come back."""
     return BakeTarget(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
 
 

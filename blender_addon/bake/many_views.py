@@ -67,7 +67,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
-        targets = self.bake_targets(context)
+        targets = self.baked_objects(context)
         self._output = output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
         meshes = self.write_meshes(context, folder, targets, turn.inverted())
