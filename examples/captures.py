@@ -24,6 +24,7 @@ from mpsnet_core import Capture, InputError, LightRig, NormalMap, angular_error,
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.calibrate.lights import find_lights
 from mpsnet_core.capture.calibrate.photos import BallPhotos, read_sightings
+from mpsnet_core.capture.reading import Reading
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.pictures import cropped, normals_picture, photo_picture, sheet
 from mpsnet_core.scene.rig import angles_of
@@ -64,7 +65,7 @@ def main() -> None:
 
 def light_directions(folder: Path) -> np.ndarray:
     """(12, 3) by the mirror ball."""
-    photos = BallPhotos([folder / f"chrome.{number}.png" for number in range(LIGHTS)], encoding=ENCODING)
+    photos = BallPhotos([folder / f"chrome.{number}.png" for number in range(LIGHTS)], reading=Reading(ENCODING))
     found = find_lights(read_sightings(photos))
     circle = found.sightings[0].ball.circle
     print(f"the ball is at {circle.x:.1f},{circle.y:.1f} with radius {circle.radius:.1f} pixels")

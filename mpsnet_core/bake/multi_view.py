@@ -20,8 +20,8 @@ from mpsnet_core.bake.low_frequency_correction import levelling, turned
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
-from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
+from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.capture.transfer_curve import note_doubtful_curve
 from mpsnet_core.errors import FileError, GeometryError
@@ -29,7 +29,7 @@ from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, layer_in, read_image, read_size, write_image
+from mpsnet_core.io.images import layer_in, read_size, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity, is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
@@ -52,15 +52,13 @@ class Photography:
     """How the photos of all views are taken in.
 
     rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks named as
-    the photos or with _mask behind, or what :func:`read_capture` takes. encoding, layer, correction: as there. white:
-    folders of photos under white light, named as the photos or with _white behind; those of several are added up.
+    the photos or with _mask behind, or what :func:`read_capture` takes. reading: how they are read. white: folders of
+    photos under white light, named as the photos or with _white behind; those of several are added up.
     """
 
     rig_of: Callable[[Camera], LightRig]
     mask: str = "mesh"
-    encoding: Encoding = "auto"
-    layer: str | None = None
-    correction: Correction | None = None
+    reading: Reading = AS_STATED
     white: Sequence[str] = ()
 
     @cached_property
@@ -96,11 +94,9 @@ class Photography:
         return capture
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
+        image = self.reading.photo(view.photo)
         rig = self.rig_of(view.camera)
-        image, mask = corrected_and_masked(
-            image, rig, self.mask_of(view), encoding=self.encoding, layer=self.layer, correction=self.correction
-        )
+        image, mask = corrected_and_masked(image, rig, self.mask_of(view), self.reading)
         if view.lens is not None and not view.lens.is_identity:
             from mpsnet_core.scene.photogrammetry import undistorted_mask
 
@@ -116,21 +112,15 @@ class Photography:
         capture = capture_of(image, mask, rig, view.camera, depth)
         if not self.white:
             return capture
-        return with_white(
-            capture,
-            self.white_of(view),
-            encoding=self.encoding,
-            layer=self.layer,
-            correction=self.correction,
-            straightened=partial(_straightened, view=view),
-        )
+        straightened = partial(_straightened, view=view)
+        return with_white(capture, self.white_of(view), self.reading, straightened=straightened)
 
 
 def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
     """Raises InputError, which names the view, where a photo is no image or not as large as its camera's, as far as
     the files' headers tell: before any is read."""
     for view in views:
-        camera, layer = (view.camera.height, view.camera.width), photography.layer
+        camera, layer = (view.camera.height, view.camera.width), photography.reading.layer
         with located(f"view {view.name}"):
             photos = {"the photo": (view.photo, layer)}
             photos |= {f"white photo {file}": (file, layer_in(file, layer)) for file in photography.white_of(view)}

@@ -616,7 +616,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             def rig_of(camera: "Camera") -> "LightRig":
                 return rig
 
-        return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction(), self.white)
+        return Photography(rig_of, self.mask, self.reading(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
         """The files that the views are to be kept in. Raises FileError where one is there that is not ours."""

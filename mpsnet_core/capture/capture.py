@@ -14,13 +14,14 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
+from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.files import located, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
-from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
+from mpsnet_core.io.images import Encoding, as_stored
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
 
@@ -252,26 +253,25 @@ def read_capture(
     InputError
         Where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each other.
     """
-    image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
+    reading = Reading(encoding, layer, correction)
+    image = reading.photo(path, compact=correction is None)
 
     def taken(image: Image) -> Capture:
         with located(path):
-            return capture_from(
-                image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
-            )
+            return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth)
 
     capture = taken(image)
     if correction is not None:  # which has been read as sRGB
         note_doubtful_curve(Path(path).name, image, capture.mask, rig)
     elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
-        encoding, image = "linear", as_stored(image)
+        reading, image = replace(reading, encoding="linear"), as_stored(image)
         # What is found by brightness lies elsewhere by another curve; any other mask stays.
         capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         if any(resolved(file) == resolved(path) for file in several):
             raise _white_is_the_photo(path)
-        capture = with_white(capture, several, light=white_light, encoding=encoding, layer=layer, correction=correction)
+        capture = with_white(capture, several, reading, light=white_light)
     note_doubts(capture)
     return capture
 
@@ -279,11 +279,9 @@ def read_capture(
 def with_white(
     capture: Capture,
     photos: Sequence[str | os.PathLike[str]],
+    reading: Reading,
     *,
     light: ArrayLike | None = None,
-    encoding: Encoding = "auto",
-    layer: str | None = None,
-    correction: Correction | None = None,
     straightened: Callable[[Image], Image] = lambda image: image,
 ) -> Capture:
     """The capture with the sum of `photos`, read as the photo was, as its white photo.
@@ -295,9 +293,9 @@ def with_white(
     """
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
-        image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
+        image = reading.companion(file)
         with located(file):
-            image = straightened(image if correction is None else corrected(image, correction))
+            image = straightened(corrected(image, reading.correction))
             # Checked one by one: the sum would not show which of them does not fit.
             total += _checked_white(image.pixels, None, capture.mask)
         clipped |= image.saturated
@@ -316,11 +314,9 @@ def capture_from(
     rig: LightRig,
     *,
     mask: str | os.PathLike[str] | None = None,
-    encoding: Encoding = "auto",
-    layer: str | None = None,
+    reading: Reading = AS_STATED,
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
-    correction: Correction | None = None,
     notes: Notes = "all",
 ) -> Capture:
     """An image that has been read, a video's frame for instance, as a capture; all else as in :func:`read_capture`.
@@ -329,9 +325,7 @@ def capture_from(
 
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
-    image, inside = corrected_and_masked(
-        image, rig, mask, encoding=encoding, layer=layer, correction=correction, notes=notes
-    )
+    image, inside = corrected_and_masked(image, rig, mask, reading, notes)
     height, width, _ = image.pixels.shape
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
@@ -342,21 +336,18 @@ def corrected_and_masked(
     image: Image,
     rig: LightRig,
     mask: str | os.PathLike[str] | None,
-    *,
-    encoding: Encoding = "auto",
-    layer: str | None = None,
-    correction: Correction | None = None,
+    reading: Reading,
     notes: Notes = "all",
 ) -> tuple[Image, NDArray[np.bool_]]:
     """The image without what camera and lights add, and (H, W) its mask; all as in :func:`capture_from`."""
+    correction = reading.correction
     if rig.near is not None and correction is not None and correction.gain is not None:
         raise SettingsError(
             "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
             "out, or give the lights as directions"
         )
-    if correction is not None:
-        image = corrected(image, correction)
-    return image, find_mask(image, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
+    image = corrected(image, correction)
+    return image, find_mask(image, mask, **vars(reading), notes=notes)
 
 
 def capture_of(

@@ -105,13 +105,15 @@ def read_correction(
     return Correction(level, gain, unusable, exposure_time)
 
 
-def corrected(image: Image, correction: Correction) -> Image:
-    """The photo less the dark frame, divided by the flat field; below zero is zero.
+def corrected(image: Image, correction: Correction | None) -> Image:
+    """The photo less the dark frame, divided by the flat field; below zero is zero. Itself where there is neither.
 
     What was clipped in the photo stays so, and what is unusable in dark frame or flat field counts as clipped.
 
     Raises GeometryError where the sizes differ, FormatError where the photo is no brighter than the dark frame.
     """
+    if correction is None:
+        return image
     for name, frame in (("dark frame", correction.dark), ("flat field", correction.gain)):
         if frame is not None:
             check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)

@@ -14,10 +14,11 @@ from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, w
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
+from mpsnet_core.capture.reading import Reading
 from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FileError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, layer_in, read_image, read_mask
+from mpsnet_core.io.images import Encoding, read_mask
 from mpsnet_core.io.provenance import identity
 
 log = logging.getLogger(__name__)
@@ -102,7 +103,7 @@ def find_mask(
     if kind == "threshold":
         return threshold_mask(image.pixels, argument)
     if kind == "background":
-        background = _read_background(argument, encoding, layer, correction)
+        background = _read_background(argument, Reading(encoding, layer, correction))
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
         known = ", ".join(WORDS)
@@ -118,11 +119,10 @@ def _alpha_mask(image: Image) -> NDArray[np.bool_]:
     return image.alpha > 0.5
 
 
-def _read_background(file: str, encoding: Encoding, layer: str | None, correction: Correction | None) -> Image:
+def _read_background(file: str, reading: Reading) -> Image:
     if not file:
         raise SettingsError("a mask by background names a photo of the scene without the object: background:FILE")
-    background = read_image(file, encoding=encoding, layer=layer_in(file, layer))
-    return background if correction is None else corrected(background, correction)
+    return corrected(reading.companion(file), reading.correction)
 
 
 def _whole(image: Image) -> NDArray[np.bool_]:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from mpsnet_core.capture.correction import Correction
     from mpsnet_core.capture.photo_check import Finding
+    from mpsnet_core.capture.reading import Reading
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.camera import Camera
 
@@ -43,18 +43,22 @@ class ReadsPhotos(ReadsPictures):
         default=0, metavar="PIXELS", help="smooth away the card's grain, finer than so many pixels"
     )
 
-    def correction(self) -> "Correction | None":
-        """Dark frame and flat field, None where neither is given.
+    def reading(self) -> "Reading":
+        """How photos are read, with dark frame and flat field where they are given.
 
         Raises SettingsError where the flat field to smooth is lacking, and as `read_correction` does.
         """
         from mpsnet_core.capture.correction import read_correction
+        from mpsnet_core.capture.reading import Reading
 
         if self.flat_smooth and self.flat is None:
             raise SettingsError("--flat-smooth smooths the flat field; give --flat, or leave it out")
-        if self.dark is None and self.flat is None:
-            return None
-        return read_correction(self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth)
+        correction = None
+        if self.dark is not None or self.flat is not None:
+            correction = read_correction(
+                self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth
+            )
+        return Reading(self.encoding, self.layer, correction)
 
     def photo_and_mask(self, photo: str, choice: str, progress: Progress) -> "tuple[Image, NDArray[np.bool_]]":
         """A photo, corrected, and (H, W) where the object is. choice: as :func:`mpsnet_core.find_mask` takes it.
@@ -68,12 +72,11 @@ class ReadsPhotos(ReadsPictures):
         from mpsnet_core.io.images import read_image
 
         image = read_image(photo, encoding=self.encoding, layer=self.layer)
-        correction = self.correction()
+        reading = self.reading()
         progress(0.4, "looking for the object")
         with located(photo):
-            if correction is not None:
-                image = corrected(image, correction)
-            mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
+            image = corrected(image, reading.correction)
+            mask = find_mask(image, choice, **vars(reading))
         check_same_size(choice, mask.shape, photo, image.pixels.shape[:2])
         return image, mask
 

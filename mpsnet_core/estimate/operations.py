@@ -212,17 +212,15 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.scene.rig import read_rig
 
         estimator = self.estimator(self.passes)
-        rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
+        rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
         progress(0.0, f"reading {photo.name}")
         capture = read_capture(
             photo,
             rig,
             mask=self.mask,
-            encoding=self.encoding,
-            layer=self.layer,
             camera=camera,
             depth=depth,
-            correction=correction,
+            **vars(reading),
             white=self.white or None,
             white_light=white_light,
         )
@@ -334,7 +332,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.rig import read_rig
 
-        rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
+        rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
         notes: Notes = "doubts"
 
         def take(frame: "Frame") -> "Capture":
@@ -342,15 +340,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             image = frame.read()
             with located(frame.name):
                 capture = capture_from(
-                    image,
-                    rig,
-                    mask=frame.mask,
-                    encoding=self.encoding,
-                    layer=self.layer,
-                    camera=camera,
-                    depth=depth,
-                    correction=correction,
-                    notes=notes,
+                    image, rig, mask=frame.mask, reading=reading, camera=camera, depth=depth, notes=notes
                 )
             if notes != "none":
                 note_doubtful_curve(frame.name, image, capture.mask, rig)

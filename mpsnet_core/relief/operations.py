@@ -575,16 +575,15 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.capture.capture import capture_from
         from mpsnet_core.capture.transfer_curve import note_doubtful_curve
         from mpsnet_core.io.files import located
-        from mpsnet_core.io.images import read_image
         from mpsnet_core.relief.material.material import filled_part
         from mpsnet_core.relief.material.scale import parse_ruler
         from mpsnet_core.scene.rig import read_rig
 
-        rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
-        image = read_image(self.image, encoding=self.encoding, layer=self.layer)
+        rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
+        image = reading.photo(self.image)
         mask = "none" if image.alpha is None else "alpha"
         with located(self.image):
-            capture = capture_from(image, rig, mask=mask, camera=camera, depth=depth, correction=correction)
+            capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth)
             note_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
             height, width = capture.mask.shape
             if self.ruler:

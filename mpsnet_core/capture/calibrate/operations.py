@@ -90,9 +90,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
             Path(self.mask) if self.mask else None,
             camera=self.lens(),
             radius=1.0 if self.radius is None else self.radius,
-            encoding=self.encoding,
-            layer=self.layer,
-            correction=self.correction(),
+            reading=self.reading(),
             balls=balls,
             mirror=mirror,
         )

@@ -11,12 +11,13 @@ from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, b
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.capture.calibrate.lights import Sighting
-from mpsnet_core.capture.correction import Correction, corrected
+from mpsnet_core.capture.correction import corrected
+from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.capture.sizes import check_same_size, size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, read_image, read_mask
+from mpsnet_core.io.images import read_mask
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 
@@ -37,12 +38,10 @@ class BallPhotos:
         How many there are, and their radius in the unit that positions are wanted in.
     camera
         A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a camera far away.
-    encoding, layer
-        As in :func:`read_image`.
+    reading
+        How they are read.
     mirror
         Whether the ball is a mirror; else it is matt.
-    correction
-        Dark frame and flat field.
     """
 
     files: Sequence[Path]
@@ -51,15 +50,12 @@ class BallPhotos:
     balls: int = 1
     radius: float = 1.0
     camera: Camera | float | None = None
-    encoding: Encoding = "auto"
+    reading: Reading = AS_STATED
     mirror: bool = True
-    layer: str | None = None
-    correction: Correction | None = None
 
     def read(self, file: Path) -> Image:
         """One of the photos."""
-        image = read_image(file, encoding=self.encoding, layer=self.layer)
-        return image if self.correction is None else corrected(image, self.correction)
+        return corrected(self.reading.photo(file), self.reading.correction)
 
 
 def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:

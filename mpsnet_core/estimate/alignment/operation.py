@@ -147,10 +147,8 @@ class Align(RunsModel, ReadsPhotos):
             self.image,
             read_rig(self.rig),
             mask=self.mask,
-            encoding=self.encoding,
-            layer=self.layer,
             camera=self.focal,
-            correction=self.correction(),
+            **vars(self.reading()),
         )
 
     def _fits(

@@ -1,0 +1,38 @@
+"""How photos are read: what their values mean, which layer counts, and what camera and lights add to every photo."""
+
+import os
+from dataclasses import dataclass
+
+from mpsnet_core.capture.correction import Correction
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import Encoding, layer_in, read_image
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a photo is read, and what goes with it: its background, its photo under white light.
+
+    The fields are keywords of :func:`find_mask` and :func:`read_capture`.
+
+    Attributes
+    ----------
+    encoding, layer
+        As in :func:`read_image`.
+    correction
+        Dark frame and flat field; None where there is neither.
+    """
+
+    encoding: Encoding = "auto"
+    layer: str | None = None
+    correction: Correction | None = None
+
+    def photo(self, path: str | os.PathLike[str], *, compact: bool = False) -> Image:
+        """The photo, not corrected yet. compact: as in :func:`read_image`, which says what is raised."""
+        return read_image(path, encoding=self.encoding, layer=self.layer, compact=compact)
+
+    def companion(self, path: str | os.PathLike[str]) -> Image:
+        """What belongs to the photo, not corrected yet: by the photo's layer where that file has several."""
+        return read_image(path, encoding=self.encoding, layer=layer_in(path, self.layer))
+
+
+AS_STATED = Reading()  # as the files themselves state it
