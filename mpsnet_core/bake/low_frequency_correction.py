@@ -182,8 +182,7 @@ class MeshSeen:
 
     def in_camera(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
         """(M, 3) unit normals in camera space, of normals (M, 3) in object space."""
-        # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
-        to_camera = np.linalg.inv(self.mesh.world_from_object[:3, :3]) @ self.camera.rotation
+        to_camera = self.mesh.normals_to_world @ self.camera.rotation
         unit: NDArray[np.float32] = normalised(normals @ to_camera.astype(np.float32))
         return unit
 

@@ -60,7 +60,7 @@ class UnderTexels:
         self.sign = tangents[:, 0, 3]
         # Normals are carried to world space by the inverse transpose, and back by the transpose.
         self.object_from_world_normals = mesh.world_from_object[:3, :3].T.astype(np.float32)
-        self.world_from_object_normals = np.linalg.inv(mesh.world_from_object[:3, :3]).T.astype(np.float32)
+        self.world_from_object_normals = mesh.normals_to_world.T.astype(np.float32)
 
     def linear(self, at_corners: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
         """(T, 3, 3) corner values as (9, T): the value at the first corner, its step along x, along y."""

@@ -11,7 +11,7 @@ from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.rays import RayScene
 
 # Views beyond about this much memory are not held at once, but read again in each pass.
@@ -138,7 +138,7 @@ def seen_triangles(
 def _faces(mesh: Mesh, middle: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(3, T) the triangles' middles in the world, relative to `middle`, and (3, T) their unit normals."""
     corners = mesh.world_vertices[mesh.triangles] - middle
-    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
+    outwards = triangle_normals(corners)
+    if mesh.is_mirrored:
         outwards = -outwards
     return corners.mean(axis=1).T.astype(np.float32, order="C"), normalised(outwards).T.astype(np.float32, order="C")

@@ -89,16 +89,14 @@ def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = PO
 
     feather: as :func:`mpsnet_core.bake.bake.bake_normals` takes it.
     """
-    corners = mesh.world_vertices[mesh.triangles]
-    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.cumsum(np.linalg.norm(outwards, axis=1))
+    areas = np.cumsum(mesh.world_areas)
     number = np.arange(count)
     triangle = np.searchsorted(areas, (number + 0.5) / count * areas[-1]).clip(max=len(areas) - 1)
     u, v = ((number[:, None] + 0.5) * _STEPS % 1).T
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
     weights = np.stack([1 - u - v, u, v], axis=1)[..., None]
-    points = (corners[triangle] * weights).sum(axis=1) - scene.middle
-    normals = (mesh.corner_normals[triangle] * weights).sum(axis=1) @ np.linalg.inv(mesh.world_from_object[:3, :3])
+    points = (mesh.world_vertices[mesh.triangles[triangle]] * weights).sum(axis=1) - scene.middle
+    normals = (mesh.corner_normals[triangle] * weights).sum(axis=1) @ mesh.normals_to_world
     return Agreement(scene, feather, points.astype(np.float32), normalised(normals).astype(np.float32))
 
 

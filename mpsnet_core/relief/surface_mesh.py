@@ -17,6 +17,7 @@ from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.parallel_projection import parallel_heights, pixel_size
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.normal_map import NormalMap
 
 Up = Literal["y", "z"]
@@ -134,7 +135,7 @@ def _uvs(camera: Camera, rows: NDArray[np.int32], columns: NDArray[np.int32]) ->
 
 def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, of unit rays (T, 3)."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = triangle_normals(corners)
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
     angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-np.einsum("ti,ti->t", normals, rays) / lengths, -1, 1)))
     return angles

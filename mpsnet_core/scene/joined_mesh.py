@@ -40,9 +40,8 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
 
 def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
     """Corner values (T, 3, ...) in counter-clockwise order in the world: reversed for a mirrored object."""
-    return at_corners[:, ::-1] if np.linalg.det(mesh.world_from_object[:3, :3]) < 0 else at_corners
+    return at_corners[:, ::-1] if mesh.is_mirrored else at_corners
 
 
 def _world_normals(mesh: Mesh) -> NDArray[np.float32]:
-    # The inverse transpose transforms normals; a row times a matrix transposes once more.
-    return normalised(mesh.corner_normals @ np.linalg.inv(mesh.world_from_object[:3, :3]).astype(np.float32))
+    return normalised(mesh.corner_normals @ mesh.normals_to_world.astype(np.float32))

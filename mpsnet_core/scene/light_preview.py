@@ -10,7 +10,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
@@ -101,10 +101,8 @@ def _surface(
     """
     weights = hits.weights.astype(np.float64)
     corners = mesh.world_vertices[mesh.triangles[hits.triangle]]
-    object_from_world = np.linalg.inv(mesh.world_from_object[:3, :3])
-    at_corners = normalised(mesh.corner_normals[hits.triangle] @ object_from_world)
-    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outwards = np.einsum("ni,ni->n", faces, view) * np.sign(np.linalg.det(object_from_world))
+    at_corners = normalised(mesh.corner_normals[hits.triangle] @ mesh.normals_to_world)
+    outwards = np.einsum("ni,ni->n", triangle_normals(corners), view) * (-1 if mesh.is_mirrored else 1)
     at_corners[outwards < 0] *= -1
     normals = normalised((weights * at_corners).sum(axis=1))
     lift = offset * normals

@@ -124,6 +124,25 @@ class Mesh:
         placed: NDArray[np.float64] = self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
         return placed
 
+    @cached_property
+    def world_areas(self) -> NDArray[np.float64]:
+        """(T,) areas of the triangles in world space."""
+        areas: NDArray[np.float64] = np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
+        return areas
+
+    @cached_property
+    def normals_to_world(self) -> NDArray[np.float64]:
+        """(3, 3) what normals in object space, as rows, are multiplied by to be in world space, not of unit length.
+
+        Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+        """
+        return np.linalg.inv(self.world_from_object[:3, :3])
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether triangles are clockwise seen from outside, in world space."""
+        return bool(np.linalg.det(self.world_from_object[:3, :3]) < 0)
+
 
 def _check_finite(name: str, values: NDArray[Any]) -> None:
     if not np.isfinite(values).all():
@@ -466,14 +485,19 @@ def _else_smooth(normals: NDArray[np.float64], vertices: NDArray[np.float64], tr
     return unit
 
 
+def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
+    """(T, 3) normals of triangles (T, 3, 3), towards who sees them counter-clockwise; as long as twice the area."""
+    normals: NDArray[Any] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return normals
+
+
 def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
     """(T, 3, 3) smooth normals, as Blender's: for each vertex the normals of its faces, weighted by their angles."""
     corners = vertices[triangles]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    faces = np.cross(ahead[:, 0], behind[:, 0])
     across = np.linalg.norm(np.cross(ahead, behind), axis=-1)
     angles = np.arctan2(across, np.einsum("tci,tci->tc", ahead, behind))
-    weighted = (normalised(faces)[:, None] * angles[..., None]).reshape(-1, 3)
+    weighted = (normalised(triangle_normals(corners))[:, None] * angles[..., None]).reshape(-1, 3)
     summed = np.stack([np.bincount(triangles.ravel(), weighted[:, axis], len(vertices)) for axis in range(3)], axis=-1)
     normals: NDArray[np.float64] = normalised(summed)[triangles]
     return normals

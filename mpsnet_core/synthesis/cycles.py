@@ -14,6 +14,7 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import complaint, image_input, libraries_silent
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
@@ -145,8 +146,7 @@ def _traced(
     points = origins[met] + distance[met, None] * directions
     depth[rows, columns] = points @ camera.depth_row()[:3] + camera.depth_row()[3]
 
-    a, b, c = vertices[triangles[triangle[met]]].transpose(1, 0, 2)
-    faces = normalised(np.cross(b - a, c - a))
+    faces = normalised(triangle_normals(vertices[triangles[triangle[met]]]))
     faces *= -np.sign(np.einsum("ni,ni->n", faces, directions))[:, None]
     starts = points + OFFSET * scene.size * faces
     shading = normals[rows, columns]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.rays import RayScene
 
 
@@ -26,8 +26,6 @@ class MeshFaces:
 
     @classmethod
     def of(cls, mesh: Mesh) -> "MeshFaces":
-        vertices = mesh.world_vertices
-        a, b, c = (vertices[mesh.triangles[:, k]] for k in range(3))
-        across = np.cross(b - a, c - a)
+        across = triangle_normals(mesh.world_vertices[mesh.triangles])
         length = np.linalg.norm(across, axis=1, keepdims=True)
-        return cls(RayScene(vertices, mesh.triangles), across / np.where(length > 0, length, 1))
+        return cls(RayScene(mesh.world_vertices, mesh.triangles), across / np.where(length > 0, length, 1))

@@ -123,7 +123,7 @@ def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.flo
     of_place = np.empty((places.max() + 1, 3))
     of_place[places] = points
     normals = smooth_corner_normals(of_place, places)
-    return [points, normals if np.linalg.det(mesh.world_from_object[:3, :3]) > 0 else -normals]
+    return [points, -normals if mesh.is_mirrored else normals]
 
 
 def _shading(layout: Layout) -> list[NDArray[np.floating[Any]]]:
@@ -151,7 +151,7 @@ def _wanted(
 
 
 def _to_world(own: Layout, normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    return normalised(normals @ np.linalg.inv(own.mesh.world_from_object[:3, :3]))
+    return normalised(normals @ own.mesh.normals_to_world)
 
 
 def _from_tangent_space(

@@ -50,9 +50,7 @@ class Layout:
 
     def areas(self) -> NDArray[np.float64]:
         """(T,) how large a texel on each triangle is in the world."""
-        corners = self.mesh.world_vertices[self.mesh.triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        areas: NDArray[np.float64] = np.linalg.norm(across, axis=1) / 2 / np.maximum(texel_areas(self.corners), NO_AREA)
+        areas: NDArray[np.float64] = self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
         return areas
 
     def seams(self) -> "Seams":
@@ -103,8 +101,7 @@ def layout_of(mesh: Mesh, size: int) -> Layout:
     """Lay a mesh out in a texture of `size` x `size` texels; triangles without area cover none."""
     islands = islands_of(mesh)
     corners = texel_coordinates(mesh.uvs, size)
-    points = mesh.world_vertices[mesh.triangles]
-    areas = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1)
+    areas = mesh.world_areas
     order = np.argsort(islands.of_triangle, kind="stable").astype(np.int32)
     order = order[areas[order] > LEAST_AREA * areas.max()]
     laid = triangle_of_texel(corners[order], size)

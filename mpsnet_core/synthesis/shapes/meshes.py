@@ -13,7 +13,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.mesh_import import read_scene
-from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core.scene.mesh import read_mesh, triangle_normals
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
 Array = NDArray[np.float64]
@@ -246,8 +246,7 @@ def outward(vertices: Array, faces: Faces) -> Faces:
 
 def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
     """(T, 3, 3) normals: at each corner of those faces around its vertex that meet its own below the crease angle."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a)
+    area = triangle_normals(vertices[triangles])
     flat = normalised(area)
     order = np.argsort(triangles.ravel(), kind="stable")
     vertex = triangles.ravel()[order]

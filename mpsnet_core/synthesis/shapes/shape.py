@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.scene.mesh import triangle_normals
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def smooth_shape(
 ) -> Shape:
     """A shape of one part with a normal (V, 3) a vertex: those of its triangles, weighted by area, unless given."""
     if normals is None:
-        faces = _cross_products(vertices, triangles)
+        faces = triangle_normals(vertices[triangles])
         summed = [np.bincount(triangles.ravel(), np.repeat(faces[:, axis], 3), len(vertices)) for axis in range(3)]
         normals = normalised(np.stack(summed, axis=1))
     return Shape(vertices, triangles, normals.astype(np.float32)[triangles], np.zeros(len(triangles), np.int32))
@@ -46,7 +47,7 @@ def smooth_shape(
 
 def faceted_shape(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> Shape:
     """A shape whose triangles look flat; all of one part."""
-    faces = normalised(_cross_products(vertices, triangles)).astype(np.float32)
+    faces = normalised(triangle_normals(vertices[triangles])).astype(np.float32)
     return Shape(vertices, triangles, np.repeat(faces[:, None], 3, axis=1), np.zeros(len(triangles), np.int32))
 
 
@@ -97,9 +98,3 @@ def turn_about(axis: ArrayLike, degrees: float) -> NDArray[np.float64]:
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turn: NDArray[np.float64] = np.eye(3) + sin * across + (1 - cos) * (across @ across)
     return turn.T
-
-
-def _cross_products(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    crossed: NDArray[np.float64] = np.cross(b - a, c - a)
-    return crossed
