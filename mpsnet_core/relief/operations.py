@@ -241,21 +241,15 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             return self._of_photo(progress)
         if self.height is None:
             raise SettingsError("--uvs makes heights; name their file with --height")
-        from mpsnet_core.relief.displacement.displacement_files import write_displacement
+        from mpsnet_core.relief.displacement.displacement_files import BakedNormals, HeightTarget, write_displacement
 
         return write_displacement(
-            self.normals,
-            self.uvs,
-            self.height,
+            BakedNormals(self.normals, self.uvs, self.space, self.convention),
+            HeightTarget(self.height, self.object_space, self.height_bits, self.unit or "unit"),
             base=self.base,
-            object_space=self.object_space,
-            convention=self.convention,
-            space=self.space,
             scale=self.scale,
             mean=self.mean,
             margin=self.margin,
-            bits=self.height_bits,
-            unit=self.unit or "unit",
             progress=progress,
         )
 

@@ -12,12 +12,11 @@ from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
-from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_apart, writable_image, written_together
 from mpsnet_core.io.images import read_size, write_image
 from mpsnet_core.operation import Result
-from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.udim import tiles_of
@@ -30,6 +29,34 @@ log = logging.getLogger(__name__)
 # The share of the surface where normals that fit it may contradict one another: a photo's around eyes and nostrils are
 # some hundredths.
 DOUBTFUL = 0.3
+
+
+@dataclass(frozen=True)
+class BakedNormals:
+    """A normal texture, and what it was baked onto.
+
+    file: with ``<UDIM>`` for UDIM tiles. mesh: the mesh's file. space, convention: of the normals.
+    """
+
+    file: str
+    mesh: str
+    space: Space
+    convention: Convention
+
+
+@dataclass(frozen=True)
+class HeightTarget:
+    """How heights on UVs are written, and where.
+
+    file: with ``<UDIM>`` where the normals have it. object_space: file for the same normals in object space, which
+    shade the displaced surface as these shade the mesh; None for none. bits: as :func:`write_height` takes them. unit:
+    what the mesh's unit is called.
+    """
+
+    file: str
+    object_space: str | None
+    bits: int | None
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -48,75 +75,72 @@ class HeightsOnUVs(Result):
 
 
 def write_displacement(
-    normals: str,
-    uvs: str,
-    height: str,
+    texture: BakedNormals,
+    target: HeightTarget,
     *,
-    base: str | None = None,
-    object_space: str | None = None,
-    convention: Convention = "opengl",
-    space: Space = "tangent",
-    scale: float = 0.0,
-    mean: float | None = None,
-    margin: int = MARGIN,
-    bits: int | None = None,
-    unit: str = "unit",
-    progress: Progress = silent,
+    base: str | None,
+    scale: float,
+    mean: float | None,
+    margin: int,
+    progress: Progress,
 ) -> HeightsOnUVs:
     """Write the heights that a normal texture means on the mesh that it was baked onto.
 
-    normals, height: one texture, or UDIM tiles where both names have ``<UDIM>``. uvs: the file of the mesh; base: of
-    what is to be displaced, where that is the same mesh subdivided. object_space: file for the same normals in object
-    space, which shade the displaced surface as these shade the mesh. bits: as :func:`write_height` takes them. The rest
-    is as :func:`displacement` takes it.
+    base: the file of what is to be displaced, where that is the same mesh subdivided. scale, mean, margin: as
+    :func:`displacement` takes them.
 
     Raises InputError where a file cannot be read or written, a number is out of range, or texture and mesh do not fit.
     """
-    tiled = _checked_names(normals, height, object_space, space)
+    tiled = _checked_names(texture, target)
     progress(0.0, "reading the mesh")
-    mesh, base_mesh = read_mesh(uvs), read_mesh(base) if base else None
+    mesh, base_mesh = read_mesh(texture.mesh), read_mesh(base) if base else None
     chosen = sheets([mesh], tiles=tiled)
     if tiled:
-        chosen = _with_texels(chosen, normals, mesh)
-    textures, outputs, turned = (_files(name, chosen, tiled) for name in (normals, height, object_space))
-    files = _checked_outputs(outputs, turned, bits, [*textures, *(Path(file) for file in (uvs, base) if file)])
+        chosen = _with_texels(chosen, texture.file, mesh)
+    normals, outputs, turned = (
+        _files(name, chosen, tiled) for name in (texture.file, target.file, target.object_space)
+    )
+    taken = [*normals, Path(texture.mesh), *([Path(base)] if base else [])]
+    files = _checked_outputs(outputs, turned, target.bits, taken)
     tiles = tiles_of(chosen)
-    progress(0.05, f"reading {Path(normals).name}")
-    vectors = tiles.joined(read_normals(texture, convention=convention).vectors for texture in textures)
+    progress(0.05, f"reading {Path(texture.file).name}")
+    vectors = tiles.joined(read_normals(file, convention=texture.convention).vectors for file in normals)
     laid = tiles.mesh(mesh) if tiled else mesh
     found = displacement(
         vectors,
         laid,
-        space=space,
+        space=texture.space,
         base=tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh,
         scale=scale,
         mean=mean,
         margin=margin,
         progress=part(progress, 0.1, 0.9),
     )
-    progress(0.9, f"writing {Path(height).name}")
+    progress(0.9, f"writing {Path(target.file).name}")
     with written_together():
-        means = _write_heights(dict(zip(outputs, tiles.parted(found.values), strict=True)), found, bits, unit)
+        means = _write_heights(dict(zip(outputs, tiles.parted(found.values), strict=True)), found, target)
         if turned:
             _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True)))
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
-    _warn_of_misfit(found, highest - lowest, mesh, unit, f"in {space} space and {convention}")
+    baked = f"in {texture.space} space and {texture.convention}"
+    _warn_of_misfit(found, highest - lowest, mesh, target.unit, baked)
     return HeightsOnUVs(
         [str(file) for file in files],
         [sheet.tile for sheet in chosen if sheet.tile],
-        unit,
+        target.unit,
         means.facts(lowest, highest, found.seam_step),
-        text=f"{height}: heights from {lowest:.4g} to {highest:.4g} {unit}; {means}; {means.displace_words}",
+        text=f"{target.file}: heights from {lowest:.4g} to {highest:.4g} {target.unit}; {means}; "
+        f"{means.displace_words}",
     )
 
 
-def _checked_names(normals: str, height: str, object_space: str | None, space: Space) -> bool:
+def _checked_names(texture: BakedNormals, target: HeightTarget) -> bool:
     """Whether all are of UDIM tiles. Raises SettingsError where some are, or where `object_space` is not needed."""
-    if object_space and space == "object":
-        raise SettingsError(f"{normals} is in object space already; leave --object-space out")
-    tiled = _tiled(normals, height)
-    return _tiled(normals, object_space) if object_space else tiled
+    if target.object_space and texture.space == "object":
+        raise SettingsError(f"{texture.file} is in object space already; leave --object-space out")
+    tiled = _tiled(texture.file, target.file)
+    return _tiled(texture.file, target.object_space) if target.object_space else tiled
 
 
 def _tiled(normals: str, height: str) -> bool:
@@ -154,14 +178,12 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
     return [sheet for sheet, file in zip(chosen, textures, strict=True) if file.is_file() or has_texels(sheet)]
 
 
-def _write_heights(
-    parts: Mapping[Path, NDArray[np.float32]], found: Displacement, bits: int | None, unit: str
-) -> HeightScale:
+def _write_heights(parts: Mapping[Path, NDArray[np.float32]], found: Displacement, target: HeightTarget) -> HeightScale:
     """Write each file's part of the heights, all on one scale, which is returned."""
     ends = float(found.values.min()), float(found.values.max())
     for file, values in parts.items():
         heights = replace(found, values=values).as_height_map()
-        means = write_height(file, heights, bits=bits, unit=unit, on_uvs=True, ends=ends)
+        means = write_height(file, heights, bits=target.bits, unit=target.unit, on_uvs=True, ends=ends)
     return means
 
 
