@@ -330,10 +330,10 @@ def _blurred(values: Floats, sigma: float) -> Floats:
     kernel /= kernel.sum()
     for axis in (0, 1):
         padded = np.pad(values, [(reach, reach) if a == axis else (0, 0) for a in range(values.ndim)])
-        length = values.shape[axis]
         values = np.zeros_like(values)
+        along, shifted = values.swapaxes(0, axis), padded.swapaxes(0, axis)
         for k, weight in enumerate(kernel):
-            values += weight * np.take(padded, np.arange(k, k + length), axis)
+            along += weight * shifted[k : k + len(along)]
     return values
 
 
