@@ -78,6 +78,8 @@ class ReadsPhotos(ReadsPictures):
             image = corrected(image, reading.correction)
             mask = find_mask(image, choice, **vars(reading))
         check_same_size(choice, mask.shape, photo, image.pixels.shape[:2])
+        if not mask.any():
+            raise GeometryError(f"{photo}: the mask is empty; choose another mask or threshold")
         return image, mask
 
 
@@ -311,8 +313,6 @@ class Check(ReadsPhotos):
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
-        if not mask.any():
-            raise GeometryError(f"{self.image}: the mask is empty; choose another mask or threshold")
         progress(0.6, "checking the photo")
         with located(self.image):
             findings = check_photo(image, mask, rig, mixing_told=not self.rig or tells_mixing(self.rig))

@@ -193,6 +193,13 @@ test_bad_input_gets_one_clear_sentence = gets_one_clear_sentence(
             "photo.exr: the photo …not finite inside the mask, the first at x 9, y 8; export it again, or leave",
         ),
         (
+            "a mask file of nothing, to look at",
+            lambda b: b.run(
+                "mask", b.photo(), "--mask", b.photo("0.png", np.zeros((16, 16)), "uint8"), "-o", b / "m.png"
+            ),
+            "photo.exr: the mask is empty; choose another mask or threshold",
+        ),
+        (
             "a mask of nothing",
             lambda b: b.run("check", b.photo(), "--mask", b.photo("mask.png", np.zeros((16, 16)), "uint8")),
             "the mask is empty; choose another mask or threshold",
