@@ -1,0 +1,59 @@
+"""Average the weights of networks that were fine-tuned from one, as the shipped default was made.
+
+    python examples/average_networks.py first.onnx=0.3 second.onnx=0.3 start.onnx=0.4 -o mean.onnx
+
+Each leg of fine-tuning errs in a way of its own, and the mean of their weights errs less than any of them (Wortsman et
+al. 2022, "Model soups"). That holds only for legs that began at the same weights, or at each other's. The record of the
+training is the first one's, with the shares beside it. Needs the extra `train`.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import numpy_helper
+
+from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("networks", nargs="+", metavar="FILE=SHARE")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    given = parser.parse_args()
+    files, shares = zip(*(one.rsplit("=", 1) for one in given.networks), strict=True)
+    mean = average([onnx.load(file) for file in files], [float(share) for share in shares])
+    onnx.save(mean, str(given.output))
+    print(f"wrote {given.output}")
+
+
+def average(models: list[onnx.ModelProto], shares: list[float]) -> onnx.ModelProto:
+    """The first model with the mean of all weights. shares: of each model, 1 in sum."""
+    if not np.isclose(sum(shares), 1):
+        raise SystemExit(f"the shares have a sum of {sum(shares):g}; make it 1")
+    weights = [{one.name: numpy_helper.to_array(one) for one in model.graph.initializer} for model in models]
+    records = [{entry.key: entry.value for entry in model.metadata_props} for model in models]
+    for other, record in zip(weights[1:], records[1:], strict=True):
+        same = record[CARD_KEY] == records[0][CARD_KEY] and other.keys() == weights[0].keys()
+        if not same or any(other[name].shape != values.shape for name, values in weights[0].items()):
+            raise SystemExit("these are different networks; only legs of one training have a mean")
+    for one in models[0].graph.initializer:
+        first = weights[0][one.name]
+        if first.dtype.kind == "f":
+            parts = [share * each[one.name].astype(np.float64) for share, each in zip(shares, weights, strict=True)]
+            one.CopyFrom(numpy_helper.from_array(np.sum(parts, axis=0).astype(first.dtype), one.name))
+    own = [json.loads(record[TRAINING_KEY]) for record in records]
+    legs = [
+        {"share": share, "steps": leg["steps"], "seed": leg["recipe"]["seed"], "samples": leg["samples_fingerprint"]}
+        for share, leg in zip(shares, own, strict=True)
+    ]
+    onnx.helper.set_model_props(
+        models[0], {CARD_KEY: records[0][CARD_KEY], TRAINING_KEY: json.dumps({**own[0], "mean_of": legs})}
+    )
+    return models[0]
+
+
+if __name__ == "__main__":
+    main()
