@@ -210,8 +210,9 @@ def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
     expected_all, errors_all = np.concatenate(expected), np.concatenate(errors)
     rank = rank_correlation(expected_all, errors_all)
     assert rank is not None and rank > 0.4
-    tenths = [errors_all[part].mean() for part in np.array_split(np.argsort(expected_all), 10)]
-    assert (np.diff(tenths) > 0).all()
+    # Of twelve objects, tenths would say more of the objects than of the confidence.
+    fifths = [errors_all[part].mean() for part in np.array_split(np.argsort(expected_all), 5)]
+    assert (np.diff(fifths) > 0).all()
     assert abs(expected_all.mean() - errors_all.mean()) < 0.25 * errors_all.mean()
 
 
