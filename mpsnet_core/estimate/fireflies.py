@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
 
 # A firefly is so many times as bright as the pixels around it, and as the bright ones of the object.
@@ -31,7 +32,7 @@ def without_fireflies(capture: Capture) -> Capture:
     if np.isfinite(capture.clip) or capture.clipped is not None:
         return capture
     image, mask = capture.image, capture.mask
-    step = max(1, round((np.count_nonzero(mask) / SAMPLED) ** 0.5))
+    step = grid_step(np.count_nonzero(mask), SAMPLED)
     some = image[::step, ::step][mask[::step, ::step]]
     if not len(some):
         return capture

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 
@@ -121,7 +122,7 @@ def measured_white(capture: Capture) -> WhitePhoto | None:
     """How to divide by the capture's white photo, from some of its pixels; None where there is none that says much."""
     if capture.white is None:
         return None
-    step = max(1, round((np.count_nonzero(capture.mask) / SAMPLED) ** 0.5))
+    step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
     some = slice(None, None, step), slice(None, None, step)
     valid = white_valid(capture, *some) & ~capture.saturated_in(some[0])[:, some[1]].any(axis=-1)
     photo, white = capture.image[some][valid], capture.white[some][valid]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import Choices, FormatError, GeometryError
 from mpsnet_core.io.images import read_channel, read_data, write_bands
@@ -180,7 +181,7 @@ def read_normals(
 
 def _are_unit(vectors: NDArray[np.float32], unit: NDArray[np.bool_]) -> bool:
     """Whether most vectors are unit ones, but for a background of one colour: a photo has some by chance as well."""
-    step = max(1, round((unit.size / SAMPLED) ** 0.5))
+    step = grid_step(unit.size, SAMPLED)
     some = vectors[::step, ::step][~unit[::step, ::step]]
     some = some[np.isfinite(some).all(axis=-1)]
     background = np.median(some, axis=0) if len(some) else np.zeros(3)
