@@ -592,6 +592,7 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     Integers of 8 and 16 bits stay integers (see :func:`_as_float`), all else is float32.
     """
     with closing(_open(path)) as source, libraries_silent():
+        reason = complaint(source)  # progressive JPEGs are decoded as they are opened
         chosen = _choose(_layers(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
@@ -603,7 +604,7 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
             )
         kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
         values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
-        reason = complaint(source)
+        reason = reason or complaint(source)
     if values is None or reason:
         raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)

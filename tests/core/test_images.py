@@ -444,6 +444,11 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)),
             "p.jpg is damaged or cut short",
         ),
+        (
+            "progressive JPEG cut short",
+            lambda b: read_image(cut(write_file(b / "p.jpg", SPHERE.image, "uint8", jpeg__progressive=1), 0.99)),
+            "p.jpg is damaged or cut short",
+        ),
         ("TIFF cut short", lambda b: read_image(cut(b.photo("p.tif", kind="uint16"))), "p.tif"),
         ("EXR cut short", lambda b: read_image(cut(b.photo("p.exr"))), "p.exr is damaged or cut short"),
         (
