@@ -593,6 +593,7 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     """
     with closing(_open(path)) as source, libraries_silent():
         reason = complaint(source)  # progressive JPEGs are decoded as they are opened
+        is_whole_picture = source.format_name() == "png"  # its offset says where on a page it was
         chosen = _choose(_layers(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
@@ -608,7 +609,9 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     if values is None or reason:
         raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
-    values = _upright(_on_display_window(values, spec), spec)
+    if not is_whole_picture:
+        values = _on_display_window(values, spec)
+    values = _upright(values, spec)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
 
 

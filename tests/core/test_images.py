@@ -95,6 +95,17 @@ def test_a_file_that_says_it_is_linear_is_left_alone(tmp_path: Path) -> None:
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), 0.5), abs=1e-4)
 
 
+def with_chunk(path: Path, kind: bytes, body: bytes) -> Path:
+    """A PNG with one more chunk behind its header."""
+    head, data = path.read_bytes()[:33], path.read_bytes()[33:]
+    path.write_bytes(head + png_chunk(kind, body) + data)
+    return path
+
+
+def png_chunk(kind: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
 @pytest.mark.parametrize(
     ("gamma", "linear"),
     [
@@ -106,11 +117,15 @@ def test_a_file_that_says_it_is_linear_is_left_alone(tmp_path: Path) -> None:
 def test_values_have_the_gamma_of_a_png(tmp_path: Path, gamma: int, linear: float) -> None:
     """A chunk gAMA of 100,000 over the gamma, and none of sRGB."""
     path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.3), "uint16", oiio__ColorSpace="unknown")
-    head, data = path.read_bytes()[:33], path.read_bytes()[33:]
-    assert b"sRGB" not in data
-    chunk = b"gAMA" + struct.pack(">I", gamma)
-    path.write_bytes(head + struct.pack(">I", 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data)
+    assert b"sRGB" not in path.read_bytes()
+    with_chunk(path, b"gAMA", struct.pack(">I", gamma))
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), linear), abs=1e-4)
+
+
+def test_a_png_that_was_cropped_out_of_a_page_is_read_whole(tmp_path: Path, colours: np.ndarray) -> None:
+    """ImageMagick and GIMP note where in the page it was, in a chunk oFFs."""
+    path = with_chunk(write_file(tmp_path / "photo.png", colours, "uint16"), b"oFFs", struct.pack(">iiB", 3, 2, 0))
+    assert read_image(path, encoding="linear").pixels == pytest.approx(colours, abs=1e-4)
 
 
 def colour_profile(*curves: bytes) -> np.ndarray:
@@ -381,11 +396,8 @@ def latin_named(b: Bench) -> Path:
 
 
 def huge_png(width: int, height: int) -> bytes:
-    def chunk(kind: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+    parts = png_chunk(b"IHDR", header) + png_chunk(b"IDAT", zlib.compress(b"")) + png_chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + parts
 
 
