@@ -1,13 +1,20 @@
-"""The curve that a picture's colour profile states, by the specification ICC.1:2022 (version 2 profiles alike)."""
+"""The curve that a picture states: by a colour profile, ICC.1:2022 or version 2, or by a number of ITU-T H.273."""
 
 import struct
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.errors import FormatError
+
 Curve = Callable[[NDArray[np.floating[Any]]], NDArray[np.floating[Any]]]
+
+# Transfer characteristics by their numbers in H.273: not known, linear, and those that are nothing like sRGB's.
+UNKNOWN_TRANSFER, LINEAR_TRANSFER = 2, 8
+OTHER_TRANSFERS = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18: "HLG (HDR)"}
 
 HEADER = 128
 LEAST_RISE = 0.5  # a curve from 0 to 1 that rises less is damaged
@@ -36,6 +43,19 @@ def profile_curve(profile: bytes) -> Curve | None:
 
     rises = np.ptp(sampled(linear), axis=0) > LEAST_RISE  # never by what is no number
     return linear if rises.all() else None
+
+
+def transfer_is_linear(path: Path, transfer: int) -> bool:
+    """Whether the values of a picture or video follow no curve; else it is about sRGB's.
+
+    Raises FormatError where it is another one.
+    """
+    if transfer in OTHER_TRANSFERS:
+        raise FormatError(
+            f"{path} follows the {OTHER_TRANSFERS[transfer]} curve, which this program does not undo; convert it to "
+            "BT.709 or sRGB, or set the encoding to sRGB to take it as it is"
+        )
+    return transfer == LINEAR_TRANSFER
 
 
 def sampled(curve: Curve) -> NDArray[np.floating[Any]]:

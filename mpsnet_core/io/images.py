@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS, bands
 from mpsnet_core.errors import Choices, FileError, FormatError, SettingsError
-from mpsnet_core.io.colour_profile import Curve, profile_curve, sampled
+from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, Curve, profile_curve, sampled, transfer_is_linear
 from mpsnet_core.io.files import RAW_SUFFIXES, checked_bits, existing_file, temporary_folder, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
@@ -151,11 +151,14 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
     is_float = _is_float(spec)
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
+    transfer = _png_transfer(path)
     linear = is_float or "lin" in stated or stated in ("raw", "data")
+    if transfer is not None:  # it overrides a PNG's profile and gamma
+        linear, profile = transfer_is_linear(path, transfer), None
     curve = None if linear or profile is None else profile_curve(profile.tobytes())
-    if curve is None and not linear:
+    if curve is None and not linear and transfer is None:
         curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float))
-    assumed = not (linear or curve is not None or _states_its_curve(path, spec))
+    assumed = not (linear or curve is not None or transfer is not None or _states_its_curve(path, spec))
     known: tuple[tuple[str, Curve], ...] = (("linear", _as_it_is), ("sRGB", srgb_to_linear))
     name, decoded = known[0] if linear else known[1]
     if curve is not None:
@@ -191,12 +194,24 @@ def _states_its_curve(path: Path, spec: Any) -> bool:
 
     OpenImageIO reports sRGB for files without a statement, too.
     """
-    if any(spec.getattribute(name) is not None for name in ("CICP", "oiio:Gamma", "Exif:ColorSpace")):
+    if any(spec.getattribute(name) is not None for name in ("oiio:Gamma", "Exif:ColorSpace")):
         return True
     if path.suffix.lower() == ".png":
-        with path.open("rb") as file:
-            return b"sRGB" in file.read(PNG_HEAD).partition(b"IDAT")[0]
+        return b"sRGB" in _png_head(path)
     return path.suffix.lower() in (".jpg", ".jpeg")
+
+
+def _png_transfer(path: Path) -> int | None:
+    """The transfer characteristics that a PNG states in its chunk cICP, which OpenImageIO 3.0 passes over."""
+    head = _png_head(path)
+    _, found, body = head.partition(b"\0\0\0\4cICP")
+    known = found and head.startswith(_SIGNATURES[0]) and len(body) > 1
+    return body[1] if known and body[1] != UNKNOWN_TRANSFER else None
+
+
+def _png_head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(PNG_HEAD).partition(b"IDAT")[0]
 
 
 def _exposure_time(spec: Any) -> float | None:

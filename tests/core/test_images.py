@@ -122,6 +122,17 @@ def test_values_have_the_gamma_of_a_png(tmp_path: Path, gamma: int, linear: floa
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), linear), abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("transfer", "gamma", "linear"), [(8, 45_455, 0.3), (13, 100_000, 0.0732389), (2, 55_556, 0.3**1.8)]
+)
+def test_values_have_the_transfer_of_a_png(tmp_path: Path, transfer: int, gamma: int, linear: float) -> None:
+    """A chunk cICP, by the numbers of H.273: it overrides gAMA, unless it is 2, unknown."""
+    path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.3), "uint16", oiio__ColorSpace="unknown")
+    with_chunk(with_chunk(path, b"gAMA", struct.pack(">I", gamma)), b"cICP", bytes((9, transfer, 0, 1)))
+    image = read_image(path)
+    assert image.pixels == pytest.approx(np.full((2, 2, 3), linear), abs=1e-4) and not image.assumed
+
+
 def test_a_png_that_was_cropped_out_of_a_page_is_read_whole(tmp_path: Path, colours: np.ndarray) -> None:
     """ImageMagick and GIMP note where in the page it was, in a chunk oFFs."""
     path = with_chunk(write_file(tmp_path / "photo.png", colours, "uint16"), b"oFFs", struct.pack(">iiB", 3, 2, 0))
@@ -422,6 +433,11 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             "another kind of picture",
             lambda b: read_image(gif(b, "p.png")),
             "p.png cannot be read…file of another kind…is it PNG",
+        ),
+        (
+            "a PNG in HDR",
+            lambda b: read_image(with_chunk(b.photo("p.png", kind="uint16"), b"cICP", bytes((9, 16, 0, 1)))),
+            "p.png follows the PQ (HDR) curve…convert it to BT.709 or sRGB",
         ),
         (
             "a PNG with a bit of its head turned",

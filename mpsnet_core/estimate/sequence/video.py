@@ -20,6 +20,7 @@ from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
+from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, transfer_is_linear
 from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, file_suffix
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
@@ -36,12 +37,8 @@ log = logging.getLogger(__name__)
 # Allowed are files that hold pictures themselves. FFmpeg's playlists name other files, and addresses.
 _OPEN = {"protocol_whitelist": "file", "format_whitelist": "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mpegts,mxf"}
 
-# Transfer characteristics by their numbers in ITU-T H.273, where 2 is unknown, as it is for matrices.
-_UNKNOWN = 2
-_LINEAR = 8
-_NOT_SRGB = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18: "HLG (HDR)"}
-# And matrices.
-_BT709 = 1
+# Matrices by their numbers in ITU-T H.273.
+_UNKNOWN, _BT709 = 2, 1
 # Lower pictures whose matrix is not stated are by BT.601, others by BT.709.
 _HD_HEIGHT = 720
 
@@ -73,7 +70,8 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
     if not _pyav_there() and VIDEO_DECODER in os.environ:
         decoder = VideoDecoder(path)
         _check_size(path, decoder.width, decoder.height)
-        log.info("video read as %s%s", _curve(path, _UNKNOWN, encoding), ", as requested" if encoding != "auto" else "")
+        curve = _curve(path, UNKNOWN_TRANSFER, encoding)
+        log.info("video read as %s%s", curve, ", as requested" if encoding != "auto" else "")
         return Video(path, decoder.width, decoder.height, decoder.frame_rate, decoder.count, decoder)
     with _opened(path) as container:
         stream = container.streams.video[0]
@@ -124,7 +122,7 @@ def video_frames(
         return Frame(number, f"{video.path.name}, frame {number}", outputs(number), made_from, read, masks.of(number))
 
     if video.decoder is not None:
-        curve = _curve(video.path, _UNKNOWN, encoding)
+        curve = _curve(video.path, UNKNOWN_TRANSFER, encoding)
         for number in range(1, video.count + 1):
             yield frame(number, partial(video.decoder.read, number, "linear" if curve == "linear" else "srgb"))
         return
@@ -180,12 +178,7 @@ def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
     """The curve that a video's values are assumed to follow, "linear" or "sRGB"."""
     if encoding != "auto":
         return "linear" if encoding == "linear" else "sRGB"
-    if transfer in _NOT_SRGB:
-        raise FormatError(
-            f"{path} follows the {_NOT_SRGB[transfer]} curve, which this program does not undo; convert it to BT.709, "
-            "or set the encoding to sRGB to take it as it is"
-        )
-    return "linear" if transfer == _LINEAR else "sRGB"
+    return "linear" if transfer_is_linear(path, transfer) else "sRGB"
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
