@@ -114,6 +114,8 @@ def read_image(
     if path.suffix.lower() in RAW_SUFFIXES:
         return _read_raw(path, encoding, layer)
     values, names, spec = _read_layer(path, layer)
+    if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
+        raise FormatError(f"{path} is in Lab colours, which are no light; export it as RGB")
     colour = _colour_channels(names, grey, path)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     if requested is None:
@@ -558,7 +560,9 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
             prefix, _, name = channel.rpartition(".")
             # Blender 5 writes a part per pass and repeats its name in the channels only where a pass has a layer.
             layer = prefix or (part if subimage or not _is_colour(names) else "")
-            layers.setdefault(layer, _Layer(subimage, {})).channels.setdefault(_short(name, spec.nchannels), number)
+            found = layers.setdefault(layer, _Layer(subimage, {}))
+            if found.subimage == subimage:  # further pages of a TIFF have no name, and are not read
+                found.channels.setdefault(_short(name, spec.nchannels), number)
         subimage += 1
     complaint(source)  # of seeking past the last part
     return layers

@@ -280,6 +280,17 @@ class TestLayers:
         np.testing.assert_allclose(read_image(path, layer="right").pixels, right, atol=1e-3)
 
 
+def test_of_a_file_of_several_pages_the_first_is_read(tmp_path: Path, colours: np.ndarray) -> None:
+    """As GIMP writes layers, one of which has alpha."""
+    photo, page = (oiio.ImageBuf(values) for values in (colours, np.zeros((2, 3, 4), np.float32)))
+    path = str(tmp_path / "photo.tif")
+    assert photo.write(path)
+    target = oiio.ImageOutput.create(path)
+    assert target.open(path, (photo.spec(), page.spec())) and photo.write(target)
+    assert target.open(path, page.spec(), "AppendSubimage") and page.write(target) and target.close()
+    np.testing.assert_array_equal(read_image(path).pixels, colours)
+
+
 class TestMasks:
     @pytest.mark.parametrize("kind", ["grey", "colour", "alpha", "grey with flat alpha"])
     def test_bright_or_opaque_is_the_object(self, tmp_path: Path, kind: str) -> None:
@@ -395,6 +406,14 @@ def turned_bit(b: Bench, byte: int) -> Path:
     return b.bytes("photo.png", bytes(data))
 
 
+def in_lab(b: Bench) -> Path:
+    """A TIFF whose photometric interpretation (262) is CIE L*a*b* (8), not RGB (2)."""
+    data = b.photo("photo.tif", kind="uint8").read_bytes()
+    rgb, lab = (struct.pack("<HHIHH", 262, 3, 1, meaning, 0) for meaning in (2, 8))
+    assert rgb in data
+    return b.bytes("photo.tif", data.replace(rgb, lab))
+
+
 def gif(b: Bench, name: str) -> Path:
     """One black pixel."""
     head = b"GIF89a" + bytes((1, 0, 1, 0, 0x80, 0, 0)) + bytes(6)
@@ -433,6 +452,11 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             "another kind of picture",
             lambda b: read_image(gif(b, "p.png")),
             "p.png cannot be read…file of another kind…is it PNG",
+        ),
+        (
+            "a TIFF in Lab",
+            lambda b: read_image(in_lab(b)),
+            "photo.tif is in Lab colours…export it as RGB",
         ),
         (
             "a PNG in HDR",
