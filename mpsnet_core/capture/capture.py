@@ -358,7 +358,8 @@ def capture_of(
     depth: NDArray[np.float32] | float | None,
 ) -> Capture:
     """What :func:`corrected_and_masked` returned, as a capture. depth: as in :func:`read_capture`."""
-    return Capture(image.pixels, mask, rig, camera, image.clip, _depth_within(mask, depth, rig), image.clipped)
+    inside = _depth_within(mask, depth, rig) if mask.any() else None  # of an empty mask, that is what is told
+    return Capture(image.pixels, mask, rig, camera, image.clip, inside, image.clipped)
 
 
 def _depth_within(

@@ -10,11 +10,12 @@ from near_scene import NEAR, SIZE, WIDE, Scene, ball
 from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
-from mpsnet_core.capture.capture import Capture, read_capture
+from mpsnet_core.capture.capture import Capture, capture_from, read_capture
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.distant_lights import as_distant_lights
 from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera, camera_of_lens, write_camera
 from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.mesh_depth import depth_of_mesh
@@ -277,6 +278,12 @@ def test_near_rig_files_that_are_wrong_are_refused(tmp_path: Path, change: dict,
 def test_directions_that_contradict_the_positions_are_refused(close: Scene) -> None:
     with pytest.raises(InputError, match="not those from its target"):
         LightRig(published_rig(slant=40).directions, np.eye(3), close.rig.near)
+
+
+def test_a_frame_without_the_object_is_known_as_one_to_leave_out(close: Scene) -> None:
+    image = Image(close.image.astype(np.float32), np.zeros(close.mask.shape, np.float32), np.inf)
+    with pytest.raises(NoObject):
+        capture_from(image, close.rig, camera=close.camera, depth=close.depth.astype(np.float32))
 
 
 def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -> None:
