@@ -138,6 +138,30 @@ def test_colours_follow_the_matrix_that_the_video_tells(tmp_path: Path, matrix: 
     np.testing.assert_allclose(decoded(tmp_path / "red.mkv", "linear")[0].read().pixels[12, 20], [1, 0, 0], atol=0.02)
 
 
+@pytest.mark.parametrize("size", [(24, 32), (25, 33)], ids=["even", "odd"])
+@pytest.mark.parametrize("kind", ["yuv420p", "yuv420p10le", "yuva420p10le"])
+def test_half_size_colour_keeps_its_values(tmp_path: Path, kind: str, size: tuple[int, int]) -> None:
+    """Plain colours by BT.709, whose formulas round nothing."""
+    scale, stored = (4, np.dtype("<u2")) if "10" in kind else (1, np.dtype(np.uint8))
+    codes = np.random.default_rng(5).integers((60, 108, 108), (180, 148, 148), (40, 3))  # all of them colours
+    luma, blue, red = ((codes - (16, 128, 128)) / (219, 224, 224)).T
+    colours = np.stack([luma + 1.5748 * red, luma - 0.187324 * blue - 0.468124 * red, luma + 1.8556 * blue], axis=-1)
+    with av.open(str(tmp_path / "plain.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=24)
+        stream.height, stream.width = size
+        stream.pix_fmt = kind
+        stream.codec_context.colorspace = stream.codec_context.color_range = 1
+        for values in codes:
+            picture = av.VideoFrame(size[1], size[0], kind)
+            for plane, code in zip(picture.planes, (*values, 255), strict=False):
+                plane.update(np.full((plane.height, plane.line_size // stored.itemsize), scale * code, stored))
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode(None))
+    frames = decoded(tmp_path / "plain.mkv", "linear")
+    for frame, colour in zip(frames, colours, strict=True):
+        np.testing.assert_allclose(frame.read().pixels - colour, 0, atol=0.9 / 255)
+
+
 def test_alpha_comes_with_the_frame(tmp_path: Path) -> None:
     given = noise(2, channels=4)
     frames = decoded(clip(tmp_path / "a.mov", given, "png", "rgba"))
