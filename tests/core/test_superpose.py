@@ -53,6 +53,17 @@ def test_what_is_clipped_in_one_colour_is_clipped_in_the_channel(tmp_path: Path)
     assert spoilt[1, 2].all() and spoilt.sum() == 3
 
 
+def test_what_the_sum_does_not_show_any_more_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = np.full((10, 10, 3), 0.5)
+    files = [write_file(tmp_path / f"{k}.jpg", values, "uint8", ExposureTime=0.1) for k in range(2)]
+    values[2] = 1
+    files.append(write_file(tmp_path / "2.tif", values, "uint8", ExposureTime=0.2))
+    assert main(["superpose", *map(str, files), "-o", str(tmp_path / "sum.exr")]) == 0
+    told = capsys.readouterr().err
+    assert f"10.0% of {files[2]} is saturated" in told and told.count("saturated") == 1
+    assert f"{files[2]} was exposed for 0.2 s, {files[0]} for 0.1 s" in told and told.count("exposed for") == 1
+
+
 def test_two_photos_are_too_few(photos: list[str]) -> None:
     with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
         as_channels(photos[:2])
