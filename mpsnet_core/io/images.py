@@ -3,7 +3,7 @@
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -137,7 +137,7 @@ def read_image(
 
 
 def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]:
-    colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
+    colour = [names[name] for name in ("XYZ" if "X" in names and not _is_colour(names) else "RGB") if name in names]
     if grey and not colour and len(names.keys() - {"A"}) == 1:
         colour = [next(number for name, number in names.items() if name != "A")] * 3
     if len(colour) != 3:
@@ -579,8 +579,8 @@ def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:
     return names
 
 
-def _is_colour(names: tuple[str, ...]) -> bool:
-    return {"R", "G", "B"} <= set(names)
+def _is_colour(names: Iterable[str]) -> bool:
+    return {"R", "G", "B"}.issubset(names)
 
 
 def _short(name: str, count: int) -> str:

@@ -280,6 +280,11 @@ class TestLayers:
         np.testing.assert_allclose(read_image(path, layer="right").pixels, right, atol=1e-3)
 
 
+def test_colour_is_read_where_a_position_lies_beside_it(tmp_path: Path, colours: np.ndarray) -> None:
+    path = write_parts(tmp_path / "render.exr", [(None, named("", "RGB", colours) | named("", "XYZ", 0 * colours))])
+    np.testing.assert_array_equal(read_image(path).pixels, colours)
+
+
 def test_of_a_file_of_several_pages_the_first_is_read(tmp_path: Path, colours: np.ndarray) -> None:
     """As GIMP writes layers, one of which has alpha."""
     photo, page = (oiio.ImageBuf(values) for values in (colours, np.zeros((2, 3, 4), np.float32)))
