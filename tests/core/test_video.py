@@ -211,6 +211,15 @@ def test_a_video_that_is_cut_short_keeps_what_it_gives(tmp_path: Path, caplog: p
     assert f"a.mkv ends after {len(frames)} of about 30 frames: is it cut short or damaged?" in caplog.text
 
 
+def test_pixels_that_are_not_square_are_noted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """As of HDV and of anamorphic lenses."""
+    read_video_header(clip(tmp_path / "hdv.mov", noise(1), "png", "rgb24", sample_aspect_ratio=Fraction(4, 3)))
+    assert "pixels are not square (4:3)" in caplog.text
+    caplog.clear()
+    read_video_header(clip(tmp_path / "square.mov", noise(1), "png", "rgb24"))
+    assert "square" not in caplog.text
+
+
 def test_half_size_colour_is_noted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     read_video_header(clip(tmp_path / "a.mkv", noise(1), kind="yuv420p"))

@@ -92,6 +92,14 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
                 "coarse; record 4:4:4 or frames where you can",
                 codec.pix_fmt,
             )
+        aspect = stream.sample_aspect_ratio
+        if aspect and aspect != 1:
+            log.warning(
+                "the video's pixels are not square (%s:%s), and its normals are of the stored picture; convert it to "
+                "square pixels",
+                aspect.numerator,
+                aspect.denominator,
+            )
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
