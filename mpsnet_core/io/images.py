@@ -86,8 +86,8 @@ def read_image(
     path : path-like
         A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
     encoding : {"auto", "linear", "srgb"}, optional
-        Of the file's values. "auto": float files and files that state so are linear, those with a colour profile (ICC)
-        or a PNG's gamma have its curve, all others the sRGB curve.
+        Of the file's values. "auto": those with a colour profile (ICC) or a PNG's gamma have its curve, other float
+        files and files that state so are linear, all others have the sRGB curve.
     layer : str, optional
         Layer of a multi-layer or multi-part EXR: its full name or the name's last part ("Combined"). By default the
         unnamed layer, else the only one, else the one called Combined.
@@ -132,7 +132,8 @@ def read_image(
             # Without any cover a colour is light alone, as some renderers write every pixel.
             band = np.divide(band, cover, out=band, where=cover > 1e-6)
         pixels[rows] = decoded(band)
-    clip = np.inf if _is_float(spec) else 1.0
+    # What another curve makes ends at 1.
+    clip = np.inf if _is_float(spec) and decoded in (_as_it_is, srgb_to_linear) else 1.0
     return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
 
 
@@ -154,10 +155,11 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
     transfer = _png_transfer(path)
-    linear = is_float or "lin" in stated or stated in ("raw", "data")
+    linear = "lin" in stated or stated in ("raw", "data")
     if transfer is not None:  # it overrides a PNG's profile and gamma
         linear, profile = transfer_is_linear(path, transfer), None
     curve = None if linear or profile is None else profile_curve(profile.tobytes())
+    linear = linear or (is_float and curve is None)
     if curve is None and not linear and transfer is None:
         curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float))
     assumed = not (linear or curve is not None or transfer is not None or _states_its_curve(path, spec))

@@ -157,9 +157,9 @@ def para(kind: int, *numbers: float) -> bytes:
     return struct.pack(f">4s4xHH{len(numbers)}i", b"para", kind, 0, *(round(65536 * number) for number in numbers))
 
 
-def write_profiled(path: Path, profile: np.ndarray) -> Path:
+def write_profiled(path: Path, profile: np.ndarray, kind: str = "uint16") -> Path:
     """A file of the stored values 0.02, 0.3 and 0.8 with a colour profile."""
-    spec = oiio.ImageSpec(3, 2, 3, "uint16")
+    spec = oiio.ImageSpec(3, 2, 3, kind)
     spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), profile)
     target = oiio.ImageOutput.create(str(path))
     stored = np.tile(np.float32([0.02, 0.3, 0.8])[None, :, None], (2, 1, 3))
@@ -187,6 +187,23 @@ def test_values_have_the_curve_of_the_colour_profile(tmp_path: Path, curve: byte
     image = read_image(path)
     assert image.pixels[0, :, 1] == pytest.approx(linear, abs=1e-4) and not image.assumed
     assert read_image(path, encoding="srgb").pixels[0, 1] == pytest.approx([0.0732389] * 3, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("curve", "linear", "clip"),
+    [
+        (para(3, 2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045), [0.0015480, 0.0732389, 0.6038273], np.inf),  # sRGB
+        (curv(563), [0.02**2.19922, 0.3**2.19922, 0.8**2.19922], 1),  # Adobe RGB (1998)
+        (curv(), [0.02, 0.3, 0.8], np.inf),
+        (b"none", [0.02, 0.3, 0.8], np.inf),
+    ],
+)
+def test_float_files_have_the_curve_of_their_colour_profile(
+    tmp_path: Path, curve: bytes, linear: list[float], clip: float
+) -> None:
+    """As darktable and RawTherapee write them; without curves they are linear."""
+    image = read_image(write_profiled(tmp_path / "photo.tif", colour_profile(curve, curve, curve), "float"))
+    assert image.pixels[0, :, 1] == pytest.approx(linear, abs=1e-4) and image.clip == clip and not image.assumed
 
 
 @pytest.mark.parametrize(
