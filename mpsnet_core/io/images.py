@@ -237,7 +237,7 @@ def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
 def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
     """Read a mask: where the alpha channel is above half if it varies, else where the brightest channel is.
 
-    Whole numbers that are 0 and 1 alone are labels, as annotation tools write them: 1 is the object.
+    Whole numbers that are 0 and one other alone are labels, as annotation tools write them: the other is the object.
 
     Returns
     -------
@@ -250,14 +250,16 @@ def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
     FormatError
         If it is damaged.
     """
-    values, names, _ = _read_layer(Path(path), None)
+    values, names, spec = _read_layer(Path(path), None)
     if "A" in names:
         alpha = _as_float(values[..., names.pop("A")])
         if alpha.min() < alpha.max() or not names:
             return alpha > 0.5
     brightest = values[..., list(names.values())].max(axis=-1)
-    are_labels = brightest.dtype.kind == "u" and brightest.max() == 1
-    return brightest == 1 if are_labels else _as_float(brightest) > 0.5
+    label = brightest.max()
+    if not _is_float(spec) and brightest.min() <= 1 and label > 0 and ((brightest == 0) | (brightest == label)).all():
+        return np.asarray(brightest == label)
+    return _as_float(brightest) > 0.5
 
 
 def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:

@@ -328,11 +328,15 @@ class TestMasks:
         values = np.stack(channels, axis=-1)
         assert (read_mask(write_file(tmp_path / "mask.png", values, "uint8")) == expected).all()
 
-    @pytest.mark.parametrize("kind", ["uint8", "uint16"])
-    def test_labels_of_0_and_1_are_read(self, tmp_path: Path, kind: str) -> None:
+    @pytest.mark.parametrize(("kind", "label"), [("uint8", 1), ("uint16", 1), ("uint8", 15), ("uint16", 255)])
+    def test_labels_of_0_and_one_other_are_read(self, tmp_path: Path, kind: str, label: int) -> None:
         expected = np.arange(20).reshape(4, 5) % 3 == 0
-        stored = expected / np.iinfo(kind).max
+        stored = label * expected / np.iinfo(kind).max
         assert (read_mask(write_file(tmp_path / "mask.png", stored, kind)) == expected).all()
+
+    @pytest.mark.parametrize("dark", [[0, 0], [100, 100], [0, 1, 2]])
+    def test_what_is_dark_and_no_label_is_no_object(self, tmp_path: Path, dark: list[int]) -> None:
+        assert not read_mask(write_file(tmp_path / "mask.png", np.array([dark]) / 255, "uint8")).any()
 
 
 class TestWriting:
