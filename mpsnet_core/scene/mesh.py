@@ -236,8 +236,9 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     sizes: list[int] = []
     # By OBJ's keywords, the first face that each name applies to.
     named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
-    # A backslash joins a line with the next one.
-    for number, line in enumerate(_text_of(path).replace("\\\n", " ").split("\n"), 1):
+    # A backslash joins a line with the next one, but for a comment, which may end with a Windows folder.
+    joined = re.sub(r"^([^#\n]*)\\\n", r"\1 ", _text_of(path), flags=re.MULTILINE)
+    for number, line in enumerate(joined.split("\n"), 1):
         key, *words = line.partition("#")[0].split() or [""]
         try:
             if key in values:
@@ -283,9 +284,9 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
 
 
 def _text_of(path: Path) -> str:
-    """An OBJ's text: UTF-8, or as older programs write it."""
+    """An OBJ's text: UTF-8, also with the mark that Windows programs begin it with, or as older programs write it."""
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         return path.read_text(encoding="latin-1")
 

@@ -114,6 +114,14 @@ def test_obj_names_are_read_as_they_stand(tmp_path: Path) -> None:
         assert mesh.objects.number.tolist() == mesh.materials.number.tolist() == [0, 0, 1, 1]
 
 
+@pytest.mark.parametrize("before", ["\ufeff", "# out of C:\\scans\\\n"], ids=["byte order mark", "folder in a comment"])
+def test_obj_of_windows_programs_keeps_its_first_vertex(tmp_path: Path, before: str) -> None:
+    lines = [f"v {x} {y} {z}" for x, y, z in POINTS] + [f"vt {u} {v}" for u, v in UVS]
+    text = before + "\n".join([*lines, "f 1/1 2/2 3/3 4/4", ""])
+    (tmp_path / "mesh.obj").write_text(text, encoding="utf-8")
+    assert corners_of(read_mesh(tmp_path / "mesh.obj")) == fan(LEFT)
+
+
 def test_obj_without_normals_is_smooth_also_where_the_uvs_part(tmp_path: Path) -> None:
     quads = "f 1/1 2/2 3/3 4/4\nf 2/5 5/6 6/7 3/8"
     mesh = read_mesh(obj(tmp_path / "mesh.obj", quads, normals=False))
