@@ -16,6 +16,7 @@ from mpsnet_core.io.npz import most_bytes
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 FLOAT = 5126
+FAN = 6  # of a primitive's modes
 # What is read of a mesh, and the extensions that pack it.
 PLAIN = {"POSITION", "NORMAL", "TEXCOORD_0", "indices"}
 PACKED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
@@ -106,9 +107,12 @@ def _check_parts(header: dict[str, Any]) -> None:
 
 
 def _check_plain(header: dict[str, Any]) -> None:
-    """Raises FormatError where a GLB file's vertices are stored in a way that trimesh takes for plain numbers."""
+    """Raises FormatError where a GLB file's vertices are stored in a way that trimesh takes for plain numbers, or its
+    triangles in one that it leaves out."""
     packed = PACKED & set(header.get("extensionsRequired", ()))
     for one in (one for mesh in header.get("meshes", ()) for one in mesh["primitives"]):
+        if one.get("mode") == FAN:
+            raise FormatError("it holds triangle fans, which are not read here; export it with plain triangles")
         numbers = one["attributes"] | ({"indices": one["indices"]} if one.get("indices") is not None else {})
         for name in PLAIN & set(numbers):
             accessor = header["accessors"][numbers[name]]

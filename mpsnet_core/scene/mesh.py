@@ -417,7 +417,9 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
         nodes = list(scene.graph.nodes_geometry)
         placed = [scene.graph[node] for node in nodes]
         parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
-        objects = [_object_name(scene.graph, node) for node in nodes]
+        objects = [
+            _object_name(scene.graph, node, scene.geometry[name]) for node, (_, name) in zip(nodes, placed, strict=True)
+        ]
         materials = [_material_name(scene.geometry[name]) for _, name in placed]
     counts = [len(part[1]) for part in parts]
     parts = [part for part in parts if len(part[1])]
@@ -440,10 +442,14 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     )
 
 
-def _object_name(graph: Any, node: str) -> str:
-    """The name of the file's node; trimesh splits a node by materials into child nodes called NAME_1a2b3c."""
+def _object_name(graph: Any, node: str, part: Any) -> str:
+    """The name of the file's node; trimesh splits a node by materials into child nodes called NAME_1a2b3c.
+
+    A child of the file may be called so too, as a door's door_handle.
+    """
     parent = graph.transforms.parents.get(node)
-    return parent if parent and re.fullmatch(re.escape(parent) + "_[0-9A-Za-z]{6}", node) else node
+    is_split = parent and part.metadata.get("from_gltf_primitive", True)
+    return parent if is_split and re.fullmatch(re.escape(parent) + "_[0-9A-Za-z]{6}", node) else node
 
 
 def _material_name(part: Any) -> str:

@@ -316,6 +316,13 @@ def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
     assert sorted(corners_of(read_mesh(path))) == sorted(fan(LEFT))
 
 
+def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
+    path = glb(tmp_path / "mesh.glb", normals=True)
+    path.write_bytes(path.read_bytes().replace(b'"material": 1}', b'"mode":6     }'))
+    with pytest.raises(InputError, match="triangle fans, .*export it with plain triangles"):
+        read_mesh(path)
+
+
 def test_smooth_normals_one_corner_at_a_time() -> None:
     sphere = sphere_mesh(12, 6)
     points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))

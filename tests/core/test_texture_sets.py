@@ -181,6 +181,19 @@ def test_glb_tells_materials_and_objects_where_trimesh_parts_them(tmp_path: Path
     assert by_object == {"Cu.be": "skin", "Ball": "skin", "Ball two": "cloth"}
 
 
+def test_glb_with_a_part_whose_name_continues_that_of_what_it_is_fixed_to(tmp_path: Path) -> None:
+    scene, under = trimesh.Scene(), None
+    for name in ("Door", "Door_handle"):
+        part = trimesh.creation.box()
+        uv = np.zeros((len(part.vertices), 2))
+        part.visual = trimesh.visual.TextureVisuals(uv=uv, material=trimesh.visual.material.PBRMaterial(name="wood"))
+        scene.add_geometry(part, node_name=name, geom_name=f"{name} mesh", parent_node_name=under)
+        under = name
+    scene.export(tmp_path / "a.glb")
+    objects = read_mesh(tmp_path / "a.glb").objects
+    assert objects is not None and sorted(objects.names) == ["Door", "Door_handle"]
+
+
 def test_npz_gives_back_the_names(tmp_path: Path) -> None:
     mesh = squares((0, 0), (0, 0), materials="Grün skin", objects="a b")
     write_mesh(tmp_path / "a.npz", mesh)
