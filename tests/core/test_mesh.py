@@ -319,7 +319,7 @@ def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
 def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
     path.write_bytes(path.read_bytes().replace(b'"material": 1}', b'"mode":6     }'))
-    with pytest.raises(InputError, match="triangle fans, .*export it with plain triangles"):
+    with pytest.raises(InputError, match=r"triangle fans, .*export it with plain triangles"):
         read_mesh(path)
 
 
