@@ -1,10 +1,12 @@
 """Mesh: triangles with UVs, shading normals and tangents for every corner; mesh files."""
 
+import logging
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from mpsnet_core.io.ply import NO_LENGTHS, NOTHING, read_ply
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 from mpsnet_core.scene.mikktspace import mikktspace_tangents
 
+log = logging.getLogger(__name__)
+
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
@@ -29,6 +33,8 @@ MOST = 1e12
 MAX_CORNERS = 4096
 # Notches stay open in faces of up to so many corners: cutting ears takes their square in time, or more.
 MOST_NOTCHED = 512
+# Scales that differ by less than this share stretch nothing.
+SAME_SCALE = 1e-4
 # The names of a PLY file's UVs, by MeshLab, others and Blender; the last that is there counts.
 PLY_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 
@@ -104,9 +110,7 @@ class Mesh:
             _check_finite(name, value)
             object.__setattr__(self, name, value)
         _check_numbers(self.triangles, points)
-        scales = np.linalg.svd(self.world_from_object[:3, :3], compute_uv=False)
-        if scales[-1] <= 1e-9 * scales[0]:
-            raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
+        _check_pose(self.world_from_object)
         for what, labels in (("materials", self.materials), ("objects", self.objects)):
             if labels is not None and len(labels) != count:
                 raise GeometryError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
@@ -149,6 +153,12 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
         raise GeometryError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
     if name != "uvs" and (np.abs(values) > MOST).any():
         raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
+
+
+def _check_pose(world_from_object: NDArray[np.float64]) -> None:
+    scales = np.linalg.svd(world_from_object[:3, :3], compute_uv=False)
+    if scales[-1] <= 1e-9 * scales[0]:
+        raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
 
 
 def _check_numbers(triangles: NDArray[Any], count: int) -> None:
@@ -416,6 +426,15 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     with read_scene(path) as scene:
         nodes = list(scene.graph.nodes_geometry)
         placed = [scene.graph[node] for node in nodes]
+        is_surface = [len(getattr(scene.geometry[name], "faces", ())) > 0 for _, name in placed]
+        frame = _frame([pose for pose, _ in compress(placed, is_surface)])
+        placed = [(np.linalg.inv(frame) @ pose, name) for pose, name in placed]
+        if not (shape_only or all(_keeps_angles(pose) for pose, _ in compress(placed, is_surface))):
+            log.warning(
+                "mesh file %s: its objects are stretched in several ways, and textures in tangent space fit only some "
+                "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again",
+                path,
+            )
         parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
         objects = [
             _object_name(scene.graph, node, scene.geometry[name]) for node, (_, name) in zip(nodes, placed, strict=True)
@@ -437,9 +456,23 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
         triangles,
         _else_smooth(normals[triangles], places, place.reshape(-1)[triangles]),
         _no_uvs(len(triangles)) if shape_only else uvs[triangles],
+        world_from_object=frame,
         materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
         objects=labels_of_runs(zip(objects, counts, strict=True)),
     )
+
+
+def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(4, 4) from what the parts of a GLB are read in to the world: the world itself, or the first stretched part's
+    own axes, as normals in tangent space are those of a mesh before its node stretches it."""
+    for pose in poses:
+        _check_pose(pose)
+    return next((pose for pose in poses if not _keeps_angles(pose)), np.eye(4))
+
+
+def _keeps_angles(pose: NDArray[np.float64]) -> bool:
+    scales = np.linalg.svd(pose[:3, :3], compute_uv=False)
+    return bool(scales[-1] > (1 - SAME_SCALE) * scales[0])
 
 
 def _object_name(graph: Any, node: str, part: Any) -> str:

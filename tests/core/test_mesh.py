@@ -290,6 +290,35 @@ def test_glb_with_a_mirroring_node_keeps_its_outside(tmp_path: Path) -> None:
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
+def test_glb_with_a_stretching_node_has_the_tangents_of_its_mesh(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    pose = np.eye(4)
+    pose[:3] = np.column_stack([turn * np.sign(np.linalg.det(turn)) @ np.diag([1, 1.5, -2]), [3, 0, 1]])
+    ball = sphere_mesh(world_from_object=pose)
+    corners, material = np.arange(ball.triangles.size), trimesh.visual.material.PBRMaterial(name="m")
+    part = trimesh.Trimesh(
+        ball.vertices[ball.triangles].reshape(-1, 3),
+        corners.reshape(-1, 3),
+        vertex_normals=ball.corner_normals.reshape(-1, 3),
+        visual=trimesh.visual.TextureVisuals(uv=ball.uvs.reshape(-1, 2), material=material),
+        process=False,
+    )
+    scene = trimesh.Scene()
+    scene.add_geometry(part, node_name="a", transform=pose)
+    scene.export(tmp_path / "one.glb", include_normals=True)
+    mesh = read_mesh(tmp_path / "one.glb")
+    assert mesh.world_vertices[mesh.triangles] == pytest.approx(ball.world_vertices[ball.triangles], abs=1e-5)
+    assert mesh.tangents == pytest.approx(ball.tangents, abs=1e-4)
+    assert mesh.normals_to_world == pytest.approx(ball.normals_to_world, abs=1e-5)
+    assert not caplog.records
+    scene.add_geometry(part.copy(), node_name="b")
+    scene.export(tmp_path / "two.glb", include_normals=True)
+    read_mesh(tmp_path / "two.glb")
+    assert re.search(r"two\.glb: .*stretched in several ways, .*apply their scale", caplog.text)
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".ply"])
 def test_normals_of_no_length_count_as_none(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"mesh{suffix}"  # a wall that faces -y, and has no normals at its lower corners
