@@ -196,7 +196,15 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
         reader = readers.get(path.suffix.lower())
         if reader is None:
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
-        return reader(path, shape_only)
+        mesh = reader(path, shape_only)
+    outwards = np.einsum("ti,tci->t", triangle_normals(mesh.vertices[mesh.triangles]), mesh.corner_normals)
+    if not shape_only and np.count_nonzero(outwards < 0) > len(outwards) / 2:
+        log.warning(
+            "mesh file %s: most of its faces turn their back to where its normals point, as in a PLY of a mirrored "
+            "object, whose green would be upside down; apply the object's scale or flip the faces, and export it again",
+            path,
+        )
+    return mesh
 
 
 # The .npz arrays of labels: names, and each triangle's index into them.

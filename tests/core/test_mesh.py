@@ -352,6 +352,18 @@ def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
         read_mesh(path)
 
 
+def test_faces_that_turn_their_back_to_the_normals_are_reported(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    read_mesh(obj(tmp_path / "a.obj", "f 1/1/1 2/2/1 3/3/1 4/4/1"))
+    assert not caplog.records
+    path = obj(tmp_path / "b.obj", "f 1/1/1 4/4/1 3/3/1 2/2/1")
+    read_mesh(path, shape_only=True)
+    assert not caplog.records
+    read_mesh(path)
+    assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces, and export it again", caplog.text)
+
+
 def test_smooth_normals_one_corner_at_a_time() -> None:
     sphere = sphere_mesh(12, 6)
     points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))
