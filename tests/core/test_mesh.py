@@ -361,7 +361,7 @@ def test_faces_that_turn_their_back_to_the_normals_are_reported(
     read_mesh(path, shape_only=True)
     assert not caplog.records
     read_mesh(path)
-    assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces, and export it again", caplog.text)
+    assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces and export it again", caplog.text)
 
 
 def test_smooth_normals_one_corner_at_a_time() -> None:
