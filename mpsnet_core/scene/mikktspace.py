@@ -14,6 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.unit_vectors import normalised
 
+# A mesh that is so many times its size away is moved to the origin: places are compared in single precision, as by
+# mikktspace.c, in which neighbours in the coordinates of a survey are one.
+FAR = 16
+
 
 def mikktspace_tangents(
     corners: ArrayLike,
@@ -45,7 +49,7 @@ def mikktspace_tangents(
     corner at the same vertex, else at the same position of its quad, else it is +x. mikktspace.c leaves zero at the few
     corners whose angle is too small for single precision (about 5e-4 rad); here they have the unit tangent.
     """
-    corners, normals = np.asarray(corners, np.float64), np.asarray(normals, np.float64)
+    corners, normals = _near_origin(np.asarray(corners, np.float64)), np.asarray(normals, np.float64)
     uvs = np.asarray(uvs, np.float64)
     vertex = _welded(corners, normals, uvs)
     if polygons is None:
@@ -59,6 +63,12 @@ def mikktspace_tangents(
         quads.complete(tangents, corners.reshape(-1, 3))
     tangents[~tangents[:, :3].any(axis=1)] = [1.0, 0.0, 0.0, -1.0]
     return tangents.reshape(-1, 3, 4).astype(np.float32)
+
+
+def _near_origin(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    middle: NDArray[np.float64] = (low + high) / 2
+    return corners - middle if np.linalg.norm(middle) > FAR * np.linalg.norm(high - low) else corners
 
 
 def _tangents(

@@ -142,7 +142,8 @@ class RayScene:
     def hits(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
         """Where rays (N, 3), with unit directions (N, 3), first meet the mesh."""
         found = self._run(origins, directions, "DISTANCE", output=1)
-        distance = np.where(found["primID"] < 0, np.float32(np.inf), found["tfar"] * np.float32(self.size))
+        # Where nothing is hit, its largest number stands, which no size may multiply.
+        distance = np.where(found["primID"] < 0, np.float32(np.inf), found["tfar"]) * np.float32(self.size)
         return Hits(found["primID"], found["u"], found["v"], distance)
 
     def occluded(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:

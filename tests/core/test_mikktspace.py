@@ -65,6 +65,14 @@ def test_corners_share_a_tangent_where_triangles_meet_the_same_way_round() -> No
     assert not same_at_shared_corners(normals, folded_over)
 
 
+def test_in_the_coordinates_of_a_survey_they_are_the_same() -> None:
+    mesh = sphere_mesh(48, 24, layout="mirrored")
+    corners = mesh.vertices[mesh.triangles]
+    far = corners + np.array([4e5, 5e6, 120])
+    here, there = (mikktspace_tangents(places, mesh.corner_normals, mesh.uvs) for places in (corners, far))
+    assert there == pytest.approx(here, abs=1e-5)
+
+
 def test_angles_weigh_the_triangles_and_not_their_areas() -> None:
     """A fan of a 90 degree and a 30 degree triangle around one corner, with UVs of different directions."""
     a, b = np.radians(90), np.radians(120)
