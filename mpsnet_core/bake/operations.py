@@ -543,9 +543,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         inputs, outputs = self._files(target)
         photography = self._photography()
         views = posed_photos(self.cameras, self.photos)
-        photos = [view.photo for view in views]
-        check_apart(photos, outputs)
+        check_apart([view.photo for view in views], outputs)
         check_photos(views, photography)
+        photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
+        check_apart(photos, outputs)
         kept_files = self._kept_files(views)
         check_apart([*inputs, *photos, *outputs], kept_files)
         progress(0.0, "reading the mesh")

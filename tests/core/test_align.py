@@ -177,6 +177,11 @@ class TestCommand:
         assert_the_same(read_camera(files / "camera.json"), true)
         assert (files / "overlay.png").is_file()
 
+    def test_the_pairs_are_not_overwritten(self, mpsnet_here, files):
+        given = self.pairs(files, np.zeros((4, 2)), np.zeros((4, 3)))
+        done = self.align(mpsnet_here, files, *given, "-o", files / "pairs.json")
+        assert done.returncode == 2 and "would overwrite" in done.stderr
+
     def test_a_rough_start_is_refined(self, mpsnet, files):
         write_camera(files / "start.json", looking(46, 10, 4))
         done = self.align(mpsnet, files, "--start", files / "start.json", "--progress", "json")

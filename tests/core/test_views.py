@@ -249,6 +249,8 @@ def test_white_photos_become_one_albedo(table: Table) -> None:
     assert "4 kept from before" in table.run(*keep)
     os.utime(table / "white" / "side1_white.exr", (1, 1))
     assert "3 kept from before" in table.run(*keep)
+    with pytest.raises(InputError, match=r"would overwrite .*side1_white.exr, a file that it needs"):
+        table.run(*keep, "-o", table / "white" / "side1_white.exr")
     with pytest.raises(InputError, match="has no white photo side2 in"):
         (table / "white" / "side2_white.exr").unlink()
         table.run(*keep)

@@ -129,7 +129,8 @@ class Align(RunsModel, ReadsPhotos):
             raise SettingsError("points and start both place the camera; give one of them")
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
         mask = self.mask and mask_source(self.mask)
-        check_apart(files_meant((self.image, self.rig, self.mesh, mask, self.dark, self.flat)), outputs)
+        # The start may be refined in place.
+        check_apart(files_meant((self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points)), outputs)
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
