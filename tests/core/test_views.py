@@ -31,6 +31,7 @@ from mpsnet_core.io.images import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap, decode, read_normals, write_normals
+from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
 from mpsnet_core.scene.view_files import write_views
@@ -636,6 +637,15 @@ def test_cameras_of_photogrammetry_become_files_of_ours(table: Table) -> None:
         assert (ours.mask == theirs.mask).mean() > 0.999
         lit = ours.mask & theirs.mask & (capture.image > 0.01).all(axis=-1)
         assert degrees_between(ours.vectors, theirs.vectors)[lit].mean() < 0.1
+
+
+def test_cameras_of_photos_that_were_scaled_since_are_refused_before_any_is_written(table: Table) -> None:
+    colmap(table, "PINHOLE 96 96 {f} {f} 48 48")
+    write_file(table / "photos" / "side2.exr", np.ones((48, 48, 3)), "float")
+    write = WriteCameras(cameras=str(table / "colmap"), photos=str(table / "photos"), output=str(table / "ours"))
+    with pytest.raises(InputError, match=r"side2.exr: the camera is 96 x 96 but the photo is 48 x 48; .*scaled"):
+        write.run()
+    assert not (table / "ours").exists()
 
 
 def test_cameras_whose_photo_is_missing_are_left_out(table: Table) -> None:
