@@ -46,6 +46,7 @@ class Mesh:
     Parameters
     ----------
     vertices : (V, 3) float64 array
+        Those that no triangle has are left out: a stray one far away would count for the mesh's size.
     triangles : (T, 3) int32 array
         Vertex indices, counter-clockwise seen from outside.
     corner_normals : (T, 3, 3) float32 array
@@ -110,6 +111,12 @@ class Mesh:
             _check_finite(name, value)
             object.__setattr__(self, name, value)
         _check_numbers(self.triangles, points)
+        used = np.zeros(points, bool)
+        used[self.triangles] = True
+        if not used.all():
+            number = np.cumsum(used, dtype=np.int32) - 1
+            object.__setattr__(self, "vertices", self.vertices[used])
+            object.__setattr__(self, "triangles", number[self.triangles].astype(np.int32))
         _check_pose(self.world_from_object)
         for what, labels in (("materials", self.materials), ("objects", self.objects)):
             if labels is not None and len(labels) != count:

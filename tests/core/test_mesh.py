@@ -361,7 +361,7 @@ def test_faces_that_turn_their_back_to_the_normals_are_reported(
     read_mesh(path, shape_only=True)
     assert not caplog.records
     read_mesh(path)
-    assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces and export it again", caplog.text)
+    assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces, and export it again", caplog.text)
 
 
 def test_smooth_normals_one_corner_at_a_time() -> None:
@@ -378,6 +378,14 @@ def test_smooth_normals_one_corner_at_a_time() -> None:
     found = smooth_corner_normals(points, triangles)
     assert degrees_between(found, expected[triangles]).max() < 1e-4
     assert np.linalg.norm(found, axis=-1) == pytest.approx(1)
+
+
+def test_vertices_of_no_face_count_for_nothing(tmp_path: Path) -> None:
+    path = obj(tmp_path / "mesh.obj", "f 1/1 2/2 3/3 4/4\nf 2/5 5/6 6/7 3/8", normals=False)
+    path.write_text("v 9e6 0 0\n" + re.sub(r"(?<= )(\d)(?=/)", lambda one: str(int(one[1]) + 1), path.read_text()))
+    mesh = read_mesh(path)
+    assert corners_of(mesh) == fan(LEFT, RIGHT)
+    assert mesh.vertices.tolist() == POINTS
 
 
 def test_world_vertices_stand_where_the_pose_says() -> None:
