@@ -17,6 +17,7 @@ _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 FLOAT = 5126
 FAN = 6  # of a primitive's modes
+INSTANCES = "EXT_mesh_gpu_instancing"
 # What is read of a mesh, and the extensions that pack it.
 PLAIN = {"POSITION", "NORMAL", "TEXCOORD_0", "indices"}
 PACKED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
@@ -108,8 +109,10 @@ def _check_parts(header: dict[str, Any]) -> None:
 
 def _check_plain(header: dict[str, Any]) -> None:
     """Raises FormatError where a GLB file's vertices are stored in a way that trimesh takes for plain numbers, or its
-    triangles in one that it leaves out."""
+    triangles or instances in one that it leaves out."""
     packed = PACKED & set(header.get("extensionsRequired", ()))
+    if any(INSTANCES in node.get("extensions", {}) for node in header.get("nodes", ())):
+        raise FormatError("it holds GPU instances, which are not read here; export it without them")
     for one in (one for mesh in header.get("meshes", ()) for one in mesh["primitives"]):
         if one.get("mode") == FAN:
             raise FormatError("it holds triangle fans, which are not read here; export it with plain triangles")

@@ -131,6 +131,16 @@ def test_a_project_leads_to_its_model(tmp_path: Path, place: str, write: Callabl
     assert len(read_cameras(tmp_path)) == (3 if write is write_text else 2)
 
 
+@pytest.mark.parametrize("given", [".", "sparse"])
+def test_which_of_several_models_is_read_is_said(tmp_path: Path, given: str, caplog: pytest.LogCaptureFixture) -> None:
+    for number in "01":
+        (tmp_path / "sparse" / number).mkdir(parents=True)
+        write_text(tmp_path / "sparse" / number)
+    with caplog.at_level("INFO", "mpsnet_core"):
+        read_cameras(tmp_path / given)
+    assert "sparse holds several models; the first, 0, is read" in caplog.text
+
+
 def test_either_file_of_a_model_names_it_and_binary_goes_first(tmp_path: Path) -> None:
     write_binary(write_text(tmp_path))
     assert len(read_cameras(tmp_path)) == 2

@@ -352,6 +352,20 @@ def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
         read_mesh(path)
 
 
+def test_glb_with_gpu_instances_is_refused(tmp_path: Path) -> None:
+    path = glb(tmp_path / "mesh.glb", normals=True)
+    data = path.read_bytes()
+    end = 20 + struct.unpack("<I", data[12:16])[0]
+    header = json.loads(data[20:end])
+    header["nodes"][1]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + data[end:]
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    with pytest.raises(InputError, match=r"GPU instances, .*export it without them"):
+        read_mesh(path)
+
+
 def test_faces_that_turn_their_back_to_the_normals_are_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -110,8 +110,8 @@ def _model_files(path: Path) -> tuple[Path, Path]:
         for suffix in (".bin", ".txt"):
             cameras = path / place / f"cameras{suffix}"
             if cameras.is_file():
-                if place == "sparse/0" and (path / "sparse" / "1").is_dir():
-                    log.info("%s holds several models; the first, 0, is read", path / "sparse")
+                if place.endswith("0") and (path / place).with_name("1").is_dir():
+                    log.info("%s holds several models; the first, 0, is read", (path / place).parent)
                 return cameras, cameras.with_name(f"images{suffix}")
     raise FileError(f"folder {path} holds no COLMAP model (cameras.bin or cameras.txt, also in sparse/0); choose it")
 
