@@ -16,7 +16,7 @@ from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
 from ..outputs import file_name, image_file, origin, remembered, requested_path
-from ..photo.camera import chosen_camera
+from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.light_rig import light_rig, lights_stand, rig_camera
@@ -50,10 +50,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         behind = [] if scene.views.cameras else _with_photos(context.scene)
         return {
             "Background images": ", ".join(stamp(image) for _, image in behind),
-            "Cameras' places": ", ".join(
-                f"{rounded(obj.matrix_world, 4)} {rounded([obj.data.lens, obj.data.ortho_scale], 4)}"
-                for obj, _ in behind
-            ),
+            "Cameras' places": ", ".join(f"{rounded(obj.matrix_world, 4)} {lens_stamp(obj)}" for obj, _ in behind),
             **targets_place(scene.bake),
             **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
             **chosen(EstimateSettings, scene.estimate, only=shared),

@@ -25,9 +25,9 @@ from ..outputs import (
     remember,
     remembered,
 )
-from ..photo.camera import chosen_camera
+from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
-from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
+from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
 from ..settings.declared import take_given
@@ -139,7 +139,7 @@ def _lens_of_camera(scene: Any) -> Provenance:
     """
     photo = scene.mps.photo.image
     camera = chosen_camera(scene, photo) if photo and not scene.mps.estimate.lens else None
-    return {"Camera's lens": rounded([camera.data.lens, camera.data.ortho_scale], 4)} if camera else {}
+    return {"Camera's lens": lens_stamp(camera)} if camera else {}
 
 
 def _painted(settings: Any) -> Provenance:

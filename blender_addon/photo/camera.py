@@ -50,4 +50,11 @@ def cameras_place(scene: Any, image: Any) -> Provenance:
     camera = chosen_camera(scene, image) if image else None
     if camera is None:
         return {}
-    return {"Camera": f"{rounded(camera.matrix_world, 4)} {rounded([camera.data.lens], 4)}"}
+    return {"Camera": f"{rounded(camera.matrix_world, 4)} {lens_stamp(camera)}"}
+
+
+def lens_stamp(camera: Any) -> str:
+    """Text that changes with what a camera object's lens and sensor show."""
+    data = camera.data
+    sizes = data.lens, data.ortho_scale, data.sensor_width, data.sensor_height, data.shift_x, data.shift_y
+    return f"{data.type} {data.sensor_fit} {rounded(sizes, 4)}"

@@ -74,6 +74,10 @@ def test_cameras_with_background_images_become_one_texture(around, scene, tmp_pa
     bpy.context.view_layer.update()
     assert stands(MPS_PT_views) == (Kind.OUT_OF_DATE, "Changed since: Cameras' places")
     camera.location.x -= 0.1
+    camera.data.shift_x = 0.1
+    bpy.context.view_layer.update()
+    assert stands(MPS_PT_views) == (Kind.OUT_OF_DATE, "Changed since: Cameras' places")
+    camera.data.shift_x = 0
     bpy.ops.mps.render_photo(output=str(tmp_path / "side3.exr"), samples=1)
     assert stands(MPS_PT_views) == (Kind.OUT_OF_DATE, "Changed since: Background images")
     # The sphere's own normals are the truth here, so levelling can only make it better.
