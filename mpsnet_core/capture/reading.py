@@ -1,11 +1,15 @@
 """How photos are read: what their values mean, which layer counts, and what camera and lights add to every photo."""
 
+import logging
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -36,3 +40,17 @@ class Reading:
 
 
 AS_STATED = Reading()  # as the files themselves state it
+
+
+def note_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
+    """Report photos of one light each that, by their files, were not exposed as long as the first."""
+    first = images[0].exposure_time
+    for photo, image in zip(photos, images, strict=True):
+        if first and image.exposure_time and not 0.9 < image.exposure_time / first < 1.1:
+            log.warning(
+                "%s was exposed for %.3g s, %s for %.3g s: use the same for all lights",
+                photo,
+                image.exposure_time,
+                photos[0],
+                first,
+            )

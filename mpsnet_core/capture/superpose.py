@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.capture.reading import note_other_exposures
 from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
@@ -94,21 +95,17 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
     images = [read_image(photo, encoding=encoding, grey=grey) for photo in photos]
     for photo, image in zip(photos, images, strict=True):
         check_same_size(str(photo), image.pixels.shape[:2], str(photos[0]), images[0].pixels.shape[:2])
-    _note_doubts(photos, images)
+    note_other_exposures(photos, images)
+    _note_clipped(photos, images)
     return images
 
 
-def _note_doubts(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
-    """Report what the photo of all lights does not show any more."""
+def _note_clipped(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
+    """Report what the photo of all lights, of floats, does not show any more."""
     for photo, image in zip(photos, images, strict=True):
         spoilt = image.saturated.any(axis=-1).mean()
         if spoilt > SPOILT_SHARE:
             log.warning("%.1f%% of %s is saturated, and wrong; expose it shorter [clipped-photo]", 100 * spoilt, photo)
-        first, this = images[0].exposure_time, image.exposure_time
-        if first and this and not 0.9 < this / first < 1.1:
-            log.warning(
-                "%s was exposed for %.3g s, %s for %.3g s: use the same for all lights", photo, this, photos[0], first
-            )
 
 
 def _alpha(images: Sequence[Image]) -> NDArray[np.float32] | None:

@@ -259,6 +259,20 @@ def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card
     assert np.abs(mixing - CROSSTALK).max() < (0.03 if card else 0.01)
 
 
+def test_a_photo_of_one_light_that_was_exposed_for_longer_is_told(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The mixing would say that its light is brighter."""
+    files = []
+    for light, seconds in enumerate((0.1, 0.1, 0.2)):
+        pixels = read_image(photos / f"grey{light}.exr").pixels
+        files.append(write_file(tmp_path / f"grey{light}.tif", pixels, "float", ExposureTime=seconds))
+    command = ["calibrate", "mixing", *map(str, files), "--rig", str(photos / "rig.json"), "--circle", CIRCLE]
+    assert main([*command, "-o", str(tmp_path / "rig.json")]) == 0
+    told = capsys.readouterr().err
+    assert f"{files[2]} was exposed for 0.2 s" in told and told.count("exposed for") == 1
+
+
 # --- bad input --------------------------------------------------------------------------------------------------------
 
 ONLY = ["only0.png", "only1.png", "only2.png"]

@@ -377,6 +377,7 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.capture.calibrate.mixing import equation_2_error
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
+        from mpsnet_core.capture.reading import note_other_exposures
         from mpsnet_core.io.files import written_together
         from mpsnet_core.io.frames import in_order_of_lights
         from mpsnet_core.io.images import write_image
@@ -388,6 +389,7 @@ class CalibrateMixing(LooksAtBall):
         photos = self._photos(files, mirror=False)
         progress(0.0, "reading the photos")
         read = [photos.read(file) for file in files]
+        note_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
         calibrated = replace(rig, mixing=found.mixing)
