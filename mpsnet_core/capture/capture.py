@@ -358,7 +358,7 @@ def capture_of(
     depth: NDArray[np.float32] | float | None,
 ) -> Capture:
     """What :func:`corrected_and_masked` returned, as a capture. depth: as in :func:`read_capture`."""
-    inside = _depth_within(mask, depth, rig) if mask.any() else None  # of an empty mask, that is what is told
+    inside = _depth_within(mask, depth, rig) if mask.any() else None  # an empty mask is refused later, as such
     return Capture(image.pixels, mask, rig, camera, image.clip, inside, image.clipped)
 
 

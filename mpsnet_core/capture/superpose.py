@@ -15,7 +15,7 @@ from mpsnet_core.io.images import Encoding, read_image
 
 log = logging.getLogger(__name__)
 
-# A photo of which so much is saturated is told of.
+# The share of saturated pixels from which a photo gets a warning.
 SPOILT_SHARE = 0.005
 
 

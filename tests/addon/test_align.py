@@ -106,7 +106,7 @@ def test_without_a_start_the_camera_is_found_and_the_bake_goes_through_it(opened
     assert np.abs(found - read_image(tmp_path / "true.exr").pixels).mean() < 0.01
 
 
-def test_points_place_it_and_one_that_contradicts_is_told(opened, shot):
+def test_points_place_it_and_one_that_contradicts_is_reported(opened, shot):
     true, obj = read_camera(shot / "true.json"), bpy.data.objects["Suzanne"]
     bpy.context.view_layer.update()
     vertices = [obj.matrix_world @ vertex.co for vertex in obj.data.vertices][::70]
@@ -148,7 +148,7 @@ def test_a_camera_about_there_is_refined_and_stays_the_users_own(opened, shot):
     assert opened.mps.photo.image.mps.camera == found and len(bpy.data.cameras) == 2
 
 
-def test_a_mesh_of_something_else_fits_poorly_and_the_bake_tells_it_too(opened, shot, tmp_path):
+def test_a_mesh_of_something_else_fits_poorly_and_the_bake_reports_it_too(opened, shot, tmp_path):
     bpy.data.objects["Suzanne"].scale.z = 2.2
     data = bpy.data.cameras.new("Mine")
     mine = opened.camera = bpy.data.objects.new("Mine", data)

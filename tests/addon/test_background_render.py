@@ -113,7 +113,7 @@ def linked(small, scene, tmp_path):
     scene.collection.children.link(parts)
 
 
-def test_a_library_that_is_gone_since_is_told_and_nothing_is_rendered(linked, scene, tmp_path):
+def test_a_library_that_is_gone_since_is_reported_and_nothing_is_rendered(linked, scene, tmp_path):
     """This Blender has it in memory, so nobody sees that the copy lacks it."""
     (tmp_path / "parts.blend").rename(tmp_path / "moved.blend")
     lost = f'the library {tmp_path / "parts.blend"}, from which this scene takes "Part", was not found; put it back'

@@ -57,7 +57,7 @@ def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):
     assert degrees_between(found.directions, LIGHTS).max() < 1
 
 
-def test_what_is_missing_is_told(scene, tmp_path, mirror, grey):
+def test_what_is_missing_is_reported(scene, tmp_path, mirror, grey):
     with pytest.raises(RuntimeError, match="no photo of the mirror ball is named"):
         bpy.ops.mps.calibrate_lights()
     with pytest.raises(RuntimeError, match=r"where are the lights.* in the step Rig"):

@@ -358,7 +358,7 @@ def test_the_next_bake_is_onto_the_object_without_the_displacement(worn, scene, 
     assert all(modifier.show_viewport for modifier in worn.modifiers)
 
 
-def test_what_cannot_be_displaced_is_told(worn, scene, tmp_path):
+def test_what_cannot_be_displaced_is_reported(worn, scene, tmp_path):
     with pytest.raises(RuntimeError, match="there is no object"):
         bpy.ops.mps.displace(target="Nobody")
     with pytest.raises(RuntimeError, match="does not exist; create it first"):

@@ -268,7 +268,7 @@ def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_no
     assert scene.mps.bake.image.get("mpsnet_base") is None
 
 
-def test_what_the_core_refuses_is_told_too(worn: "bpy.types.Node", tmp_path: Path) -> None:
+def test_what_the_core_refuses_is_reported_too(worn: "bpy.types.Node", tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="bake in tangent space"):
         bpy.ops.mps.bake(size=32, onto=True, space="OBJECT", output=str(tmp_path / "texture.png"))
     with pytest.raises(RuntimeError, match="would overwrite"):

@@ -213,7 +213,7 @@ def test_a_command_does_the_same(opened, scene, capsys):
     assert read_channel(output / "weave_height.png").shape == (128, 128)
 
 
-def test_what_is_missing_is_told(opened, scene):
+def test_what_is_missing_is_reported(opened, scene):
     with pytest.raises(RuntimeError, match="the material's size is not known; enter what the photo's width"):
         bpy.ops.mps.make_material()
     with pytest.raises(RuntimeError, match="the crop leaves nothing of the photo's 180 x 150 pixels"):

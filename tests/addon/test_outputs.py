@@ -119,7 +119,7 @@ def test_a_result_is_not_written_over_what_another_step_made(photographed, scene
     assert bpy.ops.mps.render_photo(output=photo) == bpy.ops.mps.estimate(output=normals) == {"FINISHED"}
 
 
-def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_told(photographed, scene, tmp_path):
+def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_reported(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
     told = {"estimate": scene.mps.records["estimate"].notes}
     assert "ending" not in told["estimate"], "no format was chosen"

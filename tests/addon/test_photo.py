@@ -401,7 +401,7 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     assert len(list((tmp_path / "normals").glob("*.png"))) == 3
 
 
-def test_files_that_are_gone_are_told_with_the_photo(sphere, scene, tmp_path):
+def test_files_that_are_gone_are_reported_with_the_photo(sphere, scene, tmp_path):
     """A picture that is on the sphere; not one that nothing in the photo uses, and not one that is packed."""
     bpy.ops.mps.add_rig()
     for name in ("gone.png", "elsewhere.png", "packed.png"):

@@ -80,7 +80,7 @@ def test_a_pair_is_coloured_by_how_far_it_is_off_for_the_photos_size():
     assert colour_of(8, large) == fits and colour_of(40, large) == off
 
 
-def test_a_script_and_a_panel_with_too_few_points_are_told_what_to_do(scene, tmp_path):
+def test_a_script_and_a_panel_with_too_few_points_are_reported_what_to_do(scene, tmp_path):
     bpy.ops.mesh.primitive_cube_add()
     write_image(tmp_path / "photo.exr", np.full((8, 8, 3), 0.5, np.float32))
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))

@@ -206,7 +206,7 @@ def test_only_the_first_frame_is_read_at_once_and_the_person_sees_none(waving, s
 
 
 @pytest.mark.parametrize("gone", ["target", "camera"])
-def test_what_is_deleted_while_frames_are_read_is_told(waving, tmp_path, gone):
+def test_what_is_deleted_while_frames_are_read_is_reported(waving, tmp_path, gone):
     slices = waving.begin(NUMBERS).slices
     next(slices)
     bpy.data.objects.remove(bpy.data.objects["Grid" if gone == "target" else "Camera"])
@@ -235,7 +235,7 @@ def test_a_confidence_map_is_left_out_where_there_are_frames(shots, scene, tmp_p
     assert len(list((tmp_path / "Scene_normals").iterdir())) == 4
 
 
-def test_a_white_photo_is_told_to_be_of_no_use_to_frames(shots, scene, tmp_path):
+def test_a_white_photo_is_reported_to_be_of_no_use_to_frames(shots, scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
     settings = {"rig_file": str(tmp_path / "rig.json"), "white": str(shots / "shot_0008.exr"), "albedo": True}
     bpy.ops.mps.estimate(model="LAMBERTIAN", **settings)

@@ -422,7 +422,7 @@ def test_made_from_what_no_add_on_wrote_is_not_out_of_date(estimated, scene):
     assert stands(MPS_PT_estimate) == (Kind.DONE, "")
 
 
-def test_time_left_is_told_once_it_can_be_known():
+def test_time_left_is_reported_once_it_can_be_known():
     assert [Pace().left(0.0, done) for done in (0.0, 0.5)] == [None, None]
     pace = Pace()
     assert pace.left(5.0, 0.01) is None  # what went before, the start of a process, tells nothing of the work

@@ -57,7 +57,7 @@ def test_three_white_photos_become_the_photo_that_is_estimated(scene, photos, tm
     assert state() == (Kind.OUT_OF_DATE, "Changed since: Second Light")
 
 
-def test_what_is_missing_or_does_not_fit_is_told(scene, photos, tmp_path):
+def test_what_is_missing_or_does_not_fit_is_reported(scene, photos, tmp_path):
     with pytest.raises(RuntimeError, match="no photo under the second light is named"):
         bpy.ops.mps.superpose(**{**photos, "second": ""})
     write_image(photos["third"], np.ones((8, 8, 3)))

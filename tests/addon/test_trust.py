@@ -81,7 +81,7 @@ def preferences():
         preferences.autoexec_paths.remove(preferences.autoexec_paths[0])
 
 
-def test_drivers_that_the_window_never_evaluates_do_not_run_in_the_render_and_that_is_told(hostile, tmp_path):
+def test_drivers_that_the_window_never_evaluates_do_not_run_in_the_render_and_that_is_reported(hostile, tmp_path):
     opened(tmp_path)
     assert not bpy.app.autoexec_fail  # nothing here looks as if scripts were off
     (note,) = rendered(tmp_path)["notes"]
@@ -169,7 +169,7 @@ def test_the_plain_module_opens_a_file_without_its_scripts(hostile, tmp_path):
     assert not list(hostile.iterdir())
 
 
-def test_samples_of_a_scenes_own_objects_are_rendered_without_its_scripts_and_that_is_told(hostile, tmp_path):
+def test_samples_of_a_scenes_own_objects_are_rendered_without_its_scripts_and_that_is_reported(hostile, tmp_path):
     opened(tmp_path)
     bpy.data.objects["Hidden"].hide_viewport = False
     bpy.ops.object.select_all(action="DESELECT")

@@ -172,7 +172,7 @@ def test_cameras_from_colmap_meet_the_mesh_as_it_was_imported(around, scene, tmp
     assert angular_error(*textures).max() < 0.1
 
 
-def test_what_is_missing_is_told(sphere, scene, tmp_path):
+def test_what_is_missing_is_reported(sphere, scene, tmp_path):
     bpy.ops.mps.add_rig()
     with pytest.raises(RuntimeError, match="no camera of this scene has a background image"):
         bpy.ops.mps.bake_views()

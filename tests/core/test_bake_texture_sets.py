@@ -129,7 +129,7 @@ def test_one_object_hides_another() -> None:
     assert alone.seen[alone.covered].all()
 
 
-def test_uvs_of_objects_that_lie_over_each_other_are_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_uvs_of_objects_that_lie_over_each_other_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     view = sphere_view(camera_looking((1, 0, 0)))
     with caplog.at_level("INFO", "mpsnet_core"):
         baked([sphere_mesh(), sphere_mesh(world_from_object=pose((1, 1, 1), (0, 9, 0), 0))], [view])

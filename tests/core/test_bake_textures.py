@@ -223,7 +223,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
     assert not (bench / "s.1001.png").exists()
 
 
-def test_long_names_are_cut_and_names_that_are_too_long_are_told_before_the_bake(bench: Bench) -> None:
+def test_long_names_are_cut_and_names_that_are_too_long_are_reported_before_the_bake(bench: Bench) -> None:
     """Files count bytes, of which a letter may have several, and a file that is being written has a longer name."""
     bench.squares("long.npz", (0, 0), (0.5, 0.5), materials=f"m {'木' * 80}")
     _, result, _ = bench.run("--mesh", bench / "long.npz", output="<MATERIAL>.png")

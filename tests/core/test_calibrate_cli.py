@@ -142,7 +142,7 @@ def test_any_number_of_lights_goes_into_an_lp_file(photos: Path, tmp_path: Path)
     assert picture(overlay).std() > 0.01
 
 
-def test_lights_are_told_by_their_photos_in_the_order_of_their_numbers(
+def test_lights_are_reported_by_their_photos_in_the_order_of_their_numbers(
     photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As a shell gives them: ball.10 before ball.2, and the mask among them."""
@@ -259,7 +259,7 @@ def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card
     assert np.abs(mixing - CROSSTALK).max() < (0.03 if card else 0.01)
 
 
-def test_a_photo_of_one_light_that_was_exposed_for_longer_is_told(
+def test_a_photo_of_one_light_that_was_exposed_for_longer_gets_a_warning(
     photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The mixing would say that its light is brighter."""
@@ -422,7 +422,7 @@ def test_a_circle_by_hand_is_said_to_be_one(mpsnet: Mpsnet, photos: Path, tmp_pa
     assert "given by hand" in done.stdout and "of its outline seen" not in done.stdout
 
 
-def test_a_mixing_that_is_written_over_is_told(photos: Path, tmp_path: Path) -> None:
+def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path) -> None:
     rig = tmp_path / "rig.json"
     write_rig(rig, LightRig(FACING, CROSSTALK))
     for told in (True, False):

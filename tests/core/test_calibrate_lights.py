@@ -73,7 +73,7 @@ def test_a_lamp_in_noise_is_no_ball(seed: int) -> None:
         find_balls(developed(room, 0.1, None, seed), distant_camera(400, 300))
 
 
-def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     x, y = np.meshgrid(np.arange(240) + 0.5, np.arange(200) + 0.5)
     ball, window, lamp = (np.hypot(x - a, y - b) < r for a, b, r in [(120, 100, 80), (110, 108, 55), (105, 105, 4)])
     image = np.float32(0.1 + 0.05 * ball + 0.9 * lamp)
@@ -231,7 +231,7 @@ def test_lights_far_from_two_balls_keep_their_directions(caplog: pytest.LogCaptu
     assert "nearly parallel" in caplog.text
 
 
-def test_rays_that_miss_each_other_are_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_rays_that_miss_each_other_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     """The lights were moved between two photos."""
     scene, _ = near_scene()
     sightings = []
@@ -306,7 +306,7 @@ def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
     assert degrees_between(found.directions, FACING).max() < 0.5
 
 
-def test_a_fourth_light_that_is_as_bright_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_fourth_light_that_is_as_bright_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     fourth = (np.array(MIDDLE) + FAR * around(50, 150), FAR * np.tan(np.radians(2.5)))
     scene = Scene([(MIDDLE, 97.4)], [*afar().lamps, fourth])
     colours = np.concatenate([CROSSTALK, 0.9 * CROSSTALK[:, :1]], axis=1)

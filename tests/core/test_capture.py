@@ -96,7 +96,7 @@ def test_the_camera_is_kept(photo_file: Path) -> None:
         ([0.5, 0.6, 0.7], None),
     ],
 )
-def test_a_photo_that_gives_hardly_right_normals_is_told_of(
+def test_a_photo_that_gives_hardly_right_normals_is_reported_of(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, pixels: list[float], words: str | None
 ) -> None:
     write_image(tmp_path / "photo.png", np.broadcast_to(pixels, (4, 4, 3)))

@@ -83,7 +83,7 @@ def test_the_lock_file_stays_empty(tmp_path: Path) -> None:
         assert (tmp_path / LOCK_FILE).stat().st_size == 0
 
 
-def test_a_folder_without_room_for_locks_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_room_for_locks_is_reported(tmp_path: Path) -> None:
     (tmp_path / LOCK_FILE).mkdir()
     with pytest.raises(InputError, match=r"job\.lock.*choose another folder"):
         Claims(tmp_path)

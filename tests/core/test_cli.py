@@ -252,7 +252,7 @@ def test_a_run_that_is_stopped_while_libraries_load_is_cancelled(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no /dev/full")
-def test_an_answer_that_cannot_be_written_is_told_once() -> None:
+def test_an_answer_that_cannot_be_written_is_reported_once() -> None:
     command = f"{sys.executable} -m mpsnet_core models --progress json > /dev/full"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1

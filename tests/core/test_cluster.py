@@ -81,7 +81,7 @@ def test_a_killed_dask_worker_loses_only_its_current_sample(cluster: LocalCluste
     assert killed[1] in workers(tmp_path)
 
 
-def test_failures_are_told_and_deaths_of_our_process_are_retried(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_failures_are_reported_and_deaths_of_our_process_are_retried(cluster: LocalCluster, tmp_path: Path) -> None:
     (tmp_path / "fail_3").touch()
     (tmp_path / "die_5").touch()
     harvest = run(cluster, tmp_path, 10)
@@ -116,7 +116,7 @@ def test_a_run_here_and_one_on_the_cluster_share_a_folder(cluster: LocalCluster,
     assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(40), 1)
 
 
-def test_a_folder_that_the_machines_do_not_see_is_told(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_a_folder_that_the_machines_do_not_see_is_reported(cluster: LocalCluster, tmp_path: Path) -> None:
     answers = dask.answers_from_cluster(cluster.scheduler_address, COMMAND, tmp_path / "elsewhere", [0])
     with pytest.raises(InputError, match=r"worker tcp://.* does not see .*job\.json; choose a folder that all"):
         list(answers)
@@ -128,7 +128,7 @@ def test_a_worker_that_cannot_start_on_the_cluster_is_one_sentence(cluster: Loca
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "gopher://127.0.0.1:8786", "tcp://127.0.0.1:x"])
-def test_an_address_where_nobody_answers_is_told(
+def test_an_address_where_nobody_answers_is_reported(
     tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
@@ -147,7 +147,7 @@ def test_an_address_where_nobody_answers_is_told(
         (b"\xff" * 99, "Maximum .* exceeded"),
     ],
 )
-def test_a_port_where_something_else_answers_is_told(
+def test_a_port_where_something_else_answers_is_reported(
     tmp_path: Path, words: bytes, told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)

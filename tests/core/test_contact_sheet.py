@@ -187,7 +187,7 @@ def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, samp
     assert sheet.read_bytes() == whole
 
 
-def test_a_folder_without_samples_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_samples_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no samples \(\.exr\); make some"):
         folder_samples(tmp_path)
 

@@ -136,7 +136,7 @@ def test_float_files_do_not_saturate(shots: Shots) -> None:
 
 
 @pytest.mark.parametrize(("times", "told"), [((0.2, 0.2), False), ((0.2, 1.0), True), ((None, 1.0), False)])
-def test_another_exposure_of_the_dark_frame_is_told(
+def test_another_exposure_of_the_dark_frame_is_reported(
     shots: Shots, caplog: pytest.LogCaptureFixture, times: tuple[float | None, float | None], told: bool
 ) -> None:
     paths = []
@@ -237,7 +237,7 @@ class TestBadInput:
         assert "0 pixels or more, not -1" in refused(lambda: self.read(flat=shots.flat, smooth=-1))
 
     @pytest.mark.parametrize("several", [False, True], ids=["one photo", "frames"])
-    def test_near_lights_whose_fall_off_is_told_twice(
+    def test_near_lights_whose_fall_off_is_reported_twice(
         self, shots: Shots, mpsnet: Mpsnet, rig_file: Path, several: bool
     ) -> None:
         write_rig(rig_file, near_rig([[0, 3, -1], [3, 0, -1], [-3, -3, -1]], [0, 0, -5]))

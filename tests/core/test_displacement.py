@@ -327,7 +327,7 @@ def test_a_texture_of_another_space_is_refused() -> None:
         ),  # a bowl on each of the six sides, of which none fits the next
     ],
 )
-def test_a_texture_that_does_not_fit_is_told(
+def test_a_texture_that_does_not_fit_is_reported(
     gradient: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -339,7 +339,7 @@ def test_a_texture_that_does_not_fit_is_told(
     assert told in said if told else "check that" not in said
 
 
-def test_heights_larger_than_the_mesh_are_told(
+def test_heights_larger_than_the_mesh_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A ramp: nothing in it contradicts."""

@@ -47,7 +47,7 @@ def test_no_job_draws_the_held_out_shapes() -> None:
     assert all(new_seed(generator(seed)) < HELD_OUT_SEED for seed in range(500))
 
 
-def test_materials_are_told_apart_by_what_the_baseline_cannot_know(tmp_path: Path) -> None:
+def test_materials_are_reported_apart_by_what_the_baseline_cannot_know(tmp_path: Path) -> None:
     """Equation 2 is right about matt grey under any protocol, and about matt colour once that is averaged away."""
     fits = matt_fits(tmp_path / "fits.npz", grey=(0.3, 0.3, 0.3), red=(0.6, 0.1, 0.1), rust=(0.4, 0.25, 0.2))
     test = Materials(fits, protocols=["separated", "white"], size=SIZE)

@@ -77,7 +77,7 @@ def unfinished(folder: Path) -> list[str]:
     return [name for name in listing(folder) if "unfinished" in name]
 
 
-def test_every_sample_is_made_once_and_the_way_is_told(tmp_path: Path) -> None:
+def test_every_sample_is_made_once_and_the_way_is_reported(tmp_path: Path) -> None:
     told: list[tuple[float, str]] = []
     harvest = make_samples(
         tmp_path / "new", job(30), COMMAND, processes=2, progress=lambda fraction, words: told.append((fraction, words))
@@ -115,7 +115,7 @@ def test_neighbours_of_one_shape_go_to_one_worker(tmp_path: Path) -> None:
     assert len(workers(tmp_path)) == 2
 
 
-def test_what_cannot_be_made_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
+def test_what_cannot_be_made_is_reported_and_the_rest_goes_on(tmp_path: Path) -> None:
     for number in (3, 4):
         (tmp_path / f"fail_{number}").touch()
     harvest = run(tmp_path, 8)
@@ -195,7 +195,7 @@ def answering(*lines: str) -> list[str]:
         ([THIS_PYTHON, "-c", "print('[' * 60000)"], r"exit code 0; its last words: \[\["),
     ],
 )
-def test_a_program_that_is_no_worker_of_ours_is_told(tmp_path: Path, command: list[str], words: str) -> None:
+def test_a_program_that_is_no_worker_of_ours_is_reported(tmp_path: Path, command: list[str], words: str) -> None:
     with pytest.raises(InputError, match=words):
         make_samples(tmp_path, job(1), command, processes=1)
 
@@ -349,5 +349,5 @@ def test_blender_is_the_one_that_is_named_or_else_this_pythons() -> None:
     ("seconds", "words"),
     [(0.2, "1 s"), (99.4, "99 s"), (99.6, "2 min"), (720, "12 min"), (5990, "1 h 40 min"), (12000, "3 h 20 min")],
 )
-def test_durations_are_told_in_a_few_letters(seconds: float, words: str) -> None:
+def test_durations_are_reported_in_a_few_letters(seconds: float, words: str) -> None:
     assert duration(seconds) == words

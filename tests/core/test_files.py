@@ -89,7 +89,7 @@ def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")
 @pytest.mark.parametrize("place", [writable_path, lambda path: makeable_folder(path, "pictures")])
-def test_a_folder_that_takes_no_files_is_told_before_the_work(place: Callable[[str], Path], tmp_path: Path) -> None:
+def test_a_folder_that_takes_no_files_is_reported_before_the_work(place: Callable[[str], Path], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="takes no files; choose another folder"):
         place("/proc/new")
     with pytest.raises(InputError, match=r"^cannot put the pictures into /proc: the folder /proc takes no files"):

@@ -238,7 +238,7 @@ def test_progress_moves_on_and_work_can_be_cancelled(method: Method) -> None:
         ({"distance": 2.0}, "an orthographic camera sees no distance; leave it out"),
     ],
 )
-def test_what_does_not_fit_is_told(settings: dict, said: str) -> None:
+def test_what_does_not_fit_is_reported(settings: dict, said: str) -> None:
     normals = NormalMap(np.ones((6, 9, 3)), np.ones((6, 9), bool))
     with pytest.raises(InputError, match=said):
         integrate(normals, **settings)
@@ -262,7 +262,7 @@ def test_a_long_strip_is_right(caplog: pytest.LogCaptureFixture) -> None:
     assert not caplog.messages
 
 
-def test_heights_that_are_off_are_told(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+def test_heights_that_are_off_are_reported(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     """As the solver leaves them where it ends too early."""
     for name in ("MOST", "LEAST"):
         monkeypatch.setattr(f"mpsnet_core.relief.integration.poisson.{name}", 10)

@@ -76,7 +76,7 @@ def test_a_lens_and_a_distance_give_the_size(here: Path, capsys: pytest.CaptureF
     assert np.abs(read_height("g.exr").values * mean - heights.values).max() < 1e-3
 
 
-def test_pixels_are_the_unit_where_nothing_else_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pixels_are_the_unit_where_nothing_else_is_reported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = result(capsys, "n.png --height h.exr")
     assert found["unit"] == "pixel"
     pixels = read_height("h.exr").values
@@ -85,7 +85,7 @@ def test_pixels_are_the_unit_where_nothing_else_is_told(here: Path, capsys: pyte
     assert json.loads(Path("h.exr.json").read_text())["unit"] == "mm"
 
 
-def test_a_flipped_green_channel_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_flipped_green_channel_is_reported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_normals("d.png", BALL.normals, convention="directx")
     result(capsys, "d.png --convention directx --height d.exr")
     result(capsys, "n.png --height h.exr")

@@ -193,7 +193,7 @@ def test_photographs_of_things_on_black_cloth(captures: Path, thing: str, lights
     assert overlap(auto_mask(photo), read_mask(captures / thing / f"{thing}.mask.png")) > 0.95
 
 
-def test_what_hardly_differs_is_told_of(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_hardly_differs_is_reported_of(caplog: pytest.LogCaptureFixture) -> None:
     image, mask = ball(albedo=0.2)
     found = auto_mask(noisy(before(image, wall(level=0.15), mask), well=300))
     assert 0.3 < overlap(found, mask) < 0.9
@@ -201,7 +201,7 @@ def test_what_hardly_differs_is_told_of(caplog: pytest.LogCaptureFixture) -> Non
 
 
 @pytest.mark.parametrize(("radius", "word"), [(0.08, "small"), (0.98, "large")])
-def test_masks_of_an_unlikely_size_are_told_of(radius: float, word: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_masks_of_an_unlikely_size_are_reported_of(radius: float, word: str, caplog: pytest.LogCaptureFixture) -> None:
     image, mask = ball(radius=radius)
     if word == "large":
         mask[9:-9, 9:-9] = True

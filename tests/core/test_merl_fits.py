@@ -135,7 +135,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
-def test_a_damaged_file_is_told_wherever_the_damage_is(tmp_path: Path, save: Callable[..., None]) -> None:
+def test_a_damaged_file_is_reported_wherever_the_damage_is(tmp_path: Path, save: Callable[..., None]) -> None:
     path = tmp_path / "fits.npz"
     save(path, **networks(["a"]))
     whole, told = path.read_bytes(), 0

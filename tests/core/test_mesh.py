@@ -277,7 +277,7 @@ def test_glb_with_several_meshes_and_materials(tmp_path: Path, normals: bool) ->
     assert degrees_between(mesh.corner_normals, expected).max() < 0.01
 
 
-def test_glb_without_a_material_is_told_to_get_one(tmp_path: Path) -> None:
+def test_glb_without_a_material_is_reported_to_get_one(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True, materials=False)
     with pytest.raises(InputError, match=r"no material .*or no UVs; unwrap it"):
         read_mesh(path)

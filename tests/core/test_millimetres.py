@@ -30,7 +30,7 @@ def test_a_number_and_its_unit_is_a_length(text, expected):
         ("1e999m", "1e999m is not a length that can be photographed"),
     ],
 )
-def test_what_is_no_length_is_told(text, words):
+def test_what_is_no_length_is_reported(text, words):
     with pytest.raises(InputError) as caught:
         millimetres(text)
     assert str(caught.value).startswith(words)

@@ -144,7 +144,7 @@ def test_points_are_where_the_camera_projects_them_from(projection: str) -> None
     np.testing.assert_allclose(-points[..., 2], depth[5:15])
 
 
-def test_a_lens_is_told_for_the_longer_side() -> None:
+def test_a_lens_is_reported_for_the_longer_side() -> None:
     assert camera_of_lens(36, 600, 400).focal.tolist() == [600, 600]
     assert camera_of_lens(36, 400, 600).focal.tolist() == [600, 600]
 
@@ -230,7 +230,7 @@ def test_the_command_line_takes_camera_and_distance(
         (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 80 but the photo is 160 x 160"),
     ],
 )
-def test_what_does_not_fit_is_told(
+def test_what_does_not_fit_is_reported(
     bench: Path, close: Scene, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], sentence: str
 ) -> None:
     turned = np.diag([1.0, -1, -1, 1])
@@ -294,6 +294,6 @@ def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -
 
 
 @pytest.mark.parametrize(("distance", "told"), [("3.1", False), ("3100", True), ("1.2", True)])
-def test_another_unit_is_told(bench: Path, capsys: pytest.CaptureFixture[str], distance: str, told: bool) -> None:
+def test_another_unit_is_reported(bench: Path, capsys: pytest.CaptureFixture[str], distance: str, told: bool) -> None:
     assert estimate(bench, "--focal", "50", "--distance", distance) == 0
     assert ("in one unit?" in capsys.readouterr().err) == told

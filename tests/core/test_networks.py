@@ -371,7 +371,7 @@ def test_answers_are_unit_vectors_and_of_the_picture_s_size(name: str) -> None:
         ("multiscale", {"widths": 32}, "widths 32 are not four whole numbers"),
     ],
 )
-def test_options_that_no_network_has_are_told(name: str, options: dict[str, object], words: str) -> None:
+def test_options_that_no_network_has_are_reported(name: str, options: dict[str, object], words: str) -> None:
     with pytest.raises(InputError) as caught:
         build_network(name, options)
     assert words in str(caught.value)

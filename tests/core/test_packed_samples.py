@@ -60,7 +60,7 @@ def test_samples_are_in_the_order_of_folders_and_numbers(
     assert samples.paths == [sample_path(other, 7)] + [sample_path(folder, number) for number in range(3)]
 
 
-def test_damaged_and_dark_samples_are_told_once_and_left_out(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_damaged_and_dark_samples_are_reported_once_and_left_out(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     sample_path(folder, 1).write_bytes(sample_path(folder, 1).read_bytes()[:-1000])
     dark = sphere_sample(16, number=3)
     write_sample(sample_path(folder, 3), replace(dark, lights=0 * dark.lights))
@@ -117,7 +117,7 @@ def test_two_processes_that_pack_at_once_read_the_same(folder: Path) -> None:
     assert answers[0] == answers[1] and answers[0].startswith("12 ")
 
 
-def test_what_cannot_be_packed_is_told(tmp_path: Path) -> None:
+def test_what_cannot_be_packed_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"the folder of samples .*none does not exist; check the path"):
         PackedSamples([tmp_path / "none"])
     with pytest.raises(InputError, match=r"there is no whole sample in .*; make some with mpsnet synthesize"):
@@ -125,7 +125,7 @@ def test_what_cannot_be_packed_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_cannot_be_written_to_is_told(folder: Path) -> None:
+def test_a_folder_that_cannot_be_written_to_is_reported(folder: Path) -> None:
     folder.chmod(0o500)
     with pytest.raises(InputError, match=r"cannot .*write|cannot be written"):
         PackedSamples([folder])

@@ -112,7 +112,7 @@ def test_a_cause_is_named_and_nothing_else(name: str) -> None:
     assert not others, [found[other] for other in others]
 
 
-def test_what_shadows_hide_is_told_with_the_light_to_move() -> None:
+def test_what_shadows_hide_is_reported_with_the_light_to_move() -> None:
     """Half of a plate in the shadow of one light, a quarter in that of another."""
     image = np.full((200, 200, 3), 0.5) * np.random.default_rng(1).uniform(0.6, 1, (200, 200, 3))
     image[:, :100, 1] = 0.002

@@ -156,7 +156,7 @@ def test_who_stops_it_finds_nothing(model: Path, samples: Path, tmp_path: Path) 
     assert not listing(tmp_path)
 
 
-def test_what_has_no_int8_twin_is_told(made: tuple[Path, Twin], model: Path, samples: Path, tmp_path: Path) -> None:
+def test_what_has_no_int8_twin_is_reported(made: tuple[Path, Twin], model: Path, samples: Path, tmp_path: Path) -> None:
     out = tmp_path / "twin.onnx"
     with pytest.raises(InputError, match="in eight bits already; give the one that it was made from"):
         quantise(made[0], [samples], out)

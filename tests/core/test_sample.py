@@ -153,7 +153,7 @@ def test_normals_come_back_of_unit_length(file: Path) -> None:
     assert not back.normals[back.alpha == 0].any()
 
 
-def test_wherever_a_file_is_cut_it_is_told(tmp_path: Path, file: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_wherever_a_file_is_cut_it_is_reported(tmp_path: Path, file: Path, capfd: pytest.CaptureFixture[str]) -> None:
     whole = file.read_bytes()
     rng = np.random.Generator(np.random.PCG64(20))
     cut = tmp_path / "cut.exr"
@@ -263,7 +263,7 @@ def channel(name: str, value: float) -> Callable[[dict[str, np.ndarray], dict[st
         (channel("normal.Z", 3.0), "normals that are not of unit length"),
     ],
 )
-def test_what_is_not_a_sample_is_told(
+def test_what_is_not_a_sample_is_reported(
     file: Path, change: Callable[[dict[str, np.ndarray], dict[str, Any]], None], words: str
 ) -> None:
     with rewritten(file) as (channels, extra):
@@ -281,7 +281,7 @@ def test_the_camera_is_the_picture_s(file: Path, sample: Sample) -> None:
         read_sample(file)
 
 
-def test_other_files_are_told(tmp_path: Path, sample: Sample) -> None:
+def test_other_files_are_reported(tmp_path: Path, sample: Sample) -> None:
     photo = write_file(tmp_path / "photo.exr", np.zeros((4, 4, 3)), "half")
     disguised = write_file(tmp_path / "photo.png", np.zeros((4, 4, 3)), "uint8").rename(tmp_path / "png.exr")
     text = tmp_path / "text.exr"

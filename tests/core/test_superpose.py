@@ -53,7 +53,7 @@ def test_what_is_clipped_in_one_colour_is_clipped_in_the_channel(tmp_path: Path)
     assert spoilt[1, 2].all() and spoilt.sum() == 3
 
 
-def test_what_the_sum_does_not_show_any_more_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_sum_does_not_show_any_more_gets_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     values = np.full((10, 10, 3), 0.5)
     files = [write_file(tmp_path / f"{k}.jpg", values, "uint8", ExposureTime=0.1) for k in range(2)]
     values[2] = 1
@@ -69,7 +69,7 @@ def test_two_photos_are_too_few(photos: list[str]) -> None:
         as_channels(photos[:2])
 
 
-def test_the_sum_of_white_photos_is_told_by_its_channels(
+def test_the_sum_of_white_photos_is_reported_by_its_channels(
     tmp_path: Path, sphere: Sphere, rig_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     grey = np.maximum(sphere.normals @ sphere.rig.directions.T, 0).sum(axis=-1, keepdims=True) / 3

@@ -81,7 +81,7 @@ def test_objects_materials_and_tiles_together() -> None:
     ]
 
 
-def test_triangles_without_a_material_are_told_apart() -> None:
+def test_triangles_without_a_material_are_reported_apart() -> None:
     mesh = squares((0, 0), (0, 0), materials="skin skin")
     bare = squares((0, 0))
     assert [sheet.material for sheet in sheets([mesh, bare], materials=True)] == ["skin", "no_material"]

@@ -406,7 +406,7 @@ def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
         ("mpsnet", {"crop": 3}, "a crop of 3 holds no patch; choose 0"),
     ],
 )
-def test_pictures_that_a_network_does_not_take_are_told(
+def test_pictures_that_a_network_does_not_take_are_reported(
     network: str, changes: dict[str, Any], words: str, ball: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError) as caught:

@@ -44,7 +44,7 @@ def test_views_that_agree_are_not_apart() -> None:
     assert texture.spread.max() < 1.5 and texture.spread[texture.views > 1].mean() < 0.1  # the facets, at a glance
 
 
-def test_each_view_is_told_its_share_and_how_far_it_departs_from_the_others() -> None:
+def test_each_view_is_reported_its_share_and_how_far_it_departs_from_the_others() -> None:
     mesh = plane()
     said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=4000)
     mask = np.zeros((256, 256), bool)

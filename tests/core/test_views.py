@@ -316,7 +316,7 @@ def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
     )
 
 
-def test_a_photo_whose_shading_is_that_of_linear_values_is_told(table: Table) -> None:
+def test_a_photo_whose_shading_is_that_of_linear_values_is_reported(table: Table) -> None:
     """As a raw converter's TIFF is: without a word about its curve, read as sRGB."""
     for number in range(4):
         photo = table / "photos" / f"side{number}.exr"
@@ -490,7 +490,7 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(table: Table, case: str)
     assert listing(table.folder) == before
 
 
-def test_names_are_told_apart_by_their_cameras(table: Table) -> None:
+def test_names_are_reported_apart_by_their_cameras(table: Table) -> None:
     names = [view.name for view in posed_photos(table / "cameras", table / "photos")]
     assert names == ["side0", "side1", "side2", "side3"]
 
@@ -670,7 +670,7 @@ def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> 
     assert [file.name for file in found if file] == ["a.dng", "b.jpg", "c.CR3"]
 
 
-def test_what_cannot_be_baked_is_told_before_anything_is_estimated(table: Table) -> None:
+def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Table) -> None:
     for arguments, said in (
         (("--size", "0"), "size 0 is out of range; choose 1 to 16384"),
         (("--margin", "99999"), "margin 99999 is out of range; choose 0 to 16384"),
@@ -682,7 +682,7 @@ def test_what_cannot_be_baked_is_told_before_anything_is_estimated(table: Table)
 
 
 @pytest.mark.parametrize("break_it", [small_photo, broken_photo], ids=lambda function: function.__name__)
-def test_a_photo_that_cannot_be_had_is_told_before_any_is_estimated(
+def test_a_photo_that_cannot_be_had_is_reported_before_any_is_estimated(
     table: Table, break_it: Callable[[Table], list[Any]]
 ) -> None:
     break_it(table)
@@ -697,7 +697,7 @@ def test_a_photo_that_cannot_be_had_is_told_before_any_is_estimated(
     assert not (table / "kept").exists()
 
 
-def test_views_that_do_not_belong_together_are_told(table: Table) -> None:
+def test_views_that_do_not_belong_together_are_reported(table: Table) -> None:
     """The lights that went with the camera, each in the place of another."""
     lights = published_rig().directions
     write_rig(table / "wrong.json", LightRig(lights[[1, 2, 0]]))
