@@ -115,11 +115,11 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
         self.made(preview)
-        settings.told = (
+        settings.summary = (
             f"{made['width_mm']:.4g} x {made['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
-        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
+        self.report({"INFO"}, f"Material written to {self._output}: {settings.summary}")
 
 
 def _material_of(normals: Any, name: str) -> Any:

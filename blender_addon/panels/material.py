@@ -35,8 +35,8 @@ class MPS_PT_material(Step):
         column.prop(material, "repeats")
         column.prop(material, "output", placeholder="Automatic")
         self.progress_or(context, "make_material", "MATERIAL")
-        if material.told:
-            wrapped(self.layout, material.told)
+        if material.summary:
+            wrapped(self.layout, material.summary)
         self.picture(material.image, scale=12, folded="material")
 
 

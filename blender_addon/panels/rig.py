@@ -193,13 +193,13 @@ class MPS_PT_calibrate(Step):
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
         self.column().prop(calibrate, "grey")
         self.progress_or(context, "calibrate_mixing", "COLOR")
-        if calibrate.told:
+        if calibrate.summary:
             self._found(calibrate)
 
     def _found(self, calibrate: Any) -> None:
         self.picture(calibrate.image, scale=12)
         box = self.layout.box()
-        rows = [line.split("|") for line in calibrate.told.splitlines()]
+        rows = [line.split("|") for line in calibrate.summary.splitlines()]
         grid = box.grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
         for row in rows:
             # A column of the table is too narrow for words.

@@ -161,9 +161,9 @@ class Step(bpy.types.Panel):
             return
         box = self.layout.box()
         row = box.row()
-        told = row.row()
-        told.alert = True
-        told.label(text="Failed", icon="ERROR")
+        failed = row.row()
+        failed.alert = True
+        failed.label(text="Failed", icon="ERROR")
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, sentence(error))
 

@@ -128,7 +128,7 @@ class _Picking:
         elif len(pairs):
             pairs.remove(len(pairs) - 1)
 
-    def told(self, context: Any) -> str:
+    def message(self, context: Any) -> str:
         """What to do next, in words."""
         number = len(_pairs(context)) + 1
         next_is = "click in the photo, then on the mesh"
@@ -140,7 +140,7 @@ class _Picking:
     def show(self, context: Any) -> None:
         """Draw anew where something has changed, whoever changed it."""
         pairs = [(tuple(pair.pixel), tuple(pair.point), pair.residual) for pair in _pairs(context)]
-        text = self.told(context)
+        text = self.message(context)
         if self.shown == (pairs, dict(self.half), text):
             return
         self.shown = pairs, dict(self.half), text
@@ -203,7 +203,7 @@ class _Picking:
         for region in context.area.regions:
             if region.type == "TOOLS" and region.alignment == "LEFT" and region.width > 1:
                 left += region.width
-        draw_text((left, 20 * scale), self.told(context), OPEN)
+        draw_text((left, 20 * scale), self.message(context), OPEN)
 
 
 _running: list[_Picking] = []

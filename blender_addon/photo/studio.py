@@ -48,14 +48,14 @@ class Rendered(NamedTuple):
     notes: list[str]
 
 
-def render(what: RenderKind, scene: Any, output: Path, told: RenderProgress = no_render_progress) -> Rendered:
+def render(what: RenderKind, scene: Any, output: Path, progress: RenderProgress = no_render_progress) -> Rendered:
     """Render into a file, or frames into a folder. Raises InputError."""
     if what == "frames":
-        return render_frames(scene, output, told)
-    return (render_photo if what == "photo" else render_normals)(scene, output, told)
+        return render_frames(scene, output, progress)
+    return (render_photo if what == "photo" else render_normals)(scene, output, progress)
 
 
-def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progress) -> Rendered:
+def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
@@ -74,7 +74,7 @@ def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progre
         # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
         parts = [folder / f"{number}.exr" for number in range(len(lights))]
         for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
-            told(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
+            progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
             others = [other for other in lights if other != light]
             for other in others:
                 studio.collection.objects.unlink(other)
@@ -89,7 +89,7 @@ def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progre
     return Rendered(path, notes)
 
 
-def render_frames(scene: Any, folder: Path, told: RenderProgress = no_render_progress) -> Rendered:
+def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render_progress) -> Rendered:
     """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first.
 
     Raises InputError as that does.
@@ -104,7 +104,7 @@ def render_frames(scene: Any, folder: Path, told: RenderProgress = no_render_pro
             scene.frame_set(number)
 
             def of_all(done: int, renders: int, words: str, number: int = number, place: int = place) -> None:
-                told(place * renders + done, len(files) * renders, f"frame {number}: {words}")
+                progress(place * renders + done, len(files) * renders, f"frame {number}: {words}")
 
             try:
                 rendered.append(render_photo(scene, file, of_all))
@@ -115,7 +115,7 @@ def render_frames(scene: Any, folder: Path, told: RenderProgress = no_render_pro
     return rendered[0]
 
 
-def render_normals(scene: Any, path: Path, told: RenderProgress = no_render_progress) -> Rendered:
+def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
     """Render the true normals of the photo's view as a float multi-layer EXR, H x W as the photo.
 
     Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (rotate by the transpose of
@@ -131,7 +131,7 @@ def render_normals(scene: Any, path: Path, told: RenderProgress = no_render_prog
         studio.cycles.samples = _NORMAL_SAMPLES
         studio.cycles.max_bounces = 0
         studio.view_layers[0].use_pass_normal = True
-        told(0, 1, "rendering the true normals")
+        progress(0, 1, "rendering the true normals")
         write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
         _render(studio, path, "OPEN_EXR_MULTILAYER")
     return Rendered(path, notes)

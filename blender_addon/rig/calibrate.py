@@ -62,7 +62,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
             fine_preview(image)
         self.made(image)
         settings.image = image
-        settings.told = "\n".join("|".join(row) for row in table)
+        settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 

@@ -65,4 +65,4 @@ class MPS_PG_calibrate(CalibrateSettings, bpy.types.PropertyGroup):
     """Calibration: its photos, and what was found."""
 
     image: PointerProperty(name="Found", description="What was found, drawn over the photo", type=bpy.types.Image)
-    told: StringProperty(name="Found", description="Table of what was found: lines of cells with | between them")
+    summary: StringProperty(name="Found", description="Table of what was found: lines of cells with | between them")

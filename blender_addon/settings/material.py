@@ -60,4 +60,4 @@ class MPS_PG_material(MaterialSettings, bpy.types.PropertyGroup):
 
     plane: PointerProperty(name="Plane", description="The plane that shows the material", type=bpy.types.Object)
     image: PointerProperty(name="Preview", description="The material, repeated", type=bpy.types.Image)
-    told: StringProperty(name="Made", description="Size, depth and seam of the material that was made")
+    summary: StringProperty(name="Made", description="Size, depth and seam of the material that was made")

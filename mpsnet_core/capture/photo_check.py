@@ -33,8 +33,8 @@ CLOSE_CHANNELS, MIXED = (0.05, ALIKE), (8.0, 20.0)
 # stand 120° apart have 5.3 at a slant of 15°, and 10.5 at 7.7°.
 CLOSE_LIGHTS, LOW_LIGHTS, IN_LINE = (20.0, 10.0), (70.0, 80.0), (6.0, 12.0)
 # A light counts as not reaching a pixel below this share of its channel's 95th percentile, or this much of the noise;
-# where that is more than the second share of it, shadows cannot be told.
-SHADOW, SHADOW_NOISE, UNTOLD = 0.03, 4.0, 0.25
+# where that is more than the second share of it, shadows cannot be seen.
+SHADOW, SHADOW_NOISE, UNSEEN = 0.03, 4.0, 0.25
 # Standard deviation of the blur, in pixels of an object whose area is that of a square of FOCUS_SIDE.
 BLURRED, FOCUS_SIDE = (1.6, 4.0), 400
 # An edge that shows the blur is this high, as a share of the object's 95th percentile, and above this much of the
@@ -71,7 +71,7 @@ class Finding:
 
 
 def check_photo(
-    image: Image, mask: NDArray[np.bool_], rig: LightRig | None, *, mixing_told: bool = True
+    image: Image, mask: NDArray[np.bool_], rig: LightRig | None, *, mixing_stated: bool = True
 ) -> list[Finding]:
     """What there is to say of a photo and of the lights that it was taken under, one finding an item.
 
@@ -83,7 +83,7 @@ def check_photo(
         The object, at least one pixel.
     rig : LightRig, optional
         The lights; without it nothing is said of them.
-    mixing_told : bool, optional
+    mixing_stated : bool, optional
         Whether the rig's mixing is known; else that is said, in an item more.
 
     Raises
@@ -111,7 +111,7 @@ def check_photo(
         _clipping(values, clipped[inside]),
         _channels(values, rig),
         *([] if rig is None else [_lights(rig)]),
-        *([] if rig is None or mixing_told else [_mixing()]),
+        *([] if rig is None or mixing_stated else [_mixing()]),
         _reach(values, noise, rig),
         _focus(whole, mask, noise),
     ]
@@ -249,10 +249,10 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
         noise = np.sqrt(np.square(np.linalg.inv(rig.mixing)) @ np.square(noise))
         values = values @ np.linalg.inv(rig.mixing).T
     bright = np.percentile(values, 95, axis=0)
-    told = SHADOW_NOISE * noise < UNTOLD * bright
-    if not told.any():
+    seen = SHADOW_NOISE * noise < UNSEEN * bright
+    if not seen.any():
         return Finding("reach", "good", "the photo is too dark to tell which lights reach the object", {})
-    dark = (values <= np.maximum(SHADOW * bright, SHADOW_NOISE * noise)) & told
+    dark = (values <= np.maximum(SHADOW * bright, SHADOW_NOISE * noise)) & seen
     reached = float((~dark.any(axis=1)).mean())
     by_light = 1 - dark.mean(axis=0)
     level = _level(reached, REACHED)
@@ -260,8 +260,8 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
         "all_lights": round(reached, 4),
         "each_light": _listed(by_light),
     }
-    untold = " and the ".join(name for name, known in zip(CHANNELS, told, strict=True) if not known)
-    lights = f"all lights but the {untold} one, too dark to tell," if untold else "all three lights"
+    unseen = " and the ".join(name for name, known in zip(CHANNELS, seen, strict=True) if not known)
+    lights = f"all lights but the {unseen} one, too dark to tell," if unseen else "all three lights"
     words = f"{lights} reach {reached:.0%} of the object"
     if level != "good":
         name = CHANNELS[int(by_light.argmin())]

@@ -214,5 +214,5 @@ class PreviewLights(Operation):
         else:
             write_image(output, view.picture(), bits=8, color_space="sRGB")
         progress(1.0, "done")
-        told = f"{self.output}: three lights reach {view.shares[3]:.1%} of what the camera sees"
-        return LightsPreviewed(self.output, [round(share, 4) for share in view.shares], text=told)
+        text = f"{self.output}: three lights reach {view.shares[3]:.1%} of what the camera sees"
+        return LightsPreviewed(self.output, [round(share, 4) for share in view.shares], text=text)

@@ -32,7 +32,7 @@ def grey(tmp_path: Path) -> str:
 def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirror, grey):
     bpy.ops.mps.calibrate_lights(ball=mirror, output=str(tmp_path / "rig.json"))
     calibrate = scene.mps.calibrate
-    rows = [line.split("|") for line in calibrate.told.splitlines()]
+    rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["", "Red", "Green", "Blue"]
     assert {len(row) for row in rows} == {4}
     assert calibrate.image is not None and min(calibrate.image.size) > 100
@@ -44,7 +44,7 @@ def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirr
     mixed = read_rig(tmp_path / "rig.json")
     np.testing.assert_allclose(mixed.directions, found.directions, atol=1e-6)
     np.testing.assert_allclose(mixed.mixing, MIXING, atol=0.03)
-    rows = [line.split("|") for line in calibrate.told.splitlines()]
+    rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["Channel", "R", "G", "B", "Unexplained", "Equation 2 Error"]
     assert [len(row) for row in rows] == [4, 4, 4, 4, 2, 2], "in a column of four their words were cut off"
 

@@ -53,7 +53,7 @@ def test_the_plane_has_the_tiles_size_and_the_pictures_their_colour_spaces(opene
     # Value 0 to 1 is what the height's picture spans, and its mean height, 0, stays where it is.
     assert displacement["Scale"].default_value == pytest.approx(np.ptp(height) / 1000, rel=1e-3)
     assert displacement["Midlevel"].default_value == pytest.approx(-height.min() / np.ptp(height), abs=1e-3)
-    assert scene.mps.material.image is not None and "mm deep" in scene.mps.material.told
+    assert scene.mps.material.image is not None and "mm deep" in scene.mps.material.summary
 
 
 def test_repeats_and_the_scenes_unit_are_respected(opened, scene):

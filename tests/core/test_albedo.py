@@ -217,7 +217,9 @@ def test_estimate_writes_the_albedo_beside_the_normals(tmp_path: Path, mpsnet: M
     np.testing.assert_allclose([left / OCHRE, right / TEAL], (left / OCHRE).mean(), rtol=0.01)
 
 
-def test_the_direction_of_the_white_light_is_reported_in_degrees(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path) -> None:
+def test_the_direction_of_the_white_light_is_reported_in_degrees(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path
+) -> None:
     painted = Painted(published_rig())
     light = direction_from_angles(40, 20)
     cosine = np.maximum(painted.normals.vectors @ light, 0)[..., None]

@@ -60,7 +60,9 @@ def test_samples_are_in_the_order_of_folders_and_numbers(
     assert samples.paths == [sample_path(other, 7)] + [sample_path(folder, number) for number in range(3)]
 
 
-def test_damaged_and_dark_samples_are_reported_once_and_left_out(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_damaged_and_dark_samples_are_reported_once_and_left_out(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     sample_path(folder, 1).write_bytes(sample_path(folder, 1).read_bytes()[:-1000])
     dark = sphere_sample(16, number=3)
     write_sample(sample_path(folder, 3), replace(dark, lights=0 * dark.lights))

@@ -68,7 +68,7 @@ def state():
             node.name for material in bpy.data.materials if material.node_tree for node in material.node_tree.nodes
         ),
         "rig_file": bpy.context.scene.mps.estimate.rig_file,
-        "found": bpy.context.scene.mps.calibrate.told,
+        "found": bpy.context.scene.mps.calibrate.summary,
         "rig": [light.object.session_uid for light in bpy.context.scene.mps.rig.lights],
         "errors": {record.name: record.error for record in bpy.context.scene.mps.records},
         "running": manager.mps.running,
