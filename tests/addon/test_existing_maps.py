@@ -356,7 +356,7 @@ def test_a_displacement_does_not_hide_the_map_from_before_the_first_bake(
     assert leans(tmp_path / "on_top.png") == (0.3, 0.1)
 
 
-def test_what_wears_no_map_is_baked_as_it_is_and_told(
+def test_what_wears_no_map_is_baked_as_it_is_and_reported(
     estimated: "bpy.types.Object", second: "bpy.types.Object", scene: object, tmp_path: Path
 ) -> None:
     dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))

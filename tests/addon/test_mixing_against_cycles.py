@@ -32,7 +32,7 @@ def grey(name: str, colour: float, roughness: float) -> "bpy.types.Material":
 
 
 @pytest.mark.parametrize(("colour", "roughness"), [(0.5, 0.9), (0.3, 0.5), (0.4, 0.3)])
-def test_a_grey_ball_tells_the_matrix_to_a_tenth_or_that_it_does_not(
+def test_a_grey_ball_determines_the_matrix_to_a_tenth_or_that_it_does_not(
     scene, tmp_path: Path, colour: float, roughness: float
 ) -> None:
     bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, radius=1)

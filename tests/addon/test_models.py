@@ -38,7 +38,7 @@ def test_models_that_are_not_offered_keep_their_names_and_their_places_in_files(
     }
 
 
-def test_a_still_is_averaged_unless_told_otherwise(photographed, scene, tmp_path):
+def test_a_still_is_averaged_unless_set_otherwise(photographed, scene, tmp_path):
     def estimated(**options):
         path = tmp_path / "normals.exr"
         bpy.ops.mps.estimate(output=str(path), file_format="EXR", **options)

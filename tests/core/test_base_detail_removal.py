@@ -126,7 +126,7 @@ def test_a_map_of_another_tile_is_taken_out_as_that_of_the_first() -> None:
     assert remove_base_detail(given, view.camera, moved, SCENE, replace(present(), corner=(0, 1)))[1] == 0
 
 
-def test_as_told_it_is_left_in() -> None:
+def test_on_request_it_is_left_in() -> None:
     view = smooth_view()
     assert taken_out(worn(view), view, present(shown="no"))[1] == 0
 

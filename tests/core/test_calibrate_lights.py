@@ -94,7 +94,7 @@ def test_directions_afar(levels: int | None) -> None:
     assert (found.uncertainties < 1).all()
 
 
-def test_what_a_lens_that_nobody_told_does_is_within_the_uncertainty() -> None:
+def test_what_a_lens_that_nobody_gave_does_is_within_the_uncertainty() -> None:
     """Balls anywhere before lenses of 24 to 200 mm, taken as far away: two in three within one deviation."""
     random = np.random.default_rng(5)
     width, height = 600, 400
@@ -287,7 +287,7 @@ def test_clipped_highlights_that_overlap_are_known_to_be_unsure() -> None:
     assert found.uncertainties.max() > 1
 
 
-def test_clipping_that_the_photo_tells_by_itself() -> None:
+def test_clipping_that_the_photo_shows_by_itself() -> None:
     """Camera raw says of each channel where it is at its end; white balance then takes the ends apart."""
     scene = afar(degrees=6.0)
     image = photograph(scene, brightness=2.0)

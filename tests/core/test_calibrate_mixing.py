@@ -42,7 +42,7 @@ def drawn(circle: Circle = TRUE_CIRCLE) -> Ball:
 
 @pytest.mark.parametrize("options", [{}, {"levels": 255}, {"noise": 0.02}, {"ambient": 0.05}])
 @pytest.mark.parametrize("circle", [TRUE_CIRCLE, Circle(155.8, 155.0, 111.5), Circle(152.8, 157.4, 108.0)])
-def test_a_grey_ball_tells_the_matrix_though_its_circle_is_slightly_wrong(circle: Circle, options: dict) -> None:
+def test_a_grey_ball_determines_the_matrix_though_its_circle_is_slightly_wrong(circle: Circle, options: dict) -> None:
     found = mixing_from_ball(taken(grey_photograph(SCENE, MIXING, FACING, **options)), drawn(circle), RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
     assert found.mixing.max() == 1
@@ -194,7 +194,7 @@ def glossy_photograph(directions: np.ndarray, mixing: np.ndarray, rough: float) 
 
 
 @pytest.mark.parametrize("rough", [0.3, 0.5])
-def test_a_real_ball_tells_the_matrix_to_a_tenth(rough: float) -> None:
+def test_a_real_ball_determines_the_matrix_to_a_tenth(rough: float) -> None:
     """Gloss, light thrown back, lights 2° off, eight bits and clipping at once."""
     off = np.radians(2) * np.array([[0.6, 0.8, 0.0], [-1.0, 0.0, 0.0], [0.3, -0.9, 0.3]])
     photo = taken(glossy_photograph(normalised(FACING + off), MIXING, rough))
@@ -225,7 +225,7 @@ def test_lights_by_the_camera_tell_their_strengths_alone(caplog: pytest.LogCaptu
         ("001", "048", "073"),
     ],
 )
-def test_a_photographed_ball_tells_the_matrix_or_that_it_does_not(diligent: Path, triple: Sequence[str]) -> None:
+def test_a_photographed_ball_determines_the_matrix_or_that_it_does_not(diligent: Path, triple: Sequence[str]) -> None:
     """One-shots of DiLiGenT's ball, which is glossy, with crosstalk that we know, in eight bits."""
     folder = diligent / "ballPNG"
     lights = [int(name) - 1 for name in triple]

@@ -24,7 +24,7 @@ def with_alpha(tmp_path: Path, sphere: Sphere) -> Path:
     return write_file(tmp_path / "photo.exr", np.dstack([sphere.image, sphere.mask]), "float")
 
 
-def test_alpha_is_the_mask_unless_told_otherwise(with_alpha: Path, sphere: Sphere) -> None:
+def test_alpha_is_the_mask_unless_set_otherwise(with_alpha: Path, sphere: Sphere) -> None:
     capture = read_capture(with_alpha, sphere.rig)
     np.testing.assert_array_equal(capture.mask, sphere.mask)
     np.testing.assert_allclose(capture.image[sphere.mask], sphere.image[sphere.mask], rtol=1e-6)

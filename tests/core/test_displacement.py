@@ -471,7 +471,7 @@ def test_what_does_not_fit_is_refused() -> None:
         displacement(flat, replace(cube_sphere(2), uvs=cube_sphere(2).uvs * 1e-4 + 0.5))
 
 
-def test_it_can_be_cancelled_and_tells_progress() -> None:
+def test_it_can_be_cancelled_and_reports_progress() -> None:
     flat, told = np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3)), []
     displacement(flat, cube_sphere(4), progress=lambda share, _: told.append(share))
     assert told[0] == 0 and told[-1] == 1 and told == sorted(told)

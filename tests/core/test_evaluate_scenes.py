@@ -220,7 +220,7 @@ def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
     assert two == pytest.approx(one, rel=0.05)
 
 
-def test_the_command_line_tells_of_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_the_command_line_counts_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
     pytest.importorskip("torch")
     (samples / "sample_000001.exr").write_bytes((samples / "sample_000001.exr").read_bytes()[:3000])
     out, page = tmp_path / "rows.json", tmp_path / "report.html"

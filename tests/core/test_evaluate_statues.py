@@ -145,7 +145,7 @@ def test_a_magnified_photograph_is_linear_between_its_own_pixels(times: int) -> 
     np.testing.assert_allclose(large.image[16 * times + 1, 16 * times], middle, atol=1e-6)
 
 
-def test_diligent_is_magnified_and_told_where_it_faces_all_lights(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_diligent_is_magnified_and_scored_where_it_faces_all_lights(tmp_path: Path, mpsnet: Mpsnet) -> None:
     sphere = diligent_object(tmp_path / "pmsData", "ball")
     out = tmp_path / "rows.json"
     done = mpsnet(

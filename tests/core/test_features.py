@@ -71,7 +71,7 @@ def test_a_rig_that_is_known_exactly_is_marked(exact: bool) -> None:
     np.testing.assert_array_equal(feature_maps(capture, ["exact"])["exact"], np.full((1, 1, 1), float(exact)))
 
 
-def test_channel_means_are_what_tells_grey_world_from_the_photo() -> None:
+def test_channel_means_are_what_separates_grey_world_from_the_photo() -> None:
     means = feature("channel_means")
     assert means.shape == (1, 1, 3)
     np.testing.assert_allclose(feature("grey_world") * means, feature("photo"), atol=1e-5)

@@ -266,7 +266,7 @@ def test_photos_that_are_missing_or_not_one_are_refused(tmp_path: Path) -> None:
     assert "is not a folder" in refusal(lambda: PhotoFolder(tmp_path / "nowhere"))
 
 
-def test_case_counts_where_it_tells_photos_apart(tmp_path: Path) -> None:
+def test_case_counts_where_it_separates_photos(tmp_path: Path) -> None:
     for made in ("A.png", "a.tif"):
         (tmp_path / made).touch()
     folder = PhotoFolder(tmp_path)

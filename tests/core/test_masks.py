@@ -103,7 +103,7 @@ def test_specks_of_dust_are_left_out_and_parts_are_kept() -> None:
     assert not auto_mask(noisy(photo))[165:180, 145:160].any()
 
 
-def test_a_bust_that_reaches_the_lower_border_is_found_and_told_of(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_bust_that_reaches_the_lower_border_is_found_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     image, mask = ball()
     image[150:, 60:140] = 0.3
     mask[150:, 60:140] = True

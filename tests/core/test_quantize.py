@@ -138,7 +138,7 @@ def test_what_it_costs_is_measured_on_photographs_that_did_not_calibrate(
     assert 0 < abs(made[1].mae_deg - made[1].model_mae_deg) < 0.5
 
 
-def test_the_command_tells_what_it_costs(mpsnet: Mpsnet, model: Path, samples: Path, tmp_path: Path) -> None:
+def test_the_command_reports_what_it_costs(mpsnet: Mpsnet, model: Path, samples: Path, tmp_path: Path) -> None:
     path = tmp_path / "twin.onnx"
     done = mpsnet("quantize", model, "--samples", samples, "--count", "2", "-o", path)
     assert (done.returncode, done.stderr) == (0, "")

@@ -42,7 +42,7 @@ def test_each_triangle_is_in_the_tile_that_its_uvs_lie_in(caplog: pytest.LogCapt
     assert caplog.records[0].getMessage().endswith("; bake UDIM tiles (<UDIM> in the file's name) to have them too")
 
 
-def test_what_crosses_a_border_is_in_both_tiles_and_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_crosses_a_border_is_in_both_tiles_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO", "mpsnet_core"):
         found = sheets([squares((0.75, 0.25), (2, 0))], tiles=True)
     assert told(found) == [(None, None, tile, part) for tile, part in ((1001, [0, 1]), (1002, [0, 1]), (1003, [2, 3]))]
@@ -149,7 +149,7 @@ def test_names_without_anything_between_may_meet() -> None:
         names("<OBJECT><MATERIAL>.png", object=["a", "ab"], material=["bc", "c"])
 
 
-def test_obj_tells_materials_and_objects(tmp_path: Path) -> None:
+def test_obj_names_materials_and_objects(tmp_path: Path) -> None:
     lines = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
     quad, triangle = "f 1/1 2/2 3/3 4/4", "f 1/1 2/2 3/3"
     lines += [triangle, "o Left arm", "usemtl skin", quad, "usemtl cloth", triangle, "o Right", triangle]
@@ -164,7 +164,7 @@ def test_obj_tells_materials_and_objects(tmp_path: Path) -> None:
     assert bare.materials is None and bare.objects is None
 
 
-def test_glb_tells_materials_and_objects_where_trimesh_parts_them(tmp_path: Path) -> None:
+def test_glb_names_materials_and_objects_where_trimesh_parts_them(tmp_path: Path) -> None:
     scene, material = trimesh.Scene(), trimesh.visual.material.PBRMaterial
     for number, (obj, name) in enumerate((("Cu.be", "skin"), ("Ball", "skin"), ("Ball two", "cloth"))):
         part = trimesh.creation.box()

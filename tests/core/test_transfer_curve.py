@@ -44,7 +44,7 @@ def sphere() -> Sphere:
 @pytest.mark.parametrize("paint", PAINTS)
 @pytest.mark.parametrize("linear", [True, False])
 @pytest.mark.parametrize("suffix", ["png", "tif"])
-def test_the_shading_tells_linear_values_and_many_colours_leave_srgb(
+def test_the_shading_shows_linear_values_and_many_colours_leave_srgb(
     tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, paint: str, linear: bool, suffix: str
 ) -> None:
     x, y = np.meshgrid(np.linspace(-1, 1, 160), np.linspace(1, -1, 160))
@@ -68,7 +68,7 @@ def test_what_the_user_or_the_file_says_is_not_doubted(
 
 
 @pytest.mark.parametrize("mask", [None, "none", "threshold:0.3"])
-def test_the_mask_is_as_for_linear_values_and_told_once(
+def test_the_mask_is_as_for_linear_values_and_reported_once(
     tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, mask: str | None
 ) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
@@ -103,7 +103,7 @@ def test_the_curve_is_changed_without_a_second_photo_in_memory(
     assert peak < 2 * as_told.nbytes
 
 
-def test_with_a_dark_frame_that_was_read_as_srgb_it_is_only_told(
+def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(
     tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
 ) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)

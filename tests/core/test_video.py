@@ -94,7 +94,7 @@ def test_every_frame_comes_out_in_order(
 
 
 @pytest.mark.parametrize(("curve", "encoding", "linear"), [(8, "auto", True), (1, "auto", False), (1, "linear", True)])
-def test_values_follow_the_curve_that_the_video_tells(tmp_path: Path, curve: int, encoding: str, linear: bool) -> None:
+def test_values_follow_the_curve_that_the_video_states(tmp_path: Path, curve: int, encoding: str, linear: bool) -> None:
     given = noise(1)
     path = clip(tmp_path / "a.mkv", given, color_trc=curve)
     values = given[0] / 255
@@ -122,7 +122,7 @@ def test_ten_bits_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("matrix", "red"), [(1, 0.2126), (5, 0.299)], ids=["BT.709", "BT.601"])
-def test_colours_follow_the_matrix_that_the_video_tells(tmp_path: Path, matrix: int, red: float) -> None:
+def test_colours_follow_the_matrix_that_the_video_states(tmp_path: Path, matrix: int, red: float) -> None:
     """A pure red, whose luma is the matrix's own weight of red."""
     blue = {1: 0.0722, 5: 0.114}[matrix]
     codes = (16 + 219 * red, 128 + 224 * -red / (2 * (1 - blue)), 128 + 224 / 2)
