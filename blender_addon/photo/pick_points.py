@@ -171,7 +171,7 @@ class _Picking:
             place = to_region(*photo_place(self.half["pixel"], size), clip=False)
             draw_marker(place, f"{len(photo.mps.pairs) + 1}", OPEN)
         else:
-            self._draw_told(context)
+            self._draw_message(context)
 
     def _draw_mesh(self) -> None:
         context = bpy.context
@@ -195,9 +195,9 @@ class _Picking:
             hidden = front is not None and (front - Vector(point)).length > least
             draw_marker(place, text, colour, _HIDDEN if hidden else 1.0)
         if "pixel" in self.half:
-            self._draw_told(context)
+            self._draw_message(context)
 
-    def _draw_told(self, context: Any) -> None:
+    def _draw_message(self, context: Any) -> None:
         scale = context.preferences.system.ui_scale
         left = 20 * scale
         for region in context.area.regions:

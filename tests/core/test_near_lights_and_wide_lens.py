@@ -105,7 +105,7 @@ def test_near_lights_cost_the_default_network_little(close: Scene) -> None:
     assert error(close, "multiscale") <= error(ball(50), "multiscale") + 0.4
 
 
-def test_near_lights_and_wide_lenses_are_worth_telling_the_default_network(close: Scene, wide: Scene) -> None:
+def test_near_lights_and_wide_lenses_are_worth_giving_to_the_default_network(close: Scene, wide: Scene) -> None:
     assert error(close, "multiscale") < 0.8 * error(close, "multiscale", distant(close))
     assert error(wide, "multiscale") < error(wide, "multiscale", wide.capture(camera=None))
 
