@@ -13,6 +13,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_details
 from mpsnet_core.bake.colour_matching import matched
@@ -22,7 +23,6 @@ from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.capture.transfer_curve import note_doubtful_curve
 from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.sizes import SAME_SIZE, check_same_size, size
 from mpsnet_core.arrays.unit_vectors import transformed
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
-from mpsnet_core.capture.sizes import SAME_SIZE, check_same_size, size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap

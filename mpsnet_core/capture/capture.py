@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.files import located, resolved

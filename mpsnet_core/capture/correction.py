@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, Image

@@ -13,9 +13,9 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, without_holes, without_specks
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.reading import Reading
-from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FileError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, read_mask

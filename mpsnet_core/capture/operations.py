@@ -65,9 +65,9 @@ class ReadsPhotos(ReadsPictures):
 
         Raises InputError where a file cannot be read, no object is found, or the mask has another size.
         """
+        from mpsnet_core.arrays.sizes import check_same_size
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.capture.sizes import check_same_size
         from mpsnet_core.io.files import located
         from mpsnet_core.io.images import read_image
 

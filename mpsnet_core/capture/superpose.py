@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.capture.reading import note_other_exposures
-from mpsnet_core.capture.sizes import check_same_size
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, read_image

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.capture.sizes import check_same_size
+from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from mpsnet_core.capture.sizes import check_same_size
+from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.normal_map import NormalMap
 

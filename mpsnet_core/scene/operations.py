@@ -52,7 +52,7 @@ class WriteCameras(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the photo without its lens where that bends it."""
-        from mpsnet_core.capture.sizes import check_same_size
+        from mpsnet_core.arrays.sizes import check_same_size
         from mpsnet_core.io.files import check_apart, ensure_folder, located
         from mpsnet_core.io.images import read_size
         from mpsnet_core.scene.camera import write_camera

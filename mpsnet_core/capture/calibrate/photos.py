@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.sizes import check_same_size, size
 from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.capture.correction import corrected
 from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.sizes import check_same_size, size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
