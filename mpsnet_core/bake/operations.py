@@ -543,7 +543,6 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         inputs, outputs = self._files(target)
         photography = self._photography()
         views = posed_photos(self.cameras, self.photos)
-        check_apart([view.photo for view in views], outputs)
         check_photos(views, photography)
         photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
         check_apart(photos, outputs)

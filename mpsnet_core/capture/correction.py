@@ -12,7 +12,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import CHANNELS, Image
+from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise
 from mpsnet_core.io.images import Encoding, layer_in, read_image
 
 log = logging.getLogger(__name__)
@@ -119,7 +119,7 @@ def corrected(image: Image, correction: Correction | None) -> Image:
             check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)
     if correction.dark is not None:
         dark, photo = correction.exposure_time, image.exposure_time
-        if dark and photo and not 0.9 < dark / photo < 1.1:
+        if exposed_otherwise(dark, photo):
             log.info("the dark frame was exposed for %.3g s, the photo for %.3g s: use the same for both", dark, photo)
         if np.nanmean(image.pixels) <= correction.dark.mean():
             raise FormatError("the dark frame is as bright as the photo; take it with the three lights off")

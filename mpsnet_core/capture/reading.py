@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpsnet_core.capture.correction import Correction
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import Image, exposed_otherwise
 from mpsnet_core.io.images import Encoding, layer_in, read_image
 
 log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ def note_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Seque
     """Report photos of one light each that, by their files, were not exposed as long as the first."""
     first = images[0].exposure_time
     for photo, image in zip(photos, images, strict=True):
-        if first and image.exposure_time and not 0.9 < image.exposure_time / first < 1.1:
+        if exposed_otherwise(image.exposure_time, first):
             log.warning(
                 "%s was exposed for %.3g s, %s for %.3g s: use the same for all lights",
                 photo,

@@ -15,6 +15,9 @@ MAX_PIXELS = 400_000_000
 # Above so many pixels photos and normals are held as half floats, within 0.05%, so that 100 megapixels take 2 GB.
 HALF_ABOVE = 1 << 24
 
+# Exposure times that differ by less than this share are the same: files round them.
+SAME_EXPOSURE = 0.1
+
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
 
@@ -66,3 +69,10 @@ def linear_to_srgb(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any
     """The sRGB curve (IEC 61966-2-1); any shape, clipped to 0 to 1."""
     values = np.clip(values, 0, 1)
     return np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)
+
+
+def exposed_otherwise(time: float | None, reference: float | None) -> bool:
+    """Whether two exposure times differ, as far as both are known."""
+    if not time or not reference:
+        return False
+    return not 1 - SAME_EXPOSURE < time / reference < 1 + SAME_EXPOSURE

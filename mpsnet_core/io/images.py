@@ -155,13 +155,14 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
     transfer = _png_transfer(path)
-    linear = "lin" in stated or stated in ("raw", "data")
     if transfer is not None:  # it overrides a PNG's profile and gamma
-        linear, profile = transfer_is_linear(path, transfer), None
-    curve = None if linear or profile is None else profile_curve(profile.tobytes())
-    linear = linear or (is_float and curve is None)
-    if curve is None and not linear and transfer is None:
-        curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float))
+        linear, curve = transfer_is_linear(path, transfer), None
+    else:
+        linear = "lin" in stated or stated in ("raw", "data")
+        curve = None if linear or profile is None else profile_curve(profile.tobytes())
+        linear = linear or (is_float and curve is None)
+        if curve is None and not linear:
+            curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float))
     assumed = not (linear or curve is not None or transfer is not None or _states_its_curve(path, spec))
     known: tuple[tuple[str, Curve], ...] = (("linear", _as_it_is), ("sRGB", srgb_to_linear))
     name, decoded = known[0] if linear else known[1]
@@ -207,14 +208,15 @@ def _states_its_curve(path: Path, spec: Any) -> bool:
 
 def _png_transfer(path: Path) -> int | None:
     """The transfer characteristics that a PNG states in its chunk cICP, which OpenImageIO 3.0 passes over."""
-    head = _png_head(path)
-    _, found, body = head.partition(b"\0\0\0\4cICP")
-    known = found and head.startswith(_SIGNATURES[0]) and len(body) > 1
-    return body[1] if known and body[1] != UNKNOWN_TRANSFER else None
+    _, found, body = _png_head(path).partition(b"\0\0\0\4cICP")
+    return body[1] if found and len(body) > 1 and body[1] != UNKNOWN_TRANSFER else None
 
 
 def _png_head(path: Path) -> bytes:
+    """What stands before a PNG's pixels; nothing of other files."""
     with path.open("rb") as file:
+        if file.read(len(_SIGNATURES[0])) != _SIGNATURES[0]:
+            return b""
         return file.read(PNG_HEAD).partition(b"IDAT")[0]
 
 

@@ -162,8 +162,14 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
         raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
 
 
+def _scales(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) by how much a pose stretches what it places, the most first."""
+    scales: NDArray[np.float64] = np.linalg.svd(pose[:3, :3], compute_uv=False)
+    return scales
+
+
 def _check_pose(world_from_object: NDArray[np.float64]) -> None:
-    scales = np.linalg.svd(world_from_object[:3, :3], compute_uv=False)
+    scales = _scales(world_from_object)
     if scales[-1] <= 1e-9 * scales[0]:
         raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
 
@@ -204,14 +210,18 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
         if reader is None:
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
         mesh = reader(path, shape_only)
-    outwards = np.einsum("ti,tci->t", triangle_normals(mesh.vertices[mesh.triangles]), mesh.corner_normals)
-    if not shape_only and np.count_nonzero(outwards < 0) > len(outwards) / 2:
+    if not shape_only and _is_inside_out(mesh):
         log.warning(
             "mesh file %s: most of its faces turn their back to where its normals point, as in a PLY of a mirrored "
             "object, whose green would be upside down; apply the object's scale or flip the faces, and export it again",
             path,
         )
     return mesh
+
+
+def _is_inside_out(mesh: Mesh) -> bool:
+    outwards = np.einsum("ti,tci->t", triangle_normals(mesh.vertices[mesh.triangles]), mesh.corner_normals)
+    return np.count_nonzero(outwards < 0) > len(outwards) / 2
 
 
 # The .npz arrays of labels: names, and each triangle's index into them.
@@ -486,7 +496,7 @@ def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _keeps_angles(pose: NDArray[np.float64]) -> bool:
-    scales = np.linalg.svd(pose[:3, :3], compute_uv=False)
+    scales = _scales(pose)
     return bool(scales[-1] > (1 - SAME_SCALE) * scales[0])
 
 

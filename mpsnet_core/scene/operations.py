@@ -56,15 +56,15 @@ class WriteCameras(ReadsPictures):
         from mpsnet_core.io.files import check_apart, ensure_folder, located
         from mpsnet_core.io.images import read_size
         from mpsnet_core.scene.camera import write_camera
+        from mpsnet_core.scene.photogrammetry.lens import AS_SOLVED
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
 
         views = posed_photos(self.cameras, self.photos)
-        mend = "give the photo as photogrammetry had it, neither scaled, cropped nor turned"
         for view in views:  # before anything is written; also where no lens is to be taken out
             size = read_size(view.photo)
             if size is not None:
                 with located(view.photo):
-                    check_same_size("the camera", (view.camera.height, view.camera.width), "the photo", size, mend)
+                    check_same_size("the camera", (view.camera.height, view.camera.width), "the photo", size, AS_SOLVED)
         folder = ensure_folder(self.output, "cameras")
         check_apart([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
         straightened = 0

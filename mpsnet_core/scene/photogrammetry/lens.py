@@ -14,6 +14,9 @@ from mpsnet_core.scene.camera import Camera
 # Rows at a time: each of their pixels takes some 200 bytes of memory. More are no faster.
 ROWS = 32
 
+# What to do about a photo of another size than its camera's.
+AS_SOLVED = "give the photo as photogrammetry had it, neither scaled, cropped nor turned"
+
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
 # Samples of the distance from the axis to find where the distortion stops growing.
@@ -236,7 +239,4 @@ def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) ->
 def _check_size(image: NDArray[np.generic], camera: Camera) -> None:
     if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
         found = " x ".join(map(str, image.shape[1::-1]))
-        raise GeometryError(
-            f"the photo is {found} but its camera {camera.width} x {camera.height}; give the photo as photogrammetry "
-            "had it, neither scaled, cropped nor turned"
-        )
+        raise GeometryError(f"the photo is {found} but its camera {camera.width} x {camera.height}; {AS_SOLVED}")
