@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import under_distant_lights
+from mpsnet_core.estimate.even_albedo import estimate_with_second_look
 from mpsnet_core.estimate.features import divided
 from mpsnet_core.estimate.fireflies import without_fireflies
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
@@ -73,8 +74,9 @@ class Estimator:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
-        given, capture = capture.white is not None, painted_grey(without_fireflies(capture))
-        if given and capture.white is None:
+        photo = without_fireflies(capture)
+        capture = painted_grey(photo)
+        if photo.white is not None and capture.white is None:
             log.warning(
                 "the white photo is NOT USED: a channel of it is black, or it is clipped nearly everywhere; take it "
                 "once more [white-photo-unused]"
@@ -82,7 +84,12 @@ class Estimator:
         if self._network is None:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         elif self._network.card.kind == "pyramid":  # others, as the paper's, expect no error of themselves
-            normals = refined(capture, self._network(capture, part(progress, 0.0, 0.8)), part(progress, 0.8, 1.0))
+            seen = part(progress, 0.0, 0.8)
+            if self._network.card.passes > 1:
+                normals = estimate_with_second_look(self._network, photo, capture, seen)
+            else:
+                normals = self._network(capture, seen)
+            normals = refined(capture, normals, part(progress, 0.8, 1.0))
         else:
             normals = self._network(capture, progress)
         progress(1.0, "normals estimated")

@@ -71,11 +71,15 @@ class OnnxModel:
         self.record = record_from_metadata(metadata)
         self._outputs = [node.name for node in self.session.get_outputs()]
 
-    def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
-        """Normals of `capture` in camera space; confidence 1 inside the mask unless the network outputs one."""
+    def __call__(self, capture: Capture, progress: Progress = silent, *, passes: int | None = None) -> NormalMap:
+        """Normals of `capture` in camera space; confidence 1 inside the mask unless the network outputs one.
+
+        passes: in place of the model's own.
+        """
+        card = self.card if passes is None else replace(self.card, passes=passes)
         seen = as_distant_lights(capture)
         if self.card.kind != "patch":
-            answer = dense_answer(self._run, self.card, seen, self.tile, progress)
+            answer = dense_answer(self._run, card, seen, self.tile, progress)
         else:
             answer = patch_answer(self._run, self.card, seen, progress)
         turn_back(answer[..., :3], capture.camera)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
@@ -319,28 +320,15 @@ def _detail(smooth: Floats, inside: NDArray[np.bool_]) -> Floats:
 
 def _smooth(values: Floats, inside: NDArray[np.bool_], sigma: float) -> Floats:
     """Values (h, w, C) under a Gaussian, of what is inside alone; zero elsewhere."""
-    weight = _blurred(inside[..., None].astype(np.float64), sigma)
-    means = _blurred(np.where(inside[..., None], values, 0), sigma) / np.maximum(weight, 1e-6)
+    weight = gaussian(inside[..., None].astype(np.float64), sigma, (0, 1))
+    means = gaussian(np.where(inside[..., None], values, 0), sigma, (0, 1)) / np.maximum(weight, 1e-6)
     return np.where(inside[..., None], means, 0)
-
-
-def _blurred(values: Floats, sigma: float) -> Floats:
-    reach = int(np.ceil(3 * sigma))
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    for axis in (0, 1):
-        padded = np.pad(values, [(reach, reach) if a == axis else (0, 0) for a in range(values.ndim)])
-        values = np.zeros_like(values)
-        along, shifted = values.swapaxes(0, axis), padded.swapaxes(0, axis)
-        for k, weight in enumerate(kernel):
-            along += weight * shifted[k : k + len(along)]
-    return values
 
 
 def _outline(shares: Floats) -> tuple[Floats, Floats]:
     """Points (N, 2; x, y) in pixels where shares (h, w) of an object cross a half, and unit normals that point out."""
     padded = np.pad(shares, 1)
-    gradients = np.stack([np.gradient(_blurred(padded, 1.5), axis=axis) for axis in (1, 0)], axis=-1)
+    gradients = np.stack([np.gradient(gaussian(padded, 1.5, (0, 1)), axis=axis) for axis in (1, 0)], axis=-1)
     points, normals = [], []
     for axis in (0, 1):
         low, high = (padded[:-1], padded[1:]) if axis == 0 else (padded[:, :-1], padded[:, 1:])

@@ -1,0 +1,59 @@
+"""An estimate, and another one of the photo with its surface's albedo evened out by the first."""
+
+import numpy as np
+
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.even_albedo.chromaticity import in_even_albedo
+from mpsnet_core.estimate.even_albedo.clusters import in_one_albedo
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.progress import Progress, part
+from mpsnet_core.scene.normal_map import NormalMap
+
+# How the expected errors of two estimates decide which counts: this power of their ratio, and by how much more the
+# second one's counts, as its photo is a guess.
+POWER, CAUTION = 8, 1.05
+LEAST_ERROR = 0.003  # as a share of a right angle
+
+
+def estimate_with_second_look(network: OnnxModel, photo: Capture, painted: Capture, progress: Progress) -> NormalMap:
+    """Normals by a network that expects its error, in camera space.
+
+    Parameters
+    ----------
+    network : OnnxModel
+    photo : Capture
+        As given.
+    painted : Capture
+        The same, painted grey where it has a white photo.
+    progress : callable
+        Receives the share that is done, 0 to 1, and what is being done.
+
+    Notes
+    -----
+    With a white photo, the second estimate is the answer, and one pass is enough for the first. Without one each pixel
+    takes the estimate of which the network is surer. Photos whose surface has one colour need no second one.
+    """
+    if painted.white is not None:
+        first = network(painted, part(progress, 0.0, 0.25), passes=1)
+        return network(in_even_albedo(photo, painted, first), part(progress, 0.25, 1.0))
+    first = network(painted, part(progress, 0.0, 0.5))
+    even = in_one_albedo(painted, first)
+    return first if even is None else combined(first, network(even, part(progress, 0.5, 1.0)))
+
+
+def combined(first: NormalMap, second: NormalMap) -> NormalMap:
+    """Both, weighed by their confidence; written into the first."""
+
+    def weigh(rows: slice) -> None:
+        one, two = (
+            np.maximum(1 - estimate.confidence[rows].astype(np.float32), LEAST_ERROR) for estimate in (first, second)
+        )
+        share = 1 / (1 + (CAUTION * two / one) ** POWER)
+        vectors = first.vectors[rows] + (second.vectors[rows] - first.vectors[rows]) * share[..., None]
+        first.vectors[rows] = normalised(vectors)
+        first.confidence[rows] += (second.confidence[rows] - first.confidence[rows]) * share
+
+    on_all_cores(weigh, bands(len(first.mask)))
+    return first

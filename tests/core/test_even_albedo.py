@@ -1,0 +1,97 @@
+"""A second look at a painted surface: against the photo of the same surface in one paint."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import degrees_between
+from test_white_photo import Painted
+
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.estimator import Estimator
+from mpsnet_core.estimate.even_albedo.chromaticity import in_even_albedo
+from mpsnet_core.estimate.even_albedo.clusters import in_one_albedo
+from mpsnet_core.estimate.even_albedo.second_look import combined
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.estimate.registry import find_network
+from mpsnet_core.estimate.white_photo import painted_grey
+from mpsnet_core.scene.normal_map import NormalMap
+
+
+def bent(painted: Painted, degrees: float) -> NormalMap:
+    """The true normals, wrong by up to so much, in waves across the picture."""
+    normals = painted.sphere.normals
+    height, width = normals.shape[:2]
+    x, y = np.meshgrid(np.linspace(0, 14, width), np.linspace(0, 11, height))
+    waves = np.stack([np.sin(x), np.cos(y), np.zeros_like(x)], axis=-1)
+    return NormalMap(normalised(normals + np.radians(degrees) * waves).astype(np.float32), painted.sphere.mask)
+
+
+def unevenness(painted: Painted, capture: Capture, where: np.ndarray) -> float:
+    """Standard deviation of the logarithm of what the photo is a multiple of, against the light that arrives."""
+    multiple = np.log(capture.rig.unmixed(capture.image)[where] / painted.light[where])
+    return float(multiple.std(axis=0).max())
+
+
+def test_the_photo_becomes_that_of_one_paint() -> None:
+    painted = Painted(narrow=True)
+    photo = replace(painted.capture, white=None)
+    well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
+    found = in_one_albedo(photo, bent(painted, 5))
+    assert found is not None
+    assert unevenness(painted, photo, well_lit) > 0.8
+    assert unevenness(painted, found, well_lit) < 0.03
+
+
+def test_a_surface_of_one_paint_needs_no_second_look() -> None:
+    painted = Painted(colours=1, narrow=True)
+    assert in_one_albedo(replace(painted.capture, white=None), bent(painted, 2)) is None
+
+
+def test_what_hardly_any_pixel_shows_has_no_colours() -> None:
+    painted = Painted(size=16)
+    assert in_one_albedo(replace(painted.capture, white=None), bent(painted, 0)) is None
+
+
+def test_with_a_white_photo_only_the_brightness_of_each_paint_is_left_to_even_out() -> None:
+    painted = Painted()
+    grey = painted_grey(painted.capture)
+    well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
+    found = in_even_albedo(painted.capture, grey, bent(painted, 2))
+    assert unevenness(painted, grey, well_lit) > 0.3
+    # Between two paints a pixel counts as of both.
+    assert unevenness(painted, found, well_lit) < 0.1
+
+
+def test_a_white_photo_of_one_chromaticity_changes_nothing() -> None:
+    painted = Painted(colours=1)
+    grey = painted_grey(painted.capture)
+    found = in_even_albedo(painted.capture, grey, bent(painted, 2))
+    assert unevenness(painted, found, painted.lit) == pytest.approx(unevenness(painted, grey, painted.lit), abs=0.01)
+
+
+@pytest.mark.parametrize("white", [False, True])
+def test_a_still_of_a_painted_surface_gains_by_it(white: bool) -> None:
+    painted = Painted(narrow=not white)
+    capture = painted.capture if white else replace(painted.capture, white=None)
+    network = find_network("multiscale")
+    once = OnnxModel(network.path, passes=3)(painted_grey(capture))
+    twice = Estimator(network.path, passes=3)(capture)
+
+    def error(estimate: NormalMap) -> float:
+        return float(degrees_between(estimate.vectors, painted.sphere.normals)[painted.sphere.mask].mean())
+
+    assert error(twice) < 0.85 * error(once)
+
+
+def test_each_pixel_takes_the_estimate_that_expects_less_error() -> None:
+    mask = np.ones((1, 3), bool)
+    left, right = (np.broadcast_to(np.float32([x, 0, 1]), (1, 3, 3)) for x in (-1, 1))
+    first = NormalMap(left, mask, np.float32([[0.9, 0.5, 0.9]]))
+    second = NormalMap(right, mask, np.float32([[0.5, 0.9, 0.9]]))
+    result = combined(first, second)
+    np.testing.assert_allclose(result.vectors[0, 0], left[0, 0] / np.sqrt(2), atol=1e-3)
+    np.testing.assert_allclose(result.vectors[0, 1], right[0, 0] / np.sqrt(2), atol=1e-3)
+    np.testing.assert_allclose(result.confidence, 0.9, atol=0.01)
+    assert -0.5 < result.vectors[0, 2, 0] < 0, "alike: both count, the first one a little more"
