@@ -23,9 +23,9 @@ from mpsnet_core.scene.normal_map import NormalMap
 LEAST_PIXELS = 200
 # A pixel counts by this power of how sure the network is of its normal.
 POWER_OF_CONFIDENCE = 4
-# The histogram of logarithms of albedo, around their median: its half width, the side of a cell, and the standard
+# The histogram of logarithms of albedo, around their median: its half width (what is darker is in shadow), the side of a cell, and the standard
 # deviation in cells by which it is smoothed.
-HALF_WIDTH, CELL, SMOOTHING = 3.5, 0.1, 1.5
+HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.5
 CELLS = round(2 * HALF_WIDTH / CELL)
 SHAPE = (CELLS, CELLS, CELLS)
 # The share of the pixels that makes a cluster certain. Smaller ones' colours are divided out in part.
@@ -90,7 +90,9 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     if np.count_nonzero(weights) < LEAST_PIXELS:
         return None
     centre = np.median(log_albedos, axis=0).astype(np.float64)
-    place = np.ravel_multi_index(tuple(_cells(log_albedos, centre).T), SHAPE)
+    within = (np.abs(log_albedos - centre) < HALF_WIDTH).all(axis=-1)
+    place = np.ravel_multi_index(tuple(_cells(log_albedos[within], centre).T), SHAPE)
+    weights = weights[within]
     histogram = np.bincount(place, weights / weights.sum(), CELLS**3).astype(np.float64, copy=False).reshape(SHAPE)
     density = gaussian(histogram, SMOOTHING, range(3))
     reached = np.flatnonzero(density > 0)
