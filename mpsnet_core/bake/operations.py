@@ -495,7 +495,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     )
     passes: Literal[1, 3] | None = option(
         default=None,
-        choices={1: "a third to half of the time", 3: "the mean of its answers on the scene turned and mirrored"},
+        choices={
+            1: "a sixth to half of the time",
+            3: "the mean of its answers on the scene turned and mirrored, and a second look at many colours",
+        },
         help="passes of the network over each photo",
         unset="3 for the default model",
         provenance="none",

@@ -132,7 +132,10 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     )
     passes: Literal[1, 3] | None = option(
         default=None,
-        choices={1: "", 3: "the mean of its answers on the scene turned and mirrored"},
+        choices={
+            1: "",
+            3: "the mean of its answers on the scene turned and mirrored, and a second look at many colours",
+        },
         help="passes of the network",
         unset="for the default model 3 of one photo and 1 of each of several or of a video",
         provenance="none",

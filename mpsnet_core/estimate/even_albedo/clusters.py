@@ -23,8 +23,8 @@ from mpsnet_core.scene.normal_map import NormalMap
 LEAST_PIXELS = 200
 # A pixel counts by this power of how sure the network is of its normal.
 POWER_OF_CONFIDENCE = 4
-# The histogram of logarithms of albedo, around their median: its half width (what is darker is in shadow), the side of a cell, and the standard
-# deviation in cells by which it is smoothed.
+# The histogram of logarithms of albedo, around their median: its half width (what is darker lies in shadow), the side
+# of a cell, and the standard deviation in cells by which it is smoothed.
 HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.5
 CELLS = round(2 * HALF_WIDTH / CELL)
 SHAPE = (CELLS, CELLS, CELLS)

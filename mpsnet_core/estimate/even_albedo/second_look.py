@@ -32,28 +32,33 @@ def estimate_with_second_look(network: OnnxModel, photo: Capture, painted: Captu
 
     Notes
     -----
-    With a white photo, the second estimate is the answer, and one pass is enough for the first. Without one each pixel
-    takes the estimate of which the network is surer. Photos whose surface has one colour need no second one.
+    With a white photo, the second estimate is the answer, and one pass is enough for the first. Without one, a quick
+    second estimate finds the colours better than the first, and after the third each pixel takes the estimate of which
+    the network is surer, the first or the last. A surface of one colour needs no further ones.
     """
     if painted.white is not None:
         first = network(painted, part(progress, 0.0, 0.25), passes=1)
         return network(in_even_albedo(photo, painted, first), part(progress, 0.25, 1.0))
-    first = network(painted, part(progress, 0.0, 0.5))
+    first = network(painted, part(progress, 0.0, 0.4))
     even = in_one_albedo(painted, first)
-    return first if even is None else combined(first, network(even, part(progress, 0.5, 1.0)))
+    if even is None:
+        return first
+    better = combined(first, network(even, part(progress, 0.4, 0.6), passes=1))
+    even = in_one_albedo(painted, better) or even
+    return combined(first, network(even, part(progress, 0.6, 1.0)))
 
 
 def combined(first: NormalMap, second: NormalMap) -> NormalMap:
-    """Both, weighed by their confidence; written into the first."""
+    """Both, weighed by their confidence; written into the second."""
 
     def weigh(rows: slice) -> None:
         one, two = (
             np.maximum(1 - estimate.confidence[rows].astype(np.float32), LEAST_ERROR) for estimate in (first, second)
         )
-        share = 1 / (1 + (CAUTION * two / one) ** POWER)
-        vectors = first.vectors[rows] + (second.vectors[rows] - first.vectors[rows]) * share[..., None]
-        first.vectors[rows] = normalised(vectors)
-        first.confidence[rows] += (second.confidence[rows] - first.confidence[rows]) * share
+        share = 1 / (1 + (one / (CAUTION * two)) ** POWER)  # of the first
+        vectors = second.vectors[rows] + (first.vectors[rows] - second.vectors[rows]) * share[..., None]
+        second.vectors[rows] = normalised(vectors)
+        second.confidence[rows] += (first.confidence[rows] - second.confidence[rows]) * share
 
     on_all_cores(weigh, bands(len(first.mask)))
-    return first
+    return second
