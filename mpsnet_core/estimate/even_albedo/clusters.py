@@ -31,7 +31,7 @@ SHAPE = (CELLS, CELLS, CELLS)
 # The share of the pixels that makes a cluster certain. Smaller ones' colours are divided out in part.
 CERTAIN_SHARE = 0.05
 # Colours that differ by less (standard deviation of the logarithm, over pixels) are one.
-LEAST_DIFFERENCE = 0.1
+LEAST_DIFFERENCE = 0.2
 
 
 @dataclass(frozen=True)
