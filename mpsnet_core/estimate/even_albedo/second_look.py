@@ -44,7 +44,11 @@ def estimate_with_second_look(network: OnnxModel, photo: Capture, painted: Captu
     if even is None:
         return first
     better = combined(first, network(even, part(progress, 0.4, 0.6), passes=1))
-    even = in_one_albedo(painted, better) or even
+    del even  # a large photo takes much memory
+    even = in_one_albedo(painted, better)
+    if even is None:
+        return better
+    del better
     return combined(first, network(even, part(progress, 0.6, 1.0)))
 
 
