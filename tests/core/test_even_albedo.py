@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from near_scene import NEAR, ball
 from synthetic import degrees_between
 from test_white_photo import Painted
 
@@ -42,6 +43,15 @@ def test_the_photo_becomes_that_of_one_paint() -> None:
     assert found is not None
     assert unevenness(painted, photo, well_lit) > 0.8
     assert unevenness(painted, found, well_lit) < 0.03
+
+
+def test_near_lights_light_each_place_in_their_own_way() -> None:
+    scene = ball(near=NEAR, size=96)
+    stripes = np.where(np.indices(scene.mask.shape)[1] // 9 % 2 == 0, 0.2, 0.8)[..., None]
+    found = in_one_albedo(scene.capture(image=scene.image * stripes), NormalMap(scene.normals, scene.mask))
+    assert found is not None
+    lit = scene.lit & (scene.image > 0.2).all(axis=-1)
+    assert np.log(found.image[lit] / scene.image[lit]).std(axis=0).max() < 0.05
 
 
 def test_a_surface_of_one_paint_needs_no_second_look() -> None:
