@@ -32,8 +32,8 @@ class Estimator:
     model : str or path
         A name of `mpsnet models` or the path of an ONNX file.
     passes : {1, 3}, optional
-        3 averages the network's answers on the scene turned and mirrored, and a surface of many colours gets a second
-        look. By default the registry's number for stills, else that of the network's card.
+        3 averages the network's answers on the scene turned and mirrored, and of pyramids a surface of many colours
+        gets a second look. By default the registry's number for stills, else that of the network's card.
     provider : {"cpu", "cuda", "directml", "coreml"}
         What runs the network.
     threads : int

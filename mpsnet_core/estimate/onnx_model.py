@@ -74,7 +74,7 @@ class OnnxModel:
     def __call__(self, capture: Capture, progress: Progress = silent, *, passes: int | None = None) -> NormalMap:
         """Normals of `capture` in camera space; confidence 1 inside the mask unless the network outputs one.
 
-        passes: in place of the model's own.
+        passes: in place of the card's, of dense networks.
         """
         card = self.card if passes is None else replace(self.card, passes=passes)
         seen = as_distant_lights(capture)

@@ -18,6 +18,7 @@ from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
 from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rig import published_rig
 
 
 def bent(painted: Painted, degrees: float) -> NormalMap:
@@ -43,6 +44,38 @@ def test_the_photo_becomes_that_of_one_paint() -> None:
     assert found is not None
     assert unevenness(painted, photo, well_lit) > 0.8
     assert unevenness(painted, found, well_lit) < 0.03
+
+
+@pytest.mark.parametrize("floor", [0.02, 0.005, 1e-4])
+def test_pure_paints_are_found_though_most_pixels_are_dark_in_each_light(floor: float) -> None:
+    painted = Painted(narrow=True)
+    paints = np.full((3, 3), floor) + np.eye(3) * 0.8
+    rows, columns = np.indices(painted.sphere.mask.shape)
+    albedo = paints[(rows // 11 + columns // 17) % 3]
+    photo = Capture(albedo * painted.light, painted.sphere.mask, published_rig())
+    found = in_one_albedo(photo, bent(painted, 2))
+    if found is not None:  # a surface as good as black in two lights has nothing in common
+        well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
+        assert np.isfinite(found.image).all()
+        assert unevenness(painted, found, well_lit) < 0.05
+
+
+@pytest.mark.parametrize("exposure", [1e-6, 1.0, 1e3])
+def test_exposure_does_not_matter(exposure: float) -> None:
+    painted = Painted(narrow=True)
+    photo = replace(painted.capture, image=painted.capture.image * exposure, white=None)
+    found = in_one_albedo(photo, bent(painted, 5))
+    assert found is not None
+    well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
+    assert unevenness(painted, found, well_lit) < 0.03
+
+
+def test_a_highlight_in_half_floats_stays_finite() -> None:
+    painted = Painted(narrow=True)
+    image = (painted.capture.image * 1000).astype(np.float16)
+    image[40:42, 40:42] = 60000
+    found = in_one_albedo(replace(painted.capture, image=image, white=None), bent(painted, 2))
+    assert found is not None and np.isfinite(found.image).all()
 
 
 def test_near_lights_light_each_place_in_their_own_way() -> None:
@@ -74,6 +107,17 @@ def test_with_a_white_photo_only_the_brightness_of_each_paint_is_left_to_even_ou
     assert unevenness(painted, found, well_lit) < 0.1
 
 
+def test_black_around_the_object_does_not_count() -> None:
+    painted = Painted()
+    photo = replace(painted.capture, mask=np.ones_like(painted.sphere.mask))
+    normals = bent(painted, 2)
+    found = in_even_albedo(
+        photo, painted_grey(photo), NormalMap(normals.vectors + np.float32([0, 0, 1e-6]), photo.mask)
+    )
+    expected = in_even_albedo(painted.capture, painted_grey(painted.capture), normals)
+    np.testing.assert_allclose(found.image[painted.lit], expected.image[painted.lit], rtol=0.2, atol=0.01)
+
+
 def test_a_white_photo_of_one_chromaticity_changes_nothing() -> None:
     painted = Painted(colours=1)
     grey = painted_grey(painted.capture)
@@ -96,12 +140,13 @@ def test_a_still_of_a_painted_surface_gains_by_it(white: bool) -> None:
 
 
 def test_each_pixel_takes_the_estimate_that_expects_less_error() -> None:
-    mask = np.ones((1, 3), bool)
-    left, right = (np.broadcast_to(np.float32([x, 0, 1]), (1, 3, 3)) for x in (-1, 1))
-    first = NormalMap(left, mask, np.float32([[0.9, 0.5, 0.9]]))
-    second = NormalMap(right, mask, np.float32([[0.5, 0.9, 0.9]]))
+    mask = np.array([[True, True, True, False]])
+    left, right = (np.broadcast_to(np.float32([x, 0, 1]), (1, 4, 3)) for x in (-1, 1))
+    first = NormalMap(left, mask, np.float32([[0.9, 0.5, 0.9, 0.0]]))
+    second = NormalMap(right, mask, np.float32([[0.5, 0.9, 0.9, 0.0]]))
     result = combined(first, second)
     np.testing.assert_allclose(result.vectors[0, 0], left[0, 0] / np.sqrt(2), atol=1e-3)
     np.testing.assert_allclose(result.vectors[0, 1], right[0, 0] / np.sqrt(2), atol=1e-3)
-    np.testing.assert_allclose(result.confidence, 0.9, atol=0.01)
+    np.testing.assert_allclose(result.confidence, [[0.9, 0.9, 0.9, 0.0]], atol=0.01)
+    assert not result.vectors[0, 3].any(), "outside the mask"
     assert -0.5 < result.vectors[0, 2, 0] < 0, "alike: both count, the first one a little more"

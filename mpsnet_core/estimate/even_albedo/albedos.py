@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in
@@ -17,42 +17,50 @@ Floats = NDArray[np.floating[Any]]
 
 SAMPLED = 20_000  # pixels of a large photo
 GRAZING = 0.1  # a cosine; below, a light says little of the albedo
-DARKEST = 1e-6
+DARKEST = 1e-30  # keeps logarithms finite
+# A band of pixels takes some hundred bytes a pixel on the way.
+ROWS = 32
 
 
 class Pixels(NamedTuple):
-    """Pixels (...) of a photo. light: (..., 3) each light alone. cosines: (..., 3) between those lights, which are as
-    long as they are bright, and the estimated normals. confidence: (...) of these. valid: (...) inside the mask, not
-    clipped, and all three lights reach, as estimated and as seen."""
+    """Pixels (...) of a photo. light: (..., 3) each light alone. lights: (..., 3, 3) a light a row, its direction times
+    its brightness. cosines: (..., 3) between the lights and the estimated normals, times the lights' brightness.
+    grazing: (..., 3) below it a light grazes the surface."""
 
     light: Floats
+    lights: NDArray[np.float64]
     cosines: Floats
-    confidence: Floats
-    valid: NDArray[np.bool_]
+    grazing: Floats
 
     @property
     def log_albedos(self) -> Floats:
         """(..., 3) logarithms of the albedo by each light; too dark where a light grazes the surface."""
-        logarithms: Floats = np.log(np.maximum(self.light, DARKEST) / np.maximum(self.cosines, GRAZING))
+        logarithms: Floats = np.log(np.maximum(self.light, DARKEST) / np.maximum(self.cosines, self.grazing))
         return logarithms
 
 
 def pixels_in(capture: Capture, normals: NormalMap, rows: slice) -> Pixels:
     """Rows of a photo with its estimated normals, in camera space."""
     light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
-    cosines = np.einsum("...ki,...i->...k", lights_in(capture, rows), normals.vectors[rows].astype(np.float32))
-    valid = capture.mask[rows] & (light > 0).all(axis=-1) & (cosines > GRAZING).all(axis=-1)
-    valid &= ~capture.saturated_in(rows).any(axis=-1)
-    return Pixels(light, cosines, normals.confidence[rows].astype(np.float32), valid)
+    lights = lights_in(capture, rows)
+    cosines = np.einsum("...ki,...i->...k", lights, normals.vectors[rows].astype(np.float32))
+    return Pixels(light, lights, cosines, GRAZING * np.linalg.norm(lights, axis=-1))
+
+
+def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]:
+    """(h, W) inside the mask, not clipped, and reached by all three lights, as estimated and as seen."""
+    reached = (pixels.light > 0).all(axis=-1) & (pixels.cosines > pixels.grazing).all(axis=-1)
+    valid: NDArray[np.bool_] = reached & capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
+    return valid
 
 
 def sampled(capture: Capture) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
-    """Bands of rows, with the pixels (h, W) of them to look at: some from all over the object."""
+    """Rows one by one, with the pixels (1, W) of them to look at: some from all over the object."""
     step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
-    for rows in bands(len(capture.mask)):
-        chosen = np.zeros_like(capture.mask[rows])
-        chosen[-rows.start % step :: step, ::step] = True
-        yield rows, chosen
+    for row in range(0, len(capture.mask), step):
+        chosen = np.zeros((1, capture.mask.shape[1]), bool)
+        chosen[:, ::step] = capture.mask[row, ::step]
+        yield slice(row, row + 1), chosen
 
 
 def divided_by(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:
@@ -61,8 +69,12 @@ def divided_by(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats
     factors: rows to each light alone (h, W, 3), and what to divide it by, (h, W, 3) or (h, W, 1).
     """
     image = np.zeros_like(capture.image)
-    for rows in bands(len(image)):
+    largest = np.finfo(image.dtype).max  # of half floats 65504
+
+    def divide(rows: slice) -> None:
         light, albedo = factors(rows)
-        image[rows] = np.where(capture.mask[rows, :, None], light / albedo, 0)
+        image[rows] = np.where(capture.mask[rows, :, None], np.clip(light / albedo, -largest, largest), 0)
+
+    on_all_cores(divide, bands(len(image), ROWS))
     rig = replace(capture.rig, mixing=np.eye(3))
     return replace(capture, image=image, rig=rig, clip=np.inf, clipped=capture.saturated_lights)

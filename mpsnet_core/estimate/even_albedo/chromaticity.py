@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
-from mpsnet_core.estimate.even_albedo.albedos import Floats, Pixels, divided_by, pixels_in, sampled
+from mpsnet_core.estimate.distant_lights import pseudo_normals
+from mpsnet_core.estimate.even_albedo.albedos import Floats, Pixels, divided_by, pixels_in, sampled, valid_in
 from mpsnet_core.estimate.white_photo import WhitePhoto, measured_white, white_valid
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -23,12 +23,13 @@ from mpsnet_core.scene.normal_map import NormalMap
 # in cells by which it is smoothed.
 HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.0
 CELLS = round(2 * HALF_WIDTH / CELL)
+LEAST_PIXELS = 200
 # The standard deviation, as a chord, of the network's normals from equation 2's.
 AGREEMENT = np.radians(5.0)
 # Shares of the object: so many pixels of the mean albedo count beside those of a cell.
 PRIOR = 0.001
-LEAST_COSINE = 0.05  # in squares, of all lights together
-DARKEST = 0.02  # of the median albedo
+LEAST_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo would be mostly noise
+LEAST_ALBEDO = 0.02  # as a share of the median
 
 
 def in_even_albedo(photo: Capture, painted: Capture, normals: NormalMap) -> Capture:
@@ -47,17 +48,17 @@ def in_even_albedo(photo: Capture, painted: Capture, normals: NormalMap) -> Capt
     if measured is None or white is None:
         return painted
     chromaticities, albedos, weights = _sample(photo, painted, normals, measured, white)
-    if weights.sum() <= 0:
+    if len(albedos) < LEAST_PIXELS or weights.sum() <= 0:
         return painted
     cells, shares = _corners(chromaticities)
-    offset = np.log(np.maximum(albedos / np.median(albedos), DARKEST))
+    offset = np.log(np.maximum(albedos / np.median(albedos), LEAST_ALBEDO))
     offset -= np.average(offset, weights=weights)
     total, count = (_smoothed_sums(cells, shares * values[:, None]) for values in (weights * offset, weights))
     brightness = (total / (count + PRIOR * len(weights))).astype(np.float32)
 
     def factors(rows: slice) -> tuple[Floats, Floats]:
         cells, shares = _corners(_chromaticities(measured, white[rows]))
-        shares *= white_valid(photo, rows)[..., None]
+        shares *= white_valid(painted, rows)[..., None]
         return painted.image[rows], np.exp((brightness[cells] * shares).sum(axis=-1))[..., None]
 
     return divided_by(painted, factors)
@@ -69,11 +70,11 @@ def _sample(
     """Of pixels from all over the object: chromaticity (N, 2), albedo (N,), and how much each counts (N,)."""
     chromaticities, albedos, weights = [], [], []
     for rows, chosen in sampled(painted):
-        chosen &= ~painted.saturated_in(rows).any(axis=-1) & white_valid(photo, rows)
         pixels = pixels_in(painted, normals, rows)
+        chosen &= valid_in(painted, pixels, rows) & white_valid(painted, rows)
         chromaticities.append(_chromaticities(measured, white[rows])[chosen])
         albedos.append(_albedos(pixels)[chosen])
-        solved = normalised(pseudo_normals(np.maximum(pixels.light, 0), lights_in(painted, rows)))
+        solved = normalised(pseudo_normals(np.maximum(pixels.light, 0), pixels.lights))
         off = np.linalg.norm(solved - normals.vectors[rows], axis=-1)
         weights.append(np.exp(-0.5 * (off / AGREEMENT) ** 2)[chosen])
     return np.concatenate(chromaticities), np.concatenate(albedos), np.concatenate(weights)
@@ -83,7 +84,7 @@ def _albedos(pixels: Pixels) -> Floats:
     """(...) the albedo that explains all three lights best, in the sense of least squares."""
     cosines = np.maximum(pixels.cosines, 0)
     brightness = (np.maximum(pixels.light, 0) * cosines).sum(axis=-1)
-    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), LEAST_COSINE)
+    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), LEAST_SQUARES)
     return albedos
 
 

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.even_albedo.albedos import Floats, divided_by, pixels_in, sampled
+from mpsnet_core.estimate.even_albedo.albedos import Floats, divided_by, pixels_in, sampled, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
 
 LEAST_PIXELS = 200
 # A pixel counts by this power of how sure the network is of its normal.
 POWER_OF_CONFIDENCE = 4
+BRIGHT = 95  # percentile
 # The histogram of logarithms of albedo, around their median: its half width (what is darker lies in shadow), the side
 # of a cell, and the standard deviation in cells by which it is smoothed.
 HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.5
@@ -79,20 +80,25 @@ def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:
     albedos, weights = [], []
     for rows, chosen in sampled(capture):
         pixels = pixels_in(capture, normals, rows)
-        chosen &= pixels.valid
+        chosen &= valid_in(capture, pixels, rows)
         albedos.append(pixels.log_albedos[chosen])
+        # An error of the normal changes the albedo the more, the smaller the cosine is.
         least = np.minimum(pixels.cosines.min(axis=-1), 1)
-        weights.append((least * pixels.confidence**POWER_OF_CONFIDENCE)[chosen])
+        weights.append((least * normals.confidence[rows].astype(np.float32) ** POWER_OF_CONFIDENCE)[chosen])
     return np.concatenate(albedos), np.concatenate(weights)
 
 
 def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
-    if np.count_nonzero(weights) < LEAST_PIXELS:
+    if len(weights) < LEAST_PIXELS:
         return None
-    centre = np.median(log_albedos, axis=0).astype(np.float64)
+    # The median, unless bright colours would lie outside: of pure paints each channel's median is of the others.
+    middle, bright = np.percentile(log_albedos, (50, BRIGHT), axis=0)
+    centre = np.maximum(middle, bright - HALF_WIDTH + SMOOTHING * CELL)
     within = (np.abs(log_albedos - centre) < HALF_WIDTH).all(axis=-1)
     place = np.ravel_multi_index(tuple(_cells(log_albedos[within], centre).T), SHAPE)
     weights = weights[within]
+    if np.count_nonzero(weights) < LEAST_PIXELS:
+        return None
     histogram = np.bincount(place, weights / weights.sum(), CELLS**3).astype(np.float64, copy=False).reshape(SHAPE)
     density = gaussian(histogram, SMOOTHING, range(3))
     reached = np.flatnonzero(density > 0)

@@ -37,19 +37,26 @@ def estimate_with_second_look(network: OnnxModel, photo: Capture, painted: Captu
     the network is surer, the first or the last. A surface of one colour needs no further ones.
     """
     if painted.white is not None:
-        first = network(painted, part(progress, 0.0, 0.25), passes=1)
-        return network(in_even_albedo(photo, painted, first), part(progress, 0.25, 1.0))
-    first = network(painted, part(progress, 0.0, 0.4))
-    even = in_one_albedo(painted, first)
-    if even is None:
+        first = network(painted, _look("first look", progress, 0.0, 0.25), passes=1)
+        even = in_even_albedo(photo, painted, first)
+        del first  # a large photo takes much memory
+        return network(even, _look("second look", progress, 0.25, 1.0))
+    first = network(painted, _look("first look", progress, 0.0, 0.4))
+    evened = in_one_albedo(painted, first)
+    if evened is None:
         return first
-    better = combined(first, network(even, part(progress, 0.4, 0.6), passes=1))
-    del even  # a large photo takes much memory
-    even = in_one_albedo(painted, better)
-    if even is None:
+    better = combined(first, network(evened, _look("second look", progress, 0.4, 0.6), passes=1))
+    del evened
+    evened = in_one_albedo(painted, better)
+    if evened is None:
         return better
     del better
-    return combined(first, network(even, part(progress, 0.6, 1.0)))
+    return combined(first, network(evened, _look("third look", progress, 0.6, 1.0)))
+
+
+def _look(name: str, progress: Progress, start: float, end: float) -> Progress:
+    """Progress of a run of the network, whose messages begin with its name."""
+    return part(lambda fraction, message: progress(fraction, f"{name}, {message}"), start, end)
 
 
 def combined(first: NormalMap, second: NormalMap) -> NormalMap:
@@ -61,7 +68,7 @@ def combined(first: NormalMap, second: NormalMap) -> NormalMap:
         )
         share = 1 / (1 + (one / (CAUTION * two)) ** POWER)  # of the first
         vectors = second.vectors[rows] + (first.vectors[rows] - second.vectors[rows]) * share[..., None]
-        second.vectors[rows] = normalised(vectors)
+        second.vectors[rows] = np.where(second.mask[rows, :, None], normalised(vectors), 0)
         second.confidence[rows] += (first.confidence[rows] - second.confidence[rows]) * share
 
     on_all_cores(weigh, bands(len(first.mask)))
