@@ -1,6 +1,6 @@
 """The albedo that each pixel has by estimated normals, and how much it counts."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 from mpsnet_core.scene.normal_map import NormalMap
@@ -52,15 +51,6 @@ def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]
     reached = (pixels.light > 0).all(axis=-1) & (pixels.cosines > pixels.grazing).all(axis=-1)
     valid: NDArray[np.bool_] = reached & capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
     return valid
-
-
-def sampled(capture: Capture) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
-    """Rows one by one, with the pixels (1, W) of them to look at: some from all over the object."""
-    step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
-    for row in range(0, len(capture.mask), step):
-        chosen = np.zeros((1, capture.mask.shape[1]), bool)
-        chosen[:, ::step] = capture.mask[row, ::step]
-        yield slice(row, row + 1), chosen
 
 
 def divided_by(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gaussian import gaussian
+from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import pseudo_normals
-from mpsnet_core.estimate.even_albedo.albedos import Floats, Pixels, divided_by, pixels_in, sampled, valid_in
+from mpsnet_core.estimate.even_albedo.albedos import SAMPLED, Floats, Pixels, divided_by, pixels_in, valid_in
 from mpsnet_core.estimate.white_photo import WhitePhoto, measured_white, white_valid
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -69,7 +70,7 @@ def _sample(
 ) -> tuple[Floats, Floats, Floats]:
     """Of pixels from all over the object: chromaticity (N, 2), albedo (N,), and how much each counts (N,)."""
     chromaticities, albedos, weights = [], [], []
-    for rows, chosen in sampled(painted):
+    for rows, chosen in sampled_rows(painted.mask, SAMPLED):
         pixels = pixels_in(painted, normals, rows)
         chosen &= valid_in(painted, pixels, rows) & white_valid(painted, rows)
         chromaticities.append(_chromaticities(measured, white[rows])[chosen])

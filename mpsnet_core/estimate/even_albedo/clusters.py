@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gaussian import gaussian
+from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.even_albedo.albedos import Floats, divided_by, pixels_in, sampled, valid_in
+from mpsnet_core.estimate.even_albedo.albedos import SAMPLED, Floats, divided_by, pixels_in, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
 
 LEAST_PIXELS = 200
@@ -78,7 +79,7 @@ def in_one_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
 def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:
     """Logarithms of albedo (N, 3) from all over the object, and how much each counts (N,)."""
     albedos, weights = [], []
-    for rows, chosen in sampled(capture):
+    for rows, chosen in sampled_rows(capture.mask, SAMPLED):
         pixels = pixels_in(capture, normals, rows)
         chosen &= valid_in(capture, pixels, rows)
         albedos.append(pixels.log_albedos[chosen])

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
@@ -119,11 +119,8 @@ def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) 
 
 def _sample(capture: Capture, estimate: NormalMap) -> _Pixels:
     """Pixels all over the object, with lights of their own."""
-    step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
     parts = []
-    for rows in bands(len(capture.mask)):
-        chosen = np.zeros_like(capture.mask[rows])
-        chosen[-rows.start % step :: step, ::step] = True
+    for rows, chosen in sampled_rows(capture.mask, SAMPLED):
         chosen &= _valid(capture, rows)
         pixels = _picture(capture, estimate, rows).at(chosen)
         parts.append(pixels._replace(lights=np.broadcast_to(pixels.lights, (len(pixels.light), 3, 3))))
