@@ -1,4 +1,4 @@
-"""The albedo that each pixel has by estimated normals, and how much it counts."""
+"""The albedo that each pixel has by estimated normals, and a photo divided by it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +15,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 Floats = NDArray[np.floating[Any]]
 
 SAMPLED = 20_000  # pixels of a large photo
+LEAST_PIXELS = 200  # below, a photo says too little of the surface's colours
 GRAZING = 0.1  # a cosine; below, a light says little of the albedo
 DARKEST = 1e-30  # keeps logarithms finite
 # A band of pixels takes some hundred bytes a pixel on the way.

@@ -16,7 +16,15 @@ from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import pseudo_normals
-from mpsnet_core.estimate.even_albedo.albedos import SAMPLED, Floats, Pixels, divided_by, pixels_in, valid_in
+from mpsnet_core.estimate.even_albedo.albedos import (
+    LEAST_PIXELS,
+    SAMPLED,
+    Floats,
+    Pixels,
+    divided_by,
+    pixels_in,
+    valid_in,
+)
 from mpsnet_core.estimate.white_photo import WhitePhoto, measured_white, white_valid
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -24,7 +32,6 @@ from mpsnet_core.scene.normal_map import NormalMap
 # in cells by which it is smoothed.
 HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.0
 CELLS = round(2 * HALF_WIDTH / CELL)
-LEAST_PIXELS = 200
 # The standard deviation, as a chord, of the network's normals from equation 2's.
 AGREEMENT = np.radians(5.0)
 # Shares of the object: so many pixels of the mean albedo count beside those of a cell.

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.even_albedo.albedos import SAMPLED, Floats, divided_by, pixels_in, valid_in
+from mpsnet_core.estimate.even_albedo.albedos import LEAST_PIXELS, SAMPLED, Floats, divided_by, pixels_in, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
 
-LEAST_PIXELS = 200
 # A pixel counts by this power of how sure the network is of its normal.
 POWER_OF_CONFIDENCE = 4
 BRIGHT = 95  # percentile
