@@ -27,7 +27,7 @@ from mpsnet_core.learning.evaluation.evaluation import evaluate
 from mpsnet_core.learning.evaluation.materials import Materials
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.rendered import Rendered
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, HELD_OUT_SEED, published_view
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, published_view
 from mpsnet_core.synthesis.draws import generator, new_seed
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.recipe import Material
@@ -126,6 +126,20 @@ def test_colours_may_have_a_white_photo_which_takes_them_away() -> None:
     assert divided < 0.1 * np.abs(painted.image[lit] - plain.image[lit]).mean()
 
 
+def test_several_blobs_are_of_different_shapes_and_their_errors_averaged(tmp_path: Path) -> None:
+    fits = matt_fits(tmp_path / "fits.npz", grey=(0.3, 0.3, 0.3), red=(0.6, 0.1, 0.1))
+    told = evaluate(Materials(fits, protocols=["separated"], size=SIZE, blobs=3), ["lambertian"])
+    found = errors(told.rows, "material", "object")
+    red = [error for (material, _), error in found.items() if material == "red"]
+    assert len(found) == 6 and len({round(error, 3) for error in red}) == 3
+    line = next(line.split() for line in told.text.splitlines() if line.startswith("separated  lambertian "))
+    assert float(line[2]) == pytest.approx(np.mean([*found.values()]), abs=0.01)
+    assert float(line[5]) == pytest.approx(np.mean(red), abs=0.01) and line[6] == "red"
+    told = evaluate(ColourChanges(protocols=["white"], size=SIZE, blobs=2), ["lambertian"])
+    moved = [row["moved_deg"] for row in told.rows if row["colouring"] == "red"]
+    assert len(moved) == 2 and max(moved) < 3, "each blob is compared with the same blob in white"
+
+
 def test_what_is_near_a_change_of_colour() -> None:
     colours = np.full((20, 30, 3), 0.5, np.float32)
     colours[:, 15:] *= 1 + 2 * CHANGE
@@ -145,8 +159,8 @@ def test_what_is_near_a_change_of_colour() -> None:
 def test_colours_of_the_surface_are_those_that_are_rendered() -> None:
     colours, pattern = COLOURINGS["hard cells"]
     materials = tuple(Material(base_color=colour) for colour in colours)
-    recipe = published_view(HELD_OUT_BLOB, materials, SIZE, pattern=pattern)
-    blob = build_shape(HELD_OUT_BLOB)
+    recipe = published_view(held_out_blob(), materials, SIZE, pattern=pattern)
+    blob = build_shape(held_out_blob())
     sample = synthesise(recipe, blob, [load_reflectance(material) for material in materials])
     found = surface_colours(recipe, blob)
     np.testing.assert_array_equal(np.isfinite(found[..., 0]), sample.alpha > 0)

@@ -22,7 +22,7 @@ from mpsnet_core.estimate.registry import (
     known_models,
     registered_models,
 )
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.job import SampleJob
@@ -50,10 +50,10 @@ def turn(degrees: float) -> NDArray[np.float64]:
     return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
 
 
-def scene(degrees: float = 0.0, seed: int = HELD_OUT_BLOB["seed"]) -> Recipe:
+def scene(degrees: float = 0.0, seed: int = HELD_OUT_SEED) -> Recipe:
     """A blob of two soft-edged colours under the published rig, all of it turned about the viewing axis."""
     upright = published_view(
-        {**HELD_OUT_BLOB, "seed": seed},
+        {**held_out_blob(), "seed": seed},
         MATERIALS,
         SIZE,
         turn(degrees),
@@ -65,7 +65,7 @@ def scene(degrees: float = 0.0, seed: int = HELD_OUT_BLOB["seed"]) -> Recipe:
 
 
 @cache
-def sample(degrees: float = 0.0, seed: int = HELD_OUT_BLOB["seed"]) -> Sample:
+def sample(degrees: float = 0.0, seed: int = HELD_OUT_SEED) -> Sample:
     recipe = scene(degrees, seed)
     return synthesise(recipe, build_shape(recipe.shape), [load_reflectance(material) for material in recipe.materials])
 

@@ -1,4 +1,4 @@
-"""Colour: one smooth shape in many colours; the error at their edges, and the effect of a change of colour alone."""
+"""Colour: smooth shapes in many colours; the error at their edges, and the effect of a change of colour alone."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
+from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.shading.pattern import material_weights
@@ -45,20 +45,26 @@ NEAR = 3  # pixels
 
 
 class ColourChanges(Evaluation):
-    """A blob that no training data shows, in one and in many colours of equal roughness, under direct light.
+    """Blobs that no training data shows, in one and in many colours of equal roughness, under direct light.
 
-    protocols, size: as in :class:`mpsnet_core.learning.evaluation.materials.Materials`. white: whether each is measured
-    once more with a white photo beside it.
+    protocols, size, blobs: as in :class:`mpsnet_core.learning.evaluation.materials.Materials`. white: whether each is
+    measured once more with a white photo beside it.
     """
 
-    title = "One blob, many colours"
+    title = "A blob, many colours"
 
     def __init__(
-        self, *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE, white: bool = False
+        self,
+        *,
+        protocols: Sequence[str] = ("published",),
+        size: int = SYNTHETIC_SIZE,
+        white: bool = False,
+        blobs: int = 1,
     ) -> None:
-        self._white: dict[tuple[str, int, str], NDArray[np.float32]] = {}
+        self._white: dict[tuple[str, str, int, str], NDArray[np.float32]] = {}
         self.cases = [
-            partial(painted_blob, name, protocol, size, white=beside)
+            partial(painted_blob, name, protocol, size, white=beside, blob=blob)
+            for blob in range(blobs)
             for name in COLOURINGS
             for protocol in protocols
             for beside in white_choices(white)
@@ -68,7 +74,7 @@ class ColourChanges(Evaluation):
         """Rows that also have "moved_deg": the mean angle between this estimate and that of the same shape in white."""
         rows = []
         for result, row in zip(results, super().rows(results), strict=True):
-            kind = row.labels["protocol"], row.labels["photos"], result.model
+            kind = row.labels["object"], row.labels["protocol"], row.labels["photos"], result.model
             white = self._white.setdefault(kind, result.estimate.vectors)
             moved = angular_error(result.estimate.vectors, white)[result.case.scored].mean()
             further = {"moved_deg": round(float(moved), 4)} if row.labels["colouring"] != "white" else {}
@@ -94,15 +100,15 @@ class ColourChanges(Evaluation):
         ]
 
 
-def painted_blob(name: str, protocol: str, size: int, *, white: bool) -> Case:
-    """The blob in one of :data:`COLOURINGS`. white: whether a white photo is beside its photo."""
+def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int = 0) -> Case:
+    """A blob in one of :data:`COLOURINGS`. white: whether a white photo is beside its photo. blob: its number."""
     colours, pattern = COLOURINGS[name]
     materials = tuple(Material(base_color=colour, roughness=ROUGHNESS) for colour in colours)
-    recipe = published_view(HELD_OUT_BLOB, materials, size, pattern=pattern)
-    sample = synthesise(recipe, held_out_blob(), [load_reflectance(material) for material in materials])
-    near = near_colour_edges(surface_colours(recipe, held_out_blob()))
+    recipe = published_view(held_out_blob(blob), materials, size, pattern=pattern)
+    sample = synthesise(recipe, built_blob(blob), [load_reflectance(material) for material in materials])
+    near = near_colour_edges(surface_colours(recipe, built_blob(blob)))
     return Case(
-        {"object": "blob", "colouring": name, "protocol": protocol, "photos": 1 + white},
+        {"object": f"blob {blob + 1}", "colouring": name, "protocol": protocol, "photos": 1 + white},
         ideal_photograph(sample, protocol, white=white),
         sample.normals,
         {"near_edges": near, "far_from_edges": ~near},

@@ -31,6 +31,11 @@ def white_beside() -> Any:
     return option(default=False, help="measure each once more with a white photo beside it")
 
 
+def blob_count() -> Any:
+    """The option that sets on how many shapes a synthetic test measures."""
+    return option(default=1, low=1, help="how many blobs, each of another shape")
+
+
 def mesh_view_count() -> Any:
     """The option that sets how often each mesh is shown."""
     return option(default=MESH_VIEWS, low=1, high=360, help="views of each mesh, from all around")
@@ -132,16 +137,17 @@ def _triple(text: str) -> tuple[int, int, int]:
 
 @dataclass(frozen=True)
 class EvaluateMaterials(PhotographsSynthetic):
-    """One blob under each measured material."""
+    """Blobs under each measured material."""
 
     command: ClassVar[str] = "evaluate materials"
 
     merl: str = option(metavar="PATH", help="a folder of MERL .binary files, or .npz of fits")
+    blobs: int = blob_count()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.materials import Materials
 
-        return Materials(self.merl, protocols=self.protocol, size=self.size)
+        return Materials(self.merl, protocols=self.protocol, size=self.size, blobs=self.blobs)
 
 
 @dataclass(frozen=True)
@@ -193,16 +199,17 @@ class EvaluateStatues(Magnifies):
 
 @dataclass(frozen=True)
 class EvaluateColour(PhotographsSynthetic):
-    """One blob in many colours: their edges, their influence."""
+    """Blobs in many colours: their edges, their influence."""
 
     command: ClassVar[str] = "evaluate colour"
 
     white: bool = white_beside()
+    blobs: int = blob_count()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.colour import ColourChanges
 
-        return ColourChanges(protocols=self.protocol, size=self.size, white=self.white)
+        return ColourChanges(protocols=self.protocol, size=self.size, white=self.white, blobs=self.blobs)
 
 
 @dataclass(frozen=True)

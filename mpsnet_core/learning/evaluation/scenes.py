@@ -1,7 +1,7 @@
 """Scenes of the synthetic tests: shapes that no training job shows, under the published rig, photographed.
 
 Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.draws.new_seed`), whatever their own
-seed is. The seed here is above, so that no training data holds these shapes.
+seed is. The seeds here are above, so that no training data holds these shapes.
 """
 
 from functools import lru_cache
@@ -20,17 +20,21 @@ from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 HELD_OUT_SEED = 1 << 62
-HELD_OUT_BLOB = {"kind": "blobs", "seed": HELD_OUT_SEED, "pose": "any", "character": "smooth"}
 NO_PATTERN = Pattern()
 DISTANCE = 10.0
 HIGHLIGHTS = 0.01  # share of the pixels that are brighter than 1
 MARGIN = 1.02  # half the picture's width, in radii of the object's bounding sphere
 
 
+def held_out_blob(number: int = 0) -> dict[str, Any]:
+    """The description of one of the smooth blobs that no training data shows."""
+    return {"kind": "blobs", "seed": HELD_OUT_SEED + number, "pose": "any", "character": "smooth"}
+
+
 @lru_cache(maxsize=1)
-def held_out_blob() -> Shape:
-    """The shape of :data:`HELD_OUT_BLOB`."""
-    return build_shape(HELD_OUT_BLOB)
+def built_blob(number: int = 0) -> Shape:
+    """The shape of :func:`held_out_blob`."""
+    return build_shape(held_out_blob(number))
 
 
 def published_view(
