@@ -15,7 +15,7 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY
+from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, card_from_metadata
 
 
 def main() -> None:
@@ -36,7 +36,8 @@ def average(models: list[onnx.ModelProto], shares: list[float]) -> onnx.ModelPro
     weights = [{one.name: numpy_helper.to_array(one) for one in model.graph.initializer} for model in models]
     records = [{entry.key: entry.value for entry in model.metadata_props} for model in models]
     for other, record in zip(weights[1:], records[1:], strict=True):
-        same = record[CARD_KEY] == records[0][CARD_KEY] and other.keys() == weights[0].keys()
+        # As cards, not as text: an older file's may lack what has a default.
+        same = card_from_metadata(record) == card_from_metadata(records[0]) and other.keys() == weights[0].keys()
         if not same or any(other[name].shape != values.shape for name, values in weights[0].items()):
             raise SystemExit("these are different networks; only legs of one training have a mean")
     for one in models[0].graph.initializer:

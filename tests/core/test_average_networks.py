@@ -11,7 +11,7 @@ onnx = pytest.importorskip("onnx")
 from average_networks import average
 from onnx import numpy_helper
 
-from mpsnet_core.estimate.card import TRAINING_KEY
+from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
 
@@ -33,6 +33,17 @@ def test_the_mean_of_weights_by_their_shares(tmp_path: Path) -> None:
     onnx.save(mean, str(tmp_path / "mean.onnx"))
     record = OnnxModel(tmp_path / "mean.onnx").record
     assert record and [leg["share"] for leg in record["mean_of"]] == [0.25, 0.75]
+
+
+def test_cards_may_leave_out_what_has_a_default() -> None:
+    network = find_network("psfcn")
+    first, older = onnx.load(str(network.path)), onnx.load(str(network.path))
+    for model, magnified in ((first, {"magnified": 1.0}), (older, {})):
+        card = next(entry for entry in model.metadata_props if entry.key == CARD_KEY)
+        stated = json.loads(card.value)
+        stated.pop("magnified", None)
+        card.value = json.dumps(stated | magnified)
+    average([first, older], [0.5, 0.5])
 
 
 def test_the_shipped_default_says_what_it_is_the_mean_of() -> None:
