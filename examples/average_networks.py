@@ -4,7 +4,8 @@
 
 Each leg of fine-tuning errs in a way of its own, and the mean of their weights errs less than any of them (Wortsman et
 al. 2022, "Model soups"). That holds only for legs that began at the same weights, or at each other's. The record of the
-training is the first one's, with the shares beside it. Needs the extra `train`.
+training is the first one's, with the shares beside it, and without its errors on held-out samples, which are not the
+mean's. Needs the extra `train`.
 """
 
 import argparse
@@ -50,9 +51,8 @@ def average(models: list[onnx.ModelProto], shares: list[float]) -> onnx.ModelPro
         {"share": share, "steps": leg["steps"], "seed": leg["recipe"]["seed"], "samples": leg["samples_fingerprint"]}
         for share, leg in zip(shares, own, strict=True)
     ]
-    onnx.helper.set_model_props(
-        models[0], {CARD_KEY: records[0][CARD_KEY], TRAINING_KEY: json.dumps({**own[0], "mean_of": legs})}
-    )
+    record = {**own[0], "validation_mae_deg": None, "validation_rank_correlation": None, "mean_of": legs}
+    onnx.helper.set_model_props(models[0], {CARD_KEY: records[0][CARD_KEY], TRAINING_KEY: json.dumps(record)})
     return models[0]
 
 

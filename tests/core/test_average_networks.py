@@ -35,6 +35,14 @@ def test_the_mean_of_weights_by_their_shares(tmp_path: Path) -> None:
     assert record and [leg["share"] for leg in record["mean_of"]] == [0.25, 0.75]
 
 
+def test_a_networks_own_errors_are_not_those_of_the_mean() -> None:
+    psfcn = onnx.load(str(find_network("psfcn").path))
+    entry = next(entry for entry in psfcn.metadata_props if entry.key == TRAINING_KEY)
+    entry.value = json.dumps(json.loads(entry.value) | {"validation_mae_deg": 11.3})
+    record = {entry.key: entry.value for entry in average([psfcn, psfcn], [0.5, 0.5]).metadata_props}[TRAINING_KEY]
+    assert json.loads(record)["validation_mae_deg"] is None
+
+
 def test_cards_may_leave_out_what_has_a_default() -> None:
     network = find_network("psfcn")
     first, older = onnx.load(str(network.path)), onnx.load(str(network.path))
