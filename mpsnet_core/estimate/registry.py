@@ -83,7 +83,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "925d4c05315f580f87a2b01938c74523d45a3974ac4b640d2f6581e456dbb8ae",
+        "fbc0d78864a52ecb644df92079b0a8366d88cb5e1f978a2621326c52212342b5",
     ),
     _rival(
         "mpsnet-dense",
