@@ -55,22 +55,21 @@ class Materials(Evaluation):
     def table(self, rows: Sequence[Row]) -> str:
         """Each model's mean, held-out mean, median and largest error, and the material of the largest."""
         lines = []
-        for (protocol, model), errors in _by_material(rows).items():
-            worst = max(errors, key=errors.__getitem__)
-            held_out = mean_cell([error for material, error in errors.items() if material in self._held_out])
-            others = [f"{value:.2f}" for value in (np.median([*errors.values()]), errors[worst])]
-            lines.append([protocol, model, mean_cell([*errors.values()]), held_out, *others, worst])
+        for protocol, models in _by_material(rows).items():
+            for model, errors in models.items():
+                worst = max(errors, key=errors.__getitem__)
+                held_out = mean_cell([error for material, error in errors.items() if material in self._held_out])
+                others = [f"{value:.2f}" for value in (np.median([*errors.values()]), errors[worst])]
+                lines.append([protocol, model, mean_cell([*errors.values()]), held_out, *others, worst])
         return text_table(["protocol", "model", "mean", "held-out", "median", "largest", "with"], lines, 2)
 
     def charts(self, rows: Sequence[Row]) -> list[str]:
         """Figure 5's curve, a chart a protocol: each material's error, in the order of the baseline's."""
-        found = _by_material(rows)
         charts = []
-        for protocol in dict.fromkeys(protocol for protocol, _ in found):
-            baseline = found[protocol, LAMBERTIAN]
-            order = sorted(baseline, key=baseline.__getitem__)
+        for protocol, models in _by_material(rows).items():
+            order = sorted(models[LAMBERTIAN], key=models[LAMBERTIAN].__getitem__)
             curves = []
-            for errors, model in ((errors, model) for (group, model), errors in found.items() if group == protocol):
+            for model, errors in models.items():
                 words = [f"{material}: {errors[material]:.2f}°" for material in order]
                 curves.append(Curve(model, range(1, len(order) + 1), [errors[material] for material in order], words))
             title = f"{len(order)} materials, {protocol}"
@@ -89,13 +88,19 @@ class Materials(Evaluation):
         ]
 
 
-def _by_material(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, float]]:
+def _by_material(rows: Sequence[Row]) -> dict[str, dict[str, dict[str, float]]]:
     """Of each protocol and model the mean error on each material, over all blobs."""
-    found: dict[tuple[str, str], dict[str, list[float]]] = {}
+    found: dict[str, dict[str, dict[str, list[float]]]] = {}
     for row in rows:
-        errors = found.setdefault((row.labels["protocol"], row.labels["model"]), {})
-        errors.setdefault(row.labels["material"], []).append(row.mae_deg)
-    return {key: {name: float(np.mean(values)) for name, values in errors.items()} for key, errors in found.items()}
+        protocol, model, material = row.line("protocol", "model", "material")
+        found.setdefault(protocol, {}).setdefault(model, {}).setdefault(material, []).append(row.mae_deg)
+    return {
+        protocol: {
+            model: {material: float(np.mean(values)) for material, values in errors.items()}
+            for model, errors in models.items()
+        }
+        for protocol, models in found.items()
+    }
 
 
 def _title(name: str) -> str:
