@@ -3,7 +3,6 @@
 import atexit
 import os
 import sys
-from pathlib import Path
 
 code = 1  # until run() returns
 
@@ -35,7 +34,8 @@ def run(arguments: list[str]) -> int:
     if arguments and arguments[0].endswith(".blend"):
         try:
             path = arguments.pop(0)
-            bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(str(Path(path).resolve())))
+            full = os.path.abspath(path)  # noqa: PTH100 - resolve() forgets the letter of a network drive
+            bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(full))
         except RuntimeError as error:
             sys.stderr.write(f"{COMMAND}: {operator_report(error)}; check the path\n")
             return EXIT_BAD_INPUT

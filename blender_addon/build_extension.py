@@ -94,7 +94,7 @@ class Target:
 
 def run(command: Sequence[str | Path], failure: str) -> None:
     """Run `command` quietly; raise BuildError with `failure` and its last words where it fails."""
-    done = subprocess.run(command, capture_output=True, text=True, cwd=PROJECT)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", cwd=PROJECT)
     if done.returncode:
         lines = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
         errors = [line for line in lines if line.lower().startswith(("error", "fatal"))] or lines[-1:]
@@ -233,7 +233,8 @@ def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None
     manual: the folder of the documentation's pages, None for none.
     """
     source = WORK / "source"
-    shutil.rmtree(source, ignore_errors=True)
+    if source.exists():
+        shutil.rmtree(source)
     shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy2(PROJECT / "LICENSE", source)
     words = notices(wheels)

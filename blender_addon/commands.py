@@ -15,6 +15,7 @@ from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 
 from .estimate.decode_video import decode_video
+from .openimageio import load_openimageio
 from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
 from .training.training_data import samples_folder, samples_status
@@ -59,6 +60,7 @@ def main(argv: Sequence[str]) -> int:
         options = vars(_parser().parse_args(argv))
         verb = options.pop("verb")
         if verb == "work":
+            load_openimageio()
             from .training.samples.worker import work
 
             work(options["path"])

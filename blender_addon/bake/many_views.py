@@ -15,6 +15,7 @@ from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
+from ..openimageio import load_openimageio
 from ..outputs import file_name, image_file, origin, remembered, requested_path
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
@@ -100,7 +101,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             if not self.photos:
                 raise SettingsError("where are the photos of these cameras? Choose their folder")
             return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
-        # With OpenImageIO, which Blender need not load as it starts.
+        load_openimageio()  # which Blender need not load as it starts
         from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
         from mpsnet_core.scene.photogrammetry.lens import Lens
 

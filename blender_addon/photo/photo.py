@@ -16,6 +16,7 @@ from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, V
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
+from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
 from ..operators.progress import at_the_pointer
 from ..operators.reporting import ReportingOperator, verb_of
@@ -189,7 +190,8 @@ def _drawn(scene: Any) -> Provenance:
 
 def _is_shown_as_read(path: Path) -> bool:
     """Whether Blender shows a photo as the core reads it: it knows no camera raw and leaves turned photos lying."""
-    from mpsnet_core.io.images import read_orientation  # with OpenImageIO, which Blender need not load as it starts
+    load_openimageio()  # which Blender need not load as it starts
+    from mpsnet_core.io.images import read_orientation
 
     suffix = path.suffix.lower()
     return suffix not in RAW_SUFFIXES and (suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1)

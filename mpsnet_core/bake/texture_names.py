@@ -12,6 +12,8 @@ from mpsnet_core.errors import SettingsError
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
 # Names of more bytes are cut: file systems allow 255, and there is more in a file's name.
 LONGEST_NAME = 80
+# Windows' devices, whatever follows a point.
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 
 
 class Parted(Protocol):
@@ -118,6 +120,8 @@ def _file_names(names: Sequence[str | None]) -> dict[str | None, str]:
         if name is None or name in cleaned:
             continue
         clean = re.sub(r"[^\w.-]+", "_", name).encode()[:LONGEST_NAME].decode(errors="ignore").strip("._-") or "unnamed"
+        if RESERVED.fullmatch(clean.partition(".")[0]):
+            clean += "_"
         numbered, number = clean, 1
         while numbered.casefold() in taken:
             number += 1

@@ -1,6 +1,7 @@
 """What the command line does: parses its arguments, runs an operation, and reports the result."""
 
 import argparse
+import errno
 import io
 import json
 import logging
@@ -93,9 +94,9 @@ def run(arguments: Sequence[str]) -> int:
                 warnings.simplefilter("ignore")
             _run(arguments, notes)
         return 0
-    except BrokenPipeError:  # nobody reads the output any more
-        return EXIT_CANCELLED
     except (InputError, OSError, MemoryError) as error:
+        if _nobody_reads(error):
+            return EXIT_CANCELLED
         sentence = str(error)
         if isinstance(error, OSError):
             sentence = f"{error.filename or 'output'}: {error.strerror or error}; check the path and its permissions"
@@ -106,6 +107,13 @@ def run(arguments: Sequence[str]) -> int:
     finally:
         core_log.removeHandler(notes)
         _flush_stdout()
+
+
+def _nobody_reads(error: Exception) -> bool:
+    """Whether the reader of the output is gone, which Windows calls an invalid argument."""
+    if sys.platform == "win32" and isinstance(error, OSError) and not error.filename:
+        return error.errno in (errno.EPIPE, errno.EINVAL)
+    return isinstance(error, BrokenPipeError)
 
 
 def _run(arguments: Sequence[str], notes: Notes) -> None:

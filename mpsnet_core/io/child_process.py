@@ -116,7 +116,8 @@ class ChildProcess:
         self._messages.put(None)
         self._end_within(CLOSE_SECONDS)  # it may have closed its stdout and live on
         code = self.wait()
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        # Windows' own codes, as 0xC0000005 of a crash, are known in this form.
+        how = f"signal {-code}" if code < 0 else f"exit code {f'0x{code:X}' if code >> 31 else code}"
         raise ChildEnded(f"{how}{self._last_words() or '; it said nothing'}", code)
 
     def close(self) -> None:

@@ -14,6 +14,9 @@ from mpsnet_core.errors import in_one_line
 
 LONGEST_REASON = 120
 
+# What onnxruntime, OpenImageIO and LibRaw need on Windows and do not bring.
+VISUAL_C_RUNTIME = "https://aka.ms/vs/17/release/vc_redist.x64.exe"
+
 
 def unforeseen(error: BaseException, folder: Path | None = None) -> str:
     """A sentence on what happened and how to report it, with the path of a file with the traceback.
@@ -21,6 +24,8 @@ def unforeseen(error: BaseException, folder: Path | None = None) -> str:
     folder: of that file, whose name is random; that for temporary files by default.
     """
     reason = in_one_line(traceback.format_exception_only(error)[-1].splitlines()[0], LONGEST_REASON)
+    if isinstance(error, ImportError) and "DLL load failed" in reason:  # Windows does not name the DLL
+        return f"a library cannot be loaded ({reason}); install Microsoft's Visual C++ runtime from {VISUAL_C_RUNTIME}"
     log = _write_log(error, folder)
     advice = f"its traceback is in {log}; please send that file" if log else "no log could be written; please send this"
     return in_one_line(

@@ -17,6 +17,8 @@ import shutil
 import sys
 import tempfile
 import threading
+import time
+import unicodedata
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -45,6 +47,9 @@ VIDEO_DECODER = "MPSNET_VIDEO_DECODER"
 
 # What file systems allow.
 MAX_NAME_BYTES = 255
+
+# How long to wait, time after time, for another program that has a file open.
+DENIED_SECONDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 
 # Bits per channel of each format; the first is the default.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
@@ -92,7 +97,7 @@ def written_together() -> Iterator[None]:
         _block.changes = None
         for _, unfinished in changes:
             if unfinished is not None:
-                unfinished.unlink(missing_ok=True)
+                _remove(unfinished)
 
 
 @contextmanager
@@ -114,7 +119,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             yield unfinished
             _flush(unfinished)
         except BaseException:
-            unfinished.unlink(missing_ok=True)
+            _remove(unfinished)
             raise
     with written_together():
         assert _block.changes is not None
@@ -150,10 +155,7 @@ def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
             with _writing(path):
                 if len(changes) > 1:
                     backups.append((path, _second_name(path)))
-                if unfinished is None:
-                    path.unlink(missing_ok=True)
-                else:
-                    unfinished.replace(path)
+                _put(path, unfinished)
     except BaseException:
         for path, backup in reversed(backups):
             with contextlib.suppress(OSError):
@@ -165,10 +167,25 @@ def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
     finally:
         for _, backup in backups:
             if backup is not None:
-                backup.unlink(missing_ok=True)
+                _remove(backup)
     for folder in {path.parent for path, _ in changes}:
         with contextlib.suppress(OSError):  # Windows cannot open folders, nor may everybody list one
             _flush(folder)
+
+
+def _put(path: Path, unfinished: Path | None) -> None:
+    """Rename a file to `path`, or remove what is there. On Windows, a virus scanner may hold a new file for a while."""
+    for seconds in (*DENIED_SECONDS, None):
+        try:
+            if unfinished is None:
+                path.unlink(missing_ok=True)
+            else:
+                unfinished.replace(path)
+            return
+        except PermissionError:
+            if seconds is None:
+                raise
+            time.sleep(seconds)
 
 
 def _second_name(path: Path) -> Path | None:
@@ -201,7 +218,9 @@ def _writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror or error}; make room or choose another folder") from None
+        denied = isinstance(error, PermissionError)
+        advice = "close the program that has it open" if denied and path.exists() else "make room"
+        raise FileError(f"cannot write {path}: {error.strerror or error}; {advice} or choose another folder") from None
 
 
 def unfinished_path(path: Path, suffix: str = "") -> Path:
@@ -232,7 +251,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
         raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
     if file.exists() and not file.is_file():
         raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
-    if not _takes_files(file.parent):
+    if not _takes(file):
         raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
@@ -282,13 +301,19 @@ def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Pat
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
     """Raises FileError where one of `outputs` is among the files `taken` by inputs, or among the outputs before it."""
-    needed, made = set(map(resolved, taken)), set[Path]()
+    needed, made = set(map(_as_compared, taken)), set[Path]()
     for output in outputs:
-        file = resolved(output)
+        file = _as_compared(output)
         if file in needed or file in made:
             what = "a file that it needs" if file in needed else "another result"
             raise FileError(f"the result would overwrite {output}, {what}; choose another output")
         made.add(file)
+
+
+def _as_compared(path: str | os.PathLike[str]) -> Path:
+    """A resolved path by which two of one file are equal: macOS ignores case and how accents are composed."""
+    file = resolved(path)
+    return Path(unicodedata.normalize("NFC", str(file)).casefold()) if sys.platform == "darwin" else file
 
 
 def is_utf8(path: str | os.PathLike[str]) -> bool:
@@ -309,12 +334,16 @@ def resolved(path: str | os.PathLike[str]) -> Path:
         return Path(path)
 
 
-def _takes_files(folder: Path) -> bool:
-    """Tested by creating one: permissions do not show it on Windows, nor for folders that are not on a disk."""
+def _takes(file: Path) -> bool:
+    """Whether a file's folder takes it, tested by creating its unfinished twin: permissions do not show it on Windows,
+    nor for folders that are not on a disk. (tempfile would try two billion names in a folder of Windows that does not.)
+    """
+    probe = unfinished_path(file)
     try:
-        tempfile.TemporaryFile(dir=folder).close()
+        os.close(os.open(probe, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
     except OSError:
         return False
+    _remove(probe)
     return True
 
 
@@ -328,7 +357,7 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
     if not path.parent.is_dir():
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
-    if not _takes_files(folder):
+    if not _takes(folder / "file"):
         raise FileError(f"cannot put the {what} into {path}: the folder {folder} takes no files; choose another folder")
     return path
 

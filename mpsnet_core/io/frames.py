@@ -181,10 +181,15 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
     else:
         pattern = glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")
         found = list(path.parent.glob(pattern.replace("#", "[0-9]")))
-    files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
+    files = sorted((file for file in found if file.is_file() and not _of_the_system(file.name)), key=natural_order)
     if not files:
         raise FileError(f"no {what} matches {path}; check the pattern")
     return files
+
+
+def _of_the_system(name: str) -> bool:
+    """Whether a file is hidden, or one that Windows or macOS puts into folders by itself."""
+    return name.startswith(".") or name.lower() in {"thumbs.db", "desktop.ini", "icon\r"}
 
 
 def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str | None = None) -> list[Path]:
@@ -205,8 +210,9 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
     numbered = numbering(photos)
     stems = numbered.stems if numbered else [photo.stem for photo in photos]
     files = [target / f"{stem}{RESULT}{suffix}" for stem in stems]
-    if len(set(files)) < len(files):
-        twice = next(file for file, times in Counter(files).items() if times > 1)
+    times = Counter(file.name.casefold() for file in files)  # Windows and macOS ignore case
+    twice = next((file for file in files if times[file.name.casefold()] > 1), None)
+    if twice:
         raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     return files
 

@@ -32,7 +32,7 @@ def read_raw(path: Path) -> Image:
     path = existing_file(path, "image")
     try:
         rawpy = importlib.import_module("rawpy")
-    except ImportError:
+    except ModuleNotFoundError:
         raise InputError(
             f"{path} is a camera raw file, which needs rawpy: pip install '.[raw]' in a copy of the repository, or "
             "convert it to a linear TIFF and set the encoding to linear (--encoding linear)"

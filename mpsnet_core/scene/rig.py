@@ -359,7 +359,7 @@ def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64
     """
     file = existing_file(Path(path), "rig file")
     check_small(file, "not an .lp file")
-    text = file.read_text(encoding="utf-8", errors="replace")
+    text = file.read_text(encoding="utf-8-sig", errors="replace")
     lines = [line.split() for line in text.splitlines() if line.strip()]
     with located(f"rig file {path}"):
         try:

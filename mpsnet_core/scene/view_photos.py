@@ -69,7 +69,7 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
         found = [ViewPhoto(*view) for view in read_views(cameras)]
     else:
         folder = PhotoFolder(photos)
-        own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
+        own = sorted(cameras.glob(f"[!.]*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
         found = [_own_photo(file, folder) for file in own] if own else _photogrammetry_photos(cameras, folder)
     for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
         twice = next((name for name in names if names.count(name) > 1), None)

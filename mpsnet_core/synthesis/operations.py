@@ -238,9 +238,13 @@ class ShowSamples(Operation):
     def run(self, progress: Progress = silent) -> SamplesShown:
         """Write the picture, and describe the samples."""
         from mpsnet_core.io.files import check_apart, checked_bits, writable_path
+        from mpsnet_core.io.frames import is_several, matching_files
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
 
-        paths = [Path(path) for path in self.path]
+        paths: list[Path] = []
+        for given in self.path:
+            # Windows' shell leaves patterns to programs.
+            paths += matching_files(given) if is_several(given) and not Path(given).is_dir() else [Path(given)]
         first = paths[0]
         beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
         output = writable_path(self.output or beside)

@@ -125,8 +125,12 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     with written_whole(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
         assert target is not None
-        done = target.open(str(unfinished), spec) and target.write_image(pixels)
-        if not (target.close() and done):
+        done = closed = False
+        try:
+            done = target.open(str(unfinished), spec) and target.write_image(pixels)
+        finally:  # Windows removes no open file
+            closed = target.close()
+        if not (closed and done):
             reason = complaint(target) or complaint(oiio)
             raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 

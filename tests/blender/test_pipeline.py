@@ -1,5 +1,7 @@
 """The whole job without a window: through bpy.ops, and through `blender --command mpsnet`."""
 
+from pathlib import Path
+
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -64,6 +66,12 @@ def test_texture_of_a_smooth_sphere_is_flat(by_script):
     assert np.degrees(np.arccos(np.clip(normals[..., 2].mean(), -1, 1))) < 5
     assert np.abs(normals[..., :2]).mean() < 0.05
     assert report["worn"] == [str(folder / "texture.png")]
+
+
+def test_a_photo_is_opened_with_blenders_own_openimageio(by_script, blender):
+    """On Windows the extension's would get Blender's DLLs, of another version."""
+    _, report = by_script
+    assert report["openimageio"] and not Path(report["openimageio"]).is_relative_to(blender.user)
 
 
 def test_errors_reach_the_script_as_sentences(by_script):

@@ -136,6 +136,7 @@ def test_show_writes_beside_what_it_shows(mpsnet: Mpsnet, folder: Path) -> None:
     assert one.stdout.splitlines()[-1] == str(folder / "sample_000003_sheet.png")
     assert one.stdout.startswith("2 sample(s), 2 by Cycles")
     assert "skipped" not in one.stdout
+    assert mpsnet("show", folder / "sample_00000?.exr").stdout.startswith("4 sample(s)")
 
 
 def test_show_takes_photos_and_samples_together(tmp_path: Path, mpsnet: Mpsnet, folder: Path, sphere: Sphere) -> None:

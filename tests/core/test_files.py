@@ -184,7 +184,7 @@ def test_no_link_that_was_laid_before_is_written_through(tmp_path: Path, monkeyp
     (tmp_path / "mine").write_text("mine")
     monkeypatch.setattr("secrets.token_hex", lambda size: "00" * size)
     unfinished_path(tmp_path / "out.txt").symlink_to("mine")
-    with pytest.raises(InputError, match=r"cannot write .*out\.txt: File exists"), written_whole(tmp_path / "out.txt"):
+    with pytest.raises(InputError, match=r"cannot write .*out\.txt"), written_whole(tmp_path / "out.txt"):
         pass
     assert (tmp_path / "mine").read_text() == "mine"
 

@@ -8,14 +8,14 @@ import pytest
 from bad_input import SPHERE, Bench, gets_one_clear_sentence
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.frames import expand_images, numbering, output_files
+from mpsnet_core.io.frames import expand_images, matching_files, numbering, output_files
 
 NAMES = ["b.TIF", "frame_0001.png", "frame_01.png", "frame_0002.png", "frame_0010.png", "frame_a.png"]
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    for name in [*NAMES, "notes.txt", ".hidden.png"]:
+    for name in [*NAMES, "notes.txt", ".hidden.png", "._b.TIF", "Thumbs.db", "desktop.ini"]:
         (tmp_path / name).touch()
     (tmp_path / "folder.png").mkdir()
     return tmp_path
@@ -42,6 +42,10 @@ def test_brackets_in_a_name_are_not_a_pattern(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     assert [path.name for path in expand_images([tmp_path / "shot[1]_##.png"])] == ["shot[1]_01.png"]
     assert [path.name for path in expand_images([tmp_path / "take#1.png"])] == ["take#1.png"]
+
+
+def test_files_of_the_system_are_not_meant(folder: Path) -> None:
+    assert {path.name for path in matching_files(folder)} == {*NAMES, "notes.txt"}
 
 
 def test_one_photo_goes_to_the_file_that_is_named(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_a_rig_file_may_give_directions_or_angles_and_leave_out_the_mixing(tmp_p
 
 
 def test_lp_files_are_read(tmp_path: Path) -> None:
-    (tmp_path / "three.lp").write_text("3\nIMG 1.jpg 0 0.5 0.866\n\nb -0.433 -0.25 0.866\nc 0.433 -0.25 0.866\n")
+    (tmp_path / "three.lp").write_text("\ufeff3\nIMG 1.jpg 0 0.5 0.866\n\nb -0.433 -0.25 0.866\nc 0.433 -0.25 0.866\n")
     assert read_rig(tmp_path / "three.lp").slants == pytest.approx([30, 30, 30], abs=0.01)
     assert read_rig(tmp_path / "three.lp").tilts == pytest.approx([90, 210, 330], abs=0.01)
 

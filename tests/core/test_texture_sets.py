@@ -125,6 +125,7 @@ def test_names_are_made_fit_for_files_and_stay_apart() -> None:
     given = ["Skin", "skin", "a/b:c*?", "..", "Grün 2.001", "x" * 300, "x" * 299, "Skin_2"]
     found = names("<MATERIAL>.png", material=given)
     assert found[:5] == ["Skin.png", "skin_2.png", "a_b_c.png", "unnamed.png", "Grün_2.001.png"]
+    assert names("<MATERIAL>.png", material=["Aux", "com1.001", "Auxin"]) == ["Aux_.png", "com1.001_.png", "Auxin.png"]
     assert len({name.casefold() for name in found}) == len(given) and max(map(len, found)) < 100
 
 

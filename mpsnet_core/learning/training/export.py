@@ -21,6 +21,8 @@ from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 
+onnxruntime.disable_telemetry_events()  # as in mpsnet_core/estimate/onnx_model.py
+
 OPSET = 17
 LICENCE = "GPL-3.0-or-later"
 TOLERANCE = 1e-4

@@ -150,7 +150,7 @@ def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
     if path.stat().st_size > MAX_RECIPE_BYTES:
         raise FormatError(f"recipe {path} is larger than 8 KiB; it is not one of ours")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:  # ValueError also for numbers of 5,000 digits
         raise FormatError(f"recipe {path} is not valid TOML: {error}") from None
     try:

@@ -91,9 +91,9 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
             intrinsics = _binary_cameras(_Binary(source))
         with images.open("rb") as source, located(images):
             return _binary_images(_Binary(source), intrinsics)
-    with cameras.open(encoding="utf-8", errors="replace") as text, located(cameras):
+    with cameras.open(encoding="utf-8-sig", errors="replace") as text, located(cameras):
         intrinsics = _text_cameras(text)
-    with images.open(encoding="utf-8", errors="replace") as text, located(images):
+    with images.open(encoding="utf-8-sig", errors="replace") as text, located(images):
         return _text_images(text, intrinsics)
 
 

@@ -50,7 +50,11 @@ def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
     if not path.is_dir():
         raise FileError(f"the folder of meshes {path} does not exist; check the path")
     try:
-        names = sorted(entry.name for entry in path.iterdir() if entry.suffix.lower() in FORMATS and entry.is_file())
+        names = sorted(
+            entry.name
+            for entry in path.iterdir()
+            if entry.suffix.lower() in FORMATS and not entry.name.startswith(".") and entry.is_file()
+        )
     except OSError as error:
         raise FileError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
     if not names:

@@ -39,12 +39,15 @@ refused("bake without UVs", bpy.ops.mps.bake, target=plain.name)
 bpy.data.objects.remove(plain)
 bpy.ops.mps.bake(target="Sphere", size=256, output=str(folder / "texture.png"))
 
+bpy.ops.mps.open_photo(filepath=str(folder / "photo.exr"))
+
 nodes = sphere.material_slots[0].material.node_tree.nodes
 report.write_text(
     json.dumps(
         {
             "errors": errors,
             "left": sorted(path.name for path in folder.iterdir()),
+            "openimageio": sys.modules["OpenImageIO"].__file__,
             "worn": [node.image.filepath for node in nodes if node.type == "TEX_IMAGE"],
         }
     ),
