@@ -1,8 +1,11 @@
 """Blender's own *Online Manual*, by F1 and right click: on our buttons and fields it opens the pages of the reference.
 
-They come with the extension, where it was built with them. The pages' anchors are Blender's names of what they are of.
+They come with the extension, where it was built with them. Each place of the reference has a page of its own, which
+leads there and is called by Blender's name of what the place is about.
 """
 
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +18,7 @@ from .preferences import MPS_AddonPreferences
 HERE = Path(__file__).parent
 # Within the extension, or those that were built in a checkout.
 FOLDERS = [HERE / "manual", HERE.parent / "docs" / "_build"]
-PAGE = Path("reference", "blender.html")
+PLACES = Path("reference", "at")
 
 
 def operators() -> Iterator[tuple[str, Any]]:
@@ -57,14 +60,16 @@ def anchor(rna: Any, setting: str) -> str:
 
 def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
     """For Blender: what all pages' addresses begin with, and for each of its names, in lower case, how they end."""
-    page = next(folder / PAGE for folder in FOLDERS if (folder / PAGE).is_file())
+    places = next(folder / PLACES for folder in FOLDERS if (folder / PLACES).is_dir())
     names = [name for name, _ in operators()]
     names += [anchor(group, one.identifier) for _, group in groups() for one in shown(group)]
-    return f"{page.as_uri()}#", tuple((name, name) for name in names)
+    # Windows opens files by their paths.
+    begin = f"{places}{os.sep}" if sys.platform == "win32" else f"{places.as_uri()}/"
+    return begin, tuple((name, f"{name}.html") for name in names)
 
 
 def register() -> None:
-    if any((folder / PAGE).is_file() for folder in FOLDERS):
+    if any((folder / PLACES).is_dir() for folder in FOLDERS):
         bpy.utils.register_manual_map(manual_map)
 
 

@@ -3,6 +3,8 @@
 import runpy
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 import mpsnet_core
 
 HERE = Path(__file__).parent
@@ -30,6 +32,9 @@ html_css_files = ["style.css"]
 html_copy_source = False
 
 
-def setup(app: object) -> None:
-    """Write the pages that follow from the code before Sphinx looks which pages there are."""
-    runpy.run_path(str(HERE / "generated_pages.py"))["write"](HERE / "reference")
+def setup(app: Sphinx) -> None:
+    """Write the pages that follow from the code before Sphinx looks which pages there are, and after it what leads to
+    them from Blender."""
+    generated = runpy.run_path(str(HERE / "generated_pages.py"))
+    generated["write"](HERE / "reference")
+    app.connect("build-finished", lambda app, error: generated["write_redirects"](Path(app.outdir, "reference")))

@@ -4,6 +4,7 @@
 """
 
 import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,20 @@ def write(folder: Path) -> None:
         # Sphinx reads a page again where its time has changed.
         if not page.exists() or page.read_text(encoding="utf-8") != text:
             page.write_text(text, encoding="utf-8")
+
+
+def write_redirects(folder: Path) -> None:
+    """Write a page for each place of the built page of Blender's operators: no other program can open a place within a
+    page on Windows.
+
+    folder: of the built pages of the reference.
+    """
+    page = folder / "blender.html"
+    if page.exists():  # as it is in HTML alone
+        (folder / "at").mkdir(exist_ok=True)
+        for name in re.findall(r'id="(bpy\.[^"]+)"', page.read_text(encoding="utf-8")):
+            refresh = f'<meta http-equiv="refresh" content="0; url=../blender.html#{name}">'
+            (folder / "at" / f"{name}.html").write_text(f"<!DOCTYPE html>\n{refresh}\n", encoding="utf-8")
 
 
 def command_line() -> Iterator[str]:

@@ -92,9 +92,10 @@ def test_the_online_manual_is_the_one_in_the_zip_where_it_has_one(blender, exten
         assert found == "None"
         return
     address = urlsplit(found)
-    page = Path(url2pathname(address.path))
-    assert address.scheme == "file" and page.is_relative_to(blender.user)
-    assert f'id="{address.fragment}"' in page.read_text(encoding="utf-8")
+    leads = Path(url2pathname(address.path))
+    assert address.scheme == "file" and leads.is_relative_to(blender.user)
+    assert "url=../blender.html#bpy.ops.mps.estimate" in leads.read_text(encoding="utf-8")
+    assert 'id="bpy.ops.mps.estimate"' in (leads.parents[1] / "blender.html").read_text(encoding="utf-8")
 
 
 IN_GERMAN = """
