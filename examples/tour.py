@@ -42,6 +42,8 @@ def main():
     if options.list:
         print("\n".join(commands))
         return
+    if not shutil.which("bash"):
+        raise SystemExit("the tour's commands are for bash, which is not on the path; on Windows, run this in WSL")
     shutil.rmtree(OUTPUT, ignore_errors=True)
     with tempfile.TemporaryDirectory() as tools:
         if options.blender:

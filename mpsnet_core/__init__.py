@@ -21,6 +21,7 @@ __version__ = "0.2.0"
 
 # From 1.31 on, onnxruntime sends telemetry and keeps a number of the machine and a store of events in the person's
 # folders, unless this is set before its import. Whatever of ours imports it imports this first; children inherit it.
+# (It has no say on Windows; see estimate/onnx_model.py.)
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 # Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh.

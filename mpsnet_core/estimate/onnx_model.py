@@ -23,7 +23,7 @@ from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
-# On Windows its environment variable has no say; see mpsnet_core/__init__.py.
+# For Windows; see mpsnet_core/__init__.py.
 onnxruntime.disable_telemetry_events()
 
 PROVIDERS = {
