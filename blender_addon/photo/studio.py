@@ -17,8 +17,8 @@ from mpsnet_core.io.files import temporary_folder, written_together, written_who
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
-from ..child_process.core_process import run
 from ..errors import operator_report
+from ..openimageio import load_openimageio
 from ..outputs import literally, render_path, sidecar
 from ..rig.light_rig import light_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
@@ -81,11 +81,12 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
             _render(studio, part, "OPEN_EXR")
             for other in others:
                 studio.collection.objects.link(other)
-        with written_together():  # the photo as well, though another process writes it: these are ready when it appears
+        load_openimageio()
+        with written_together():
             write_rig(sidecar(path, "rig"), replace(rig, exact=True))
             write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
             images = tuple(map(str, parts))
-            run(Superpose(image=images, encoding="auto", channels=False, output=str(path)), [path])
+            Superpose(image=images, encoding="auto", channels=False, output=str(path)).run()
     return Rendered(path, notes)
 
 

@@ -1,9 +1,12 @@
 """Blender as pip's bpy module, with the add-on registered; every test gets a scene of its own."""
 
+import json
+import logging
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +17,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 import blender_addon
+from blender_addon.child_process import core_process
+from blender_addon.child_process.core_process import Work
+from blender_addon.operators import core_run
+from blender_addon.photo import photo
+from mpsnet_core.cli.command import OPERATIONS
+from mpsnet_core.cli.reporter import Notes
+from mpsnet_core.operation import Operation
+from mpsnet_core.operation_json import from_json, to_json
+from mpsnet_core.progress import silent
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -21,6 +33,33 @@ def registered() -> Iterator[None]:
     blender_addon.register()
     yield
     blender_addon.unregister()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def core_in_this_process(registered: None) -> Iterator[None]:
+    """What operators start from a script runs here: most of a test would be the start of another Python.
+
+    tests/addon/test_core_process.py and tests/blender have the real one.
+    """
+
+    def run(
+        work: Work, outputs: Sequence[Path] = (), on_progress: Callable[[float, str], None] = silent
+    ) -> dict[str, Any]:
+        if not isinstance(work, Operation):
+            return core_process.run(work, outputs, on_progress)
+        notes, log = Notes(), logging.getLogger("mpsnet_core")
+        log.addHandler(notes)
+        try:
+            result = from_json(json.loads(json.dumps(to_json(work))), OPERATIONS).run(on_progress)
+        finally:
+            log.removeHandler(notes)
+        return json.loads(json.dumps({**result.facts(), "notes": notes.lines}))
+
+    logging.getLogger("mpsnet_core").setLevel(logging.INFO)
+    with pytest.MonkeyPatch.context() as patched:
+        for module in (core_run, photo):
+            patched.setattr(module, "run", run)
+        yield
 
 
 # What a test may begin with beside an empty scene, the furthest first; see the fixtures of these names.
