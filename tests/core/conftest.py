@@ -58,7 +58,7 @@ def photo_file(tmp_path: Path, sphere: Sphere) -> Path:
 
 
 @pytest.fixture
-def mpsnet() -> Mpsnet:
+def mpsnet_process() -> Mpsnet:
     """Runs the command line in a process of its own, to the end."""
 
     def run(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
@@ -80,8 +80,8 @@ def process_settings_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 
 @pytest.fixture
-def mpsnet_here(capfd: pytest.CaptureFixture[str], process_settings_restored: None) -> Mpsnet:
-    """Runs the command line in this process: a fraction of a second sooner, which counts where it refuses at once."""
+def mpsnet(capfd: pytest.CaptureFixture[str], process_settings_restored: None) -> Mpsnet:
+    """Runs the command line in this process, most of a second sooner."""
 
     def run(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
         capfd.readouterr()

@@ -177,9 +177,9 @@ class TestCommand:
         assert_the_same(read_camera(files / "camera.json"), true)
         assert (files / "overlay.png").is_file()
 
-    def test_the_pairs_are_not_overwritten(self, mpsnet_here, files):
+    def test_the_pairs_are_not_overwritten(self, mpsnet, files):
         given = self.pairs(files, np.zeros((4, 2)), np.zeros((4, 3)))
-        done = self.align(mpsnet_here, files, *given, "-o", files / "pairs.json")
+        done = self.align(mpsnet, files, *given, "-o", files / "pairs.json")
         assert done.returncode == 2 and "would overwrite" in done.stderr
 
     def test_a_rough_start_is_refined(self, mpsnet, files):
@@ -212,9 +212,9 @@ class TestCommand:
         assert "the fit is poor" in done.stderr
 
     @pytest.mark.parametrize("shape", [(1, 1), (48, 1), (4, 300)])
-    def test_an_object_too_small_or_thin_gets_one_sentence(self, mpsnet_here, files, shape: tuple[int, int]):
+    def test_an_object_too_small_or_thin_gets_one_sentence(self, mpsnet, files, shape: tuple[int, int]):
         write_file(files / "photo.exr", np.full((*shape, 3), 0.5), "float")
-        done = self.align(mpsnet_here, files, "--mask", "none")
+        done = self.align(mpsnet, files, "--mask", "none")
         assert done.returncode == 2
         assert f"the object is {shape[1]} x {shape[0]} pixels, too little to place a mesh by" in done.stderr
 
@@ -230,9 +230,9 @@ class TestCommand:
             ('{"pairs": [{"pixel": [1, 2], "point": [1, 2, 3]}]}', "1 pairs do not determine a camera"),
         ],
     )
-    def test_bad_pairs_get_one_sentence(self, mpsnet_here, files, text: str, sentence: str):
+    def test_bad_pairs_get_one_sentence(self, mpsnet, files, text: str, sentence: str):
         (files / "pairs.json").write_text(text)
-        done = self.align(mpsnet_here, files, "--points", files / "pairs.json")
+        done = self.align(mpsnet, files, "--points", files / "pairs.json")
         assert done.returncode == 2
         assert re.fullmatch(rf"mpsnet: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
         assert not (files / "camera.json").exists()

@@ -249,16 +249,14 @@ class TestBadInput:
         assert "leave the flat field out, or give the lights as directions" in done.stderr
         assert mpsnet(*command).returncode == 0
 
-    def test_smoothing_without_a_flat_field(self, shots: Shots, mpsnet_here: Mpsnet, rig_file: Path) -> None:
+    def test_smoothing_without_a_flat_field(self, shots: Shots, mpsnet: Mpsnet, rig_file: Path) -> None:
         for more in ([], ["--dark", shots.dark]):
-            done = mpsnet_here(
-                "estimate", shots.photo, "--rig", rig_file, *more, "--flat-smooth", "5", "-o", shots.folder
-            )
+            done = mpsnet("estimate", shots.photo, "--rig", rig_file, *more, "--flat-smooth", "5", "-o", shots.folder)
             assert done.returncode == 2
             assert done.stderr == "mpsnet: --flat-smooth smooths the flat field; give --flat, or leave it out\n"
 
-    def test_a_result_over_the_dark_frame(self, shots: Shots, mpsnet_here: Mpsnet, rig_file: Path) -> None:
+    def test_a_result_over_the_dark_frame(self, shots: Shots, mpsnet: Mpsnet, rig_file: Path) -> None:
         before = shots.dark.read_bytes()
-        done = mpsnet_here("estimate", shots.photo, "--rig", rig_file, "--dark", shots.dark, "-o", shots.dark)
+        done = mpsnet("estimate", shots.photo, "--rig", rig_file, "--dark", shots.dark, "-o", shots.dark)
         assert done.returncode == 2 and "would overwrite" in done.stderr
         assert shots.dark.read_bytes() == before

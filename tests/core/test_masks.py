@@ -268,13 +268,13 @@ class TestCommand:
         ids=lambda value: " ".join(value) if isinstance(value, list) else "",
     )
     def test_bad_input(
-        self, tmp_path: Path, mpsnet_here: Mpsnet, photo: tuple[Path, np.ndarray], options: list[str], words: str
+        self, tmp_path: Path, mpsnet: Mpsnet, photo: tuple[Path, np.ndarray], options: list[str], words: str
     ) -> None:
         write_file(tmp_path / "small.png", np.zeros((8, 8, 3)), "uint8")
         kinds = [o if o.startswith("--") or ":" in o or o == "alpha" else str(tmp_path / o) for o in options]
         kinds = [o.replace("background:", f"background:{tmp_path}/") if o != "background:" else o for o in kinds]
         before_run = photo[0].read_bytes()
-        done = mpsnet_here("mask", photo[0], "-o", tmp_path / "mask.png", *kinds)
+        done = mpsnet("mask", photo[0], "-o", tmp_path / "mask.png", *kinds)
         assert done.returncode == 2 and words in done.stderr and len(done.stderr.splitlines()) == 1
         assert photo[0].read_bytes() == before_run and not (tmp_path / "mask.png").exists()
 

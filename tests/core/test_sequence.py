@@ -457,7 +457,7 @@ def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet
     ],
 )
 def test_what_a_sequence_cannot_be_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet_here: Mpsnet, rig: Path, arguments: list[str], words: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet: Mpsnet, rig: Path, arguments: list[str], words: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("a.png", "b.png", "s_1.png", "s_2.png"):
@@ -465,7 +465,7 @@ def test_what_a_sequence_cannot_be_asked(
     (tmp_path / "masks").mkdir()
     for name in ("m_2.png", "m_3.png"):
         write_file(tmp_path / "masks" / name, SPHERE.mask, "uint8")
-    done = mpsnet_here("estimate", *arguments, "--rig", rig, "-o", tmp_path / "out")
+    done = mpsnet("estimate", *arguments, "--rig", rig, "-o", tmp_path / "out")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and words in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
@@ -473,7 +473,7 @@ def test_what_a_sequence_cannot_be_asked(
 
 @pytest.mark.parametrize("option", ["--mask", "--dark"])
 def test_results_over_the_files_of_a_pattern_are_refused(
-    tmp_path: Path, mpsnet_here: Mpsnet, rig: Path, option: str
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path, option: str
 ) -> None:
     photos = shots(tmp_path / "shots", [1, 2])
     (tmp_path / "more").mkdir()
@@ -481,7 +481,7 @@ def test_results_over_the_files_of_a_pattern_are_refused(
         write_file(tmp_path / "more" / f"{photo.stem}_normals.png", SPHERE.mask, "uint8")
     before = contents(tmp_path / "more")
     command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "more"]
-    done = mpsnet_here(*command, option, tmp_path / "more" / "frame_####_normals.png")
+    done = mpsnet(*command, option, tmp_path / "more" / "frame_####_normals.png")
     assert done.returncode == 2 and "the result would overwrite" in done.stderr
     assert contents(tmp_path / "more") == before
 

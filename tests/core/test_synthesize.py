@@ -117,8 +117,8 @@ def test_a_job_for_blender_is_not_synthesised(tmp_path: Path) -> None:
     assert not listing(tmp_path)
 
 
-def test_work_is_not_listed_and_speaks_its_protocol(mpsnet: Mpsnet, made: Path) -> None:
-    assert " work" not in mpsnet("--help").stdout
+def test_work_is_not_listed_and_speaks_its_protocol(mpsnet_process: Mpsnet, made: Path) -> None:
+    assert " work" not in mpsnet_process("--help").stdout
     given = '{"number": 0}\n{"number": 1}\n"two"\n'
     done = subprocess.run(
         [sys.executable, "-m", "mpsnet_core", "work", made], input=given, capture_output=True, text=True, timeout=60

@@ -325,24 +325,22 @@ def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet: Mpsnet, ri
     assert again.stdout.endswith("0 made, 5 there already\n")
 
 
-def test_two_videos_are_refused(tmp_path: Path, mpsnet_here: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
+def test_two_videos_are_refused(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le")
-    done = mpsnet_here("estimate", path, path, "--rig", rig_file, "-o", tmp_path / "out")
+    done = mpsnet("estimate", path, path, "--rig", rig_file, "-o", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr == f"mpsnet: {path} is a video; give it alone, and each video on its own\n"
 
 
 def test_a_videos_results_over_its_masks_are_refused(
-    tmp_path: Path, mpsnet_here: Mpsnet, rig_file: Path, sphere: Sphere
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
 ) -> None:
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le")
     (tmp_path / "out").mkdir()
     mask = write_file(tmp_path / "out" / "turn_000001_normals.png", sphere.mask, "uint8")
     before = mask.read_bytes()
     for given in (mask, mask.with_name("turn_######_normals.png")):
-        done = mpsnet_here(
-            "estimate", path, "--rig", rig_file, "--model", "lambertian", "--mask", given, "-o", mask.parent
-        )
+        done = mpsnet("estimate", path, "--rig", rig_file, "--model", "lambertian", "--mask", given, "-o", mask.parent)
         assert done.returncode == 2
         assert done.stderr.startswith(f"mpsnet: the result would overwrite {mask}, a file that it needs")
         assert mask.read_bytes() == before
@@ -361,10 +359,10 @@ def test_a_videos_results_over_its_masks_are_refused(
     ],
 )
 def test_options_that_do_not_go_with_a_video(
-    tmp_path: Path, mpsnet_here: Mpsnet, rig_file: Path, sphere: Sphere, arguments: list[str], words: str
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere, arguments: list[str], words: str
 ) -> None:
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le", color_trc=8)
-    done = mpsnet_here("estimate", path, "--rig", rig_file, "-o", tmp_path / "out", *arguments)
+    done = mpsnet("estimate", path, "--rig", rig_file, "-o", tmp_path / "out", *arguments)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert re.search(words, done.stderr), done.stderr
