@@ -1,8 +1,6 @@
-"""The tests on what is synthesised: materials, rendered meshes, colours, and samples."""
+"""The tests on what is synthesised: materials, rendered meshes and colours."""
 
-import json
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 from bad_input import gets_one_clear_sentence
-from conftest import Mpsnet
-from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between, matt_fits
 
-from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.learning.evaluation.colour import (
     CHANGE,
     COLOURINGS,
@@ -25,14 +20,11 @@ from mpsnet_core.learning.evaluation.colour import (
 )
 from mpsnet_core.learning.evaluation.evaluation import evaluate
 from mpsnet_core.learning.evaluation.materials import Materials
-from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.rendered import Rendered
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, published_view
 from mpsnet_core.synthesis.draws import generator, new_seed
-from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
@@ -186,72 +178,6 @@ def test_a_change_of_colour_alone_moves_the_baseline_unless_colours_are_averaged
     assert f"{moved['red', 'separated', 'lambertian']:.2f}" in line.split()
 
 
-@pytest.fixture
-def samples(tmp_path: Path) -> Path:
-    folder = tmp_path / "samples"
-    folder.mkdir()
-    for number in range(4):
-        write_sample(sample_path(folder, number), sphere_sample(48, right=RED, number=number))
-    return folder
-
-
-def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
-    pytest.importorskip("torch")
-    from mpsnet_core.learning.evaluation.samples import Samples
-
-    first, again = (list(measure(Samples([samples]).cases, ["lambertian"])) for _ in range(2))
-    assert len(first) == 4
-    for (one,), (other,) in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one.case.capture.image, other.case.capture.image)
-        error = degrees_between(lambertian_normals(one.case.capture).vectors, one.case.truth)[one.case.scored]
-        assert one.mae_deg == pytest.approx(error.mean(), abs=1e-3)
-        assert one.row().labels["shape"] == "blobs"
-    assert len({result.case.capture.image.sum() for (result,) in first}) == 4
-
-
-def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> None:
-    pytest.importorskip("torch")
-    from mpsnet_core.learning.evaluation.samples import Samples
-
-    told = evaluate(Samples([samples], count=1, magnify=(1, 2)), ["lambertian"])
-    one, two = told.rows
-    assert (one["magnify"], two["magnify"]) == (1, 2)
-    assert one["mae_deg"] == pytest.approx(two["mae_deg"], abs=0.05)
-    assert not any("expected_deg" in row for row in told.confidence), "equation 2 expects no error of itself"
-
-
-def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
-    pytest.importorskip("torch")
-    from mpsnet_core.learning.evaluation.samples import Samples
-
-    (alone,), (beside,) = measure(Samples([samples], count=1, white=True).cases, ["lambertian"])
-    assert (alone.row().labels["photos"], beside.row().labels["photos"]) == (1, 2)
-    assert alone.case.capture.white is None and beside.case.capture.white is not None
-    np.testing.assert_array_equal(alone.case.truth, beside.case.truth)
-    # The same camera, lights and exposure; the noise alone is drawn anew.
-    inside = alone.case.scored
-    one, two = (case.capture.image[inside].mean(axis=0) for case in (alone.case, beside.case))
-    assert two == pytest.approx(one, rel=0.05)
-
-
-def test_the_command_line_counts_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
-    pytest.importorskip("torch")
-    (samples / "sample_000001.exr").write_bytes((samples / "sample_000001.exr").read_bytes()[:3000])
-    out, page = tmp_path / "rows.json", tmp_path / "report.html"
-    done = mpsnet("evaluate", "samples", samples, "--count", "2", "--model", "all", "--json", out, "-o", page)
-    assert done.returncode == 0, done.stderr
-    data = json.loads(out.read_text())
-    names = {row["model"] for row in data["rows"]}
-    assert {"lambertian", "lambertian-grey-world"} <= names
-    assert len(data["rows"]) == 2 * len(names)
-    assert "sample_000001" in data["skipped"][0] and "sample_000001" in done.stdout
-    assert {row["object"] for row in data["rows"]} == {"sample_000000", "sample_000002"}
-    assert page.read_text(encoding="utf-8").count("<img") == 2
-
-
-NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")
-
-
 test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (
@@ -300,22 +226,4 @@ test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
             "report.pdf…written as .html; change the suffix",
         ),
     ]
-)
-
-
-test_bad_samples_get_one_clear_sentence = NEEDS_TORCH(
-    gets_one_clear_sentence(
-        [
-            (
-                "no such samples to measure on",
-                lambda b: b.run("evaluate", "samples", b / "no"),
-                "folder of samples…no does not exist; check the path",
-            ),
-            (
-                "a folder without samples to measure on",
-                lambda b: b.run("evaluate", "samples", b.folder),
-                "there is no whole sample in…mpsnet synthesize",
-            ),
-        ]
-    )
 )

@@ -3,14 +3,12 @@
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import Estimator, estimate_normals
@@ -25,8 +23,6 @@ from mpsnet_core.estimate.registry import (
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
@@ -192,27 +188,6 @@ def test_default_is_better_than_every_other(seed: int) -> None:
     }
     ours = errors.pop(DEFAULT_MODEL)
     assert ours < 0.8 * min(errors.values()), errors
-
-
-def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
-    """On photographs with noise, crosstalk and errors of the rig, pooled, as a bake would weigh them."""
-    pytest.importorskip("torch")
-    from mpsnet_core.learning.evaluation.samples import Samples
-
-    job = SampleJob("synthesis", count=24, seed=20_261_120, size=144)
-    for number in range(job.count):
-        make_sample(job, number, tmp_path / f"sample_{number:06d}.exr")
-    expected, errors = [], []
-    for case in (make() for make in Samples([tmp_path]).cases):
-        normals = default()(case.capture)
-        expected.append(90 * (1 - normals.confidence[case.scored]))
-        errors.append(angular_error(normals.vectors, case.truth)[case.scored])
-    expected_all, errors_all = np.concatenate(expected), np.concatenate(errors)
-    rank = rank_correlation(expected_all, errors_all)
-    assert rank is not None and rank > 0.4
-    tenths = [errors_all[part].mean() for part in np.array_split(np.argsort(expected_all), 10)]
-    assert (np.diff(tenths) > 0).all()
-    assert abs(expected_all.mean() - errors_all.mean()) < 0.25 * errors_all.mean()
 
 
 def test_package_stays_small() -> None:

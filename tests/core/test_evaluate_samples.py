@@ -1,0 +1,111 @@
+"""The test on samples, and how well the default network knows its own errors on them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from bad_input import gets_one_clear_sentence
+from conftest import Mpsnet
+from sphere_sample import RED, sphere_sample
+from synthetic import degrees_between
+
+from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.estimate.estimator import estimate_normals, lambertian_normals
+from mpsnet_core.learning.evaluation.evaluation import evaluate
+from mpsnet_core.learning.evaluation.measure import measure
+from mpsnet_core.learning.evaluation.samples import Samples
+from mpsnet_core.synthesis.job import SampleJob, sample_path
+from mpsnet_core.synthesis.make import make_sample
+from mpsnet_core.synthesis.sample import write_sample
+
+
+@pytest.fixture
+def samples(tmp_path: Path) -> Path:
+    folder = tmp_path / "samples"
+    folder.mkdir()
+    for number in range(4):
+        write_sample(sample_path(folder, number), sphere_sample(48, right=RED, number=number))
+    return folder
+
+
+def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
+    first, again = (list(measure(Samples([samples]).cases, ["lambertian"])) for _ in range(2))
+    assert len(first) == 4
+    for (one,), (other,) in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.case.capture.image, other.case.capture.image)
+        error = degrees_between(lambertian_normals(one.case.capture).vectors, one.case.truth)[one.case.scored]
+        assert one.mae_deg == pytest.approx(error.mean(), abs=1e-3)
+        assert one.row().labels["shape"] == "blobs"
+    assert len({result.case.capture.image.sum() for (result,) in first}) == 4
+
+
+def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> None:
+    told = evaluate(Samples([samples], count=1, magnify=(1, 2)), ["lambertian"])
+    one, two = told.rows
+    assert (one["magnify"], two["magnify"]) == (1, 2)
+    assert one["mae_deg"] == pytest.approx(two["mae_deg"], abs=0.05)
+    assert not any("expected_deg" in row for row in told.confidence), "equation 2 expects no error of itself"
+
+
+def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
+    (alone,), (beside,) = measure(Samples([samples], count=1, white=True).cases, ["lambertian"])
+    assert (alone.row().labels["photos"], beside.row().labels["photos"]) == (1, 2)
+    assert alone.case.capture.white is None and beside.case.capture.white is not None
+    np.testing.assert_array_equal(alone.case.truth, beside.case.truth)
+    # The same camera, lights and exposure; the noise alone is drawn anew.
+    inside = alone.case.scored
+    one, two = (case.capture.image[inside].mean(axis=0) for case in (alone.case, beside.case))
+    assert two == pytest.approx(one, rel=0.05)
+
+
+def test_the_command_line_counts_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
+    (samples / "sample_000001.exr").write_bytes((samples / "sample_000001.exr").read_bytes()[:3000])
+    out, page = tmp_path / "rows.json", tmp_path / "report.html"
+    done = mpsnet("evaluate", "samples", samples, "--count", "2", "--model", "all", "--json", out, "-o", page)
+    assert done.returncode == 0, done.stderr
+    data = json.loads(out.read_text())
+    names = {row["model"] for row in data["rows"]}
+    assert {"lambertian", "lambertian-grey-world"} <= names
+    assert len(data["rows"]) == 2 * len(names)
+    assert "sample_000001" in data["skipped"][0] and "sample_000001" in done.stdout
+    assert {row["object"] for row in data["rows"]} == {"sample_000000", "sample_000002"}
+    assert page.read_text(encoding="utf-8").count("<img") == 2
+
+
+def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
+    """On photographs with noise, crosstalk and errors of the rig, pooled, as a bake would weigh them."""
+    job = SampleJob("synthesis", count=24, seed=20_261_120, size=144)
+    for number in range(job.count):
+        make_sample(job, number, tmp_path / f"sample_{number:06d}.exr")
+    expected, errors = [], []
+    for case in (make() for make in Samples([tmp_path]).cases):
+        normals = estimate_normals(case.capture)
+        expected.append(90 * (1 - normals.confidence[case.scored]))
+        errors.append(angular_error(normals.vectors, case.truth)[case.scored])
+    expected_all, errors_all = np.concatenate(expected), np.concatenate(errors)
+    rank = rank_correlation(expected_all, errors_all)
+    assert rank is not None and rank > 0.4
+    tenths = [errors_all[part].mean() for part in np.array_split(np.argsort(expected_all), 10)]
+    assert (np.diff(tenths) > 0).all()
+    assert abs(expected_all.mean() - errors_all.mean()) < 0.25 * errors_all.mean()
+
+
+test_bad_samples_get_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "no such samples to measure on",
+            lambda b: b.run("evaluate", "samples", b / "no"),
+            "folder of samples…no does not exist; check the path",
+        ),
+        (
+            "a folder without samples to measure on",
+            lambda b: b.run("evaluate", "samples", b.folder),
+            "there is no whole sample in…mpsnet synthesize",
+        ),
+    ]
+)
