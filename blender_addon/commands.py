@@ -6,11 +6,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import bpy
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
+from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 
@@ -41,11 +42,6 @@ VERBS = (
     "make_material",
     "render_samples",
 )
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {self.prog} --help")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -181,7 +177,7 @@ def _select(names: Sequence[str]) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog=COMMAND, description="A normal texture from one photo under red, green and blue light.")
+    parser = Parser(prog=COMMAND, description="A normal texture from one photo under red, green and blue light.")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     for verb in VERBS:
         kind = getattr(bpy.ops.mps, verb).get_rna_type()

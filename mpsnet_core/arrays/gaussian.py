@@ -17,7 +17,7 @@ def gaussian(values: Floats, sigma: float, axes: Iterable[int]) -> Floats:
     """
     reach = int(np.ceil(3 * sigma))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
+    kernel = (kernel / kernel.sum()).astype(values.dtype)
     for axis in axes:
         padded = np.pad(values, [(reach, reach) if a == axis else (0, 0) for a in range(values.ndim)])
         values = np.zeros_like(values)

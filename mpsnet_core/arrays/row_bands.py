@@ -18,7 +18,7 @@ def bands(height: int, rows: int = ROWS) -> list[slice]:
 
 def on_all_cores(work: Callable[[Job], None], jobs: Iterable[Job], after: Callable[[], None] = lambda: None) -> None:
     """Do `work` for every job, in threads; call `after` in this thread once for each. What raises ends all of it."""
-    with ThreadPoolExecutor(_usable_cores()) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         try:
             for _ in pool.map(work, jobs):
                 after()
@@ -27,5 +27,6 @@ def on_all_cores(work: Callable[[Job], None], jobs: Iterable[Job], after: Callab
             raise
 
 
-def _usable_cores() -> int:
+def usable_cores() -> int:
+    """How many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

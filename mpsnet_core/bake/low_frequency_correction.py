@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
@@ -27,8 +28,8 @@ from mpsnet_core.scene.rays import RayScene
 
 # The mesh is traced at no more than this many pixels on the image's longer side: what is wanted of it is smooth.
 TRACED_PIXELS = 1024
-# Cells to a standard deviation, and standard deviations that the smoothing reaches.
-CELLS, REACH = 2.0, 3.0
+# Cells to a standard deviation of the smoothing.
+CELLS = 2.0
 # How firmly the rotation about the mean normal is held at 0, which only a curved surface determines.
 HOLD = 0.1
 
@@ -215,7 +216,9 @@ def _smoothed_turns(
     layers = [*rotation_between(estimate, own).T, *own.T, 1 - x * x, -x * y, -x * z, 1 - y * y, -y * z, 1 - z * z]
     count = int(np.prod(shape))
     grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in [*layers, np.ones(len(x))]])
-    grid = _blurred(grid.reshape(-1, *shape)).reshape(len(grid), -1)
+    # Values are laid into the nearest cell and read from between cells, which smooths them by a little already.
+    spread = CELLS**2 - 1 / 12 - 1 / 6
+    grid = gaussian(grid.reshape(-1, *shape), spread**0.5, (1, 2, 3)).reshape(len(grid), -1)
     # Only cells that a point lies between are needed.
     corner = np.floor(place).astype(np.int64)
     step = place - corner
@@ -251,18 +254,3 @@ def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:
     upper = sums[[6, 7, 8, 7, 9, 10, 8, 10, 11]].T.reshape(-1, 3, 3)
     matrix = upper + HOLD * middle[:, :, None] * middle[:, None, :] + 1e-6 * np.eye(3)
     return np.linalg.solve(matrix, sums[:3].T[..., None])[..., 0].astype(np.float32)
-
-
-def _blurred(grid: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(K, X, Y, Z) smoothed along its last three axes by a Gaussian of `CELLS` cells."""
-    # Values are laid into the nearest cell and read from between cells, which smooths them by a little already.
-    spread = CELLS**2 - 1 / 12 - 1 / 6
-    reach = int(np.ceil(REACH * CELLS))
-    weights = np.exp(-(np.arange(-reach, reach + 1) ** 2) / (2 * spread)).astype(np.float32)
-    for axis in (1, 2, 3):
-        padded = np.pad(grid, [(reach, reach) if a == axis else (0, 0) for a in range(4)])
-        length = grid.shape[axis]
-        grid = np.zeros_like(grid)
-        for start, weight in enumerate(weights):
-            grid += weight * padded[(slice(None),) * axis + (slice(start, start + length),)]
-    return grid

@@ -42,7 +42,7 @@ def overlay(
         The numbers of the pairs that were not used.
     """
     picture = 0.7 * photo_picture(image, mask)
-    seen = _seen(scene, camera)
+    seen = np.isfinite(scene.depths(camera, np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5))
     wide = max(1, round(max(mask.shape) / 700))
     for region, colour in ((mask, MASK_COLOUR), (seen, MESH_COLOUR)):
         picture[dilated(region, wide) & ~eroded(region, 1)] = colour
@@ -56,16 +56,6 @@ def overlay(
             for a, b in ((start, end), (start - right, start + right), (start - down, start + down)):
                 _line(picture, a, b, colour, wide)
     return picture.astype(np.float32)
-
-
-def _seen(scene: RayScene, camera: Camera) -> NDArray[np.bool_]:
-    """(H, W) where the camera sees the mesh."""
-    seen = np.zeros((camera.height, camera.width), bool)
-    x = np.arange(camera.width) + 0.5
-    for row in range(camera.height):
-        points = np.stack([x, np.full(camera.width, row + 0.5)], axis=1)
-        seen[row] = scene.hits(*camera.rays(points)).triangle >= 0
-    return seen
 
 
 def _line(picture: NDArray[np.float32], start: Floats, end: Floats, colour: tuple[float, ...], wide: int) -> None:

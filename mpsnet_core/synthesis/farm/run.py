@@ -4,7 +4,6 @@ import itertools
 import logging
 import os
 import queue
-import sys
 import threading
 import time
 from collections import deque
@@ -13,6 +12,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mpsnet_core.arrays.row_bands import usable_cores
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
@@ -101,7 +101,7 @@ def make_samples(
 
         answers = answers_from_cluster(cluster, command, folder, numbers, trusted=cluster_trusted)
     else:
-        answers = _answers_from_here(command, folder, numbers, processes or cores())
+        answers = _answers_from_here(command, folder, numbers, processes or usable_cores())
     try:
         tally.report()
         with closing(answers):
@@ -126,13 +126,6 @@ def _whole_samples(folder: Path, progress: Progress) -> set[int]:
     return whole
 
 
-def cores() -> int:
-    """How many cores this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 # --- this machine -----------------------------------------------------------------------------------------------------
 
 
@@ -147,7 +140,7 @@ def _answers_from_here(command: Sequence[str], folder: Path, numbers: Sequence[i
     runs = itertools.groupby(numbers, lambda number: (number // job.views, number % job.views // longest))
     waiting = deque(tuple(run) for _, run in runs)
     answers, stop = queue.SimpleQueue[Answer | Exception](), threading.Event()
-    threads_each = max(1, cores() // processes)
+    threads_each = max(1, usable_cores() // processes)
     workers = [Worker(command, folder, threads_each, seconds=job.sample_seconds) for _ in range(processes)]
     threads = [
         threading.Thread(target=_drive, args=(worker, waiting, answers.put, stop), daemon=True) for worker in workers
