@@ -45,8 +45,6 @@ LEFT_OUT = {
     r"evaluate diligent": "needs DiLiGenT's photographs; tests/core/test_diligent.py makes its own",
     r"tensorboard|http\.server": "serves until it is stopped",
 }
-# The tour renders its own photos; tests/blender/test_tour.py runs all of it.
-TOUR = PROJECT / "docs" / "tutorials" / "tour.md"
 # What runs otherwise than it stands.
 INSTEAD = {
     # The page's own takes hours.
@@ -56,6 +54,8 @@ INSTEAD = {
     r"(mpsnet|blender_addon) try-it": r"\1 try-it --pixels 128 --samples 4 --size 128",
     r"\brender-samples\b": "render-samples --samples 4",
     r"--width 512 --height 512": "--width 128 --height 128",
+    r"practice_photos\.py$": "practice_photos.py --pixels 512 --samples 8",
+    r"--size 1024": "--size 256",
     # Blender has the extension; pip's bpy has to load it.
     r"^import bpy$": "import bpy, blender_addon; blender_addon.register()",
 }
@@ -64,8 +64,6 @@ INSTEAD = {
 def script(page: Path) -> str:
     """A page's shell and Python blocks as one shell script, without what LEFT_OUT names."""
     steps: list[str] = []
-    if page == TOUR:
-        return ""
     text = page.read_text(encoding="utf-8")
     for language, block in re.findall(r"^```(bash|python)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
         for pattern, other in INSTEAD.items():
@@ -79,7 +77,7 @@ def script(page: Path) -> str:
 
 
 def needs_blender(page: Path) -> bool:
-    return re.search(r"\bblender\b|\bbpy\b|blender_addon", script(page)) is not None
+    return re.search(r"\bblender\b|\bbpy\b|blender_addon|practice_photos", script(page)) is not None
 
 
 def run_page(page: Path, folder: Path, programs: Mapping[str, str] | None = None) -> None:
