@@ -1,6 +1,6 @@
 """MPSNet for Blender: a rig of three coloured lights, the one photo, its normals, and a baked normal texture.
 
-The four steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``; heavy work runs in
+The steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``; heavy work runs in
 child processes, see ``child_process``. The package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and
 ``blender_addon`` beside pip's bpy.
 """

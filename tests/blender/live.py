@@ -102,7 +102,7 @@ class Window:
             time.sleep(0.5)
         return seen
 
-    def photograph(self, path: Path, *panels: str, sidecar: int = EDITORS) -> None:
+    def photograph(self, path: Path, *panels: str, beside: int = EDITORS) -> None:
         """The viewport beside these panels alone, or beside the sidebar as it is, for a person to look at.
 
         beside: how many pixels of the viewport, at most.
@@ -110,7 +110,7 @@ class Window:
         if panels:
             self.ask("alone", *panels)
         self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
-        left = max(self.state["sidebar"][0] - sidecar, 0)
+        left = max(self.state["sidebar"][0] - beside, 0)
         save(path, np.ascontiguousarray(self.screenshot(path.with_name("screen.png"))[24:BELOW, left:EDITORS]))
 
 

@@ -129,7 +129,7 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
     before = window.wait(lambda state: state["running"] and state["progress"] > 0.001, "progress")
     # The window ticks on, shows how far it is, and the time left once that can be told.
     window.wait(lambda state: state["ticks"] > before["ticks"] + 10 and state["left"], "time left")
-    window.photograph(album / "panel_photo_running.png", sidecar=200)
+    window.photograph(album / "panel_photo_running.png", beside=200)
     window.ask("run", scenes.format(str(tmp_path / "meanwhile")))
     assert (tmp_path / "meanwhile").read_text() == (tmp_path / "before").read_text()
     window.input("key", "Escape")
@@ -197,7 +197,7 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
     kept = {number: sample_path(folder, number).stat().st_mtime_ns for number in there}
     window.click(x, y)
     window.wait(lambda state: state["running"], "rendering that goes on")
-    window.photograph(album / "panel_training_data.png", sidecar=200)
+    window.photograph(album / "panel_training_data.png", beside=200)
     window.wait(lambda state: not state["running"], "end of the rendering")
     assert samples_there(folder) == set(range(count))
     assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept
@@ -230,7 +230,7 @@ def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
     np.testing.assert_allclose(read_rig(rig).mixing, CROSSTALK, atol=0.02)
     assert after["rig_file"] == str(rig)
     window.input("mousemove", *lights, "sleep", "0.4", "click", "--repeat", 12, "--delay", 30, 5)
-    window.photograph(album / "panel_calibrate.png", sidecar=200)
+    window.photograph(album / "panel_calibrate.png", beside=200)
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
     window.wait(lambda state: "Slant" in state["found"], "undo of the mixing")

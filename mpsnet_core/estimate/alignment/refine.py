@@ -111,6 +111,8 @@ def refined(
         Some 10 degrees and a tenth of the object's size off, at most.
     fix_focal
         Whether the focal length stays as it is.
+    scales
+        Pixels of the object's longer side and steps at most, coarse to fine.
 
     Notes
     -----

@@ -42,6 +42,10 @@ def searched(
         The focal length to start with, in pixels.
     fix_focal
         Whether it stays as it is.
+    count
+        How many are returned.
+    progress
+        Called with 0 to 1.
     """
     views = _views(evidence, faces, focal, progress)
     fits = []

@@ -98,6 +98,8 @@ def flat_material(
         Half waves across photo and tile up to which bends and uneven brightness are removed; 0: the tilt alone.
     grey : bool
         Whether the albedo has no colour.
+    progress : callable
+        Called with 0 to 1 and what is done.
 
     Raises
     ------
