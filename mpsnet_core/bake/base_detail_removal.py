@@ -6,11 +6,12 @@ A map that was sculpted is not to be seen in a photo; one that was made of the s
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
@@ -195,7 +196,9 @@ def _normals_worn(
         seen = mesh_seen(mesh, camera, scene, np.stack([column, row], axis=1) + 0.5)
         normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
-        x, y, z = _sampled(present.vectors, seen.at(mesh.uvs) - (present.corner or (0, 0))).T[..., None]
+        right, up = (seen.at(mesh.uvs) - (present.corner or (0, 0))).T
+        height, width = present.vectors.shape[:2]
+        x, y, z = bilinear(present.vectors, right * width, (1 - up) * height).T[..., None]
         place = row[seen.hit], column[seen.hit]
         own[place] = seen.in_camera(normal)
         worn[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
@@ -223,17 +226,3 @@ def _as_fine_as_seen(
     if texels <= 1:
         return vectors
     return normalised(resampled(vectors, *(max(1, round(side / texels)) for side in vectors.shape[:2])))
-
-
-def _sampled(values: NDArray[np.float32], uv: NDArray[Any]) -> NDArray[np.float32]:
-    """(N, 3) of an image (H, W, 3) at UVs (N, 2), linear between pixels."""
-    height, width = values.shape[:2]
-    x = np.clip(uv[:, 0] * width - 0.5, 0, width - 1)
-    y = np.clip((1 - uv[:, 1]) * height - 0.5, 0, height - 1)
-    left, top = x.astype(np.int64), y.astype(np.int64)
-    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    across, down = (x - left)[:, None], (y - top)[:, None]
-    above = values[top, left] * (1 - across) + values[top, right] * across
-    beneath = values[below, left] * (1 - across) + values[below, right] * across
-    result: NDArray[np.float32] = (above * (1 - down) + beneath * down).astype(np.float32)
-    return result

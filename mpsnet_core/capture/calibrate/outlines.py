@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball
 
@@ -138,7 +139,7 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     count = int(np.ceil((max(reach, NOISE_REACH * radius) + 2 * step) / step))
     offsets = step * np.arange(-count, count + 1, dtype=np.float64)
     places = outline[:, None] + offsets[:, None] * across[:, None]
-    fine = np.roll(_sampled(picture, places / smaller), beside // 2, axis=0)
+    fine = np.roll(bilinear(picture, *np.moveaxis(places / smaller, -1, 0)), beside // 2, axis=0)
     profile = fine.reshape(LINES, beside, -1).mean(axis=1)
     gradient = profile[:, 2:] - profile[:, :-2]
     steep, usual = _steepness(gradient, BESIDE)
@@ -166,15 +167,3 @@ def _steepness(
 def _ring(lines: NDArray[np.float64], more: int) -> NDArray[np.float64]:
     """The lines of a closed outline, with so many of the last ones before the first and of the first after the last."""
     return np.concatenate([lines[-more:], lines, lines[:more]])
-
-
-def _sampled(picture: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bilinear values of a picture (H, W) at places (..., 2) in pixels."""
-    height, width = picture.shape
-    x, y = np.clip(places[..., 0] - 0.5, 0, width - 1.001), np.clip(places[..., 1] - 0.5, 0, height - 1.001)
-    column, row = x.astype(int), y.astype(int)
-    fx, fy = x - column, y - row
-    above = picture[row, column] * (1 - fx) + picture[row, column + 1] * fx
-    below = picture[row + 1, column] * (1 - fx) + picture[row + 1, column + 1] * fx
-    values: NDArray[np.float64] = above * (1 - fy) + below * fy
-    return values

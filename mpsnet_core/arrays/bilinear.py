@@ -1,0 +1,27 @@
+"""Bilinear lookup between the pixels of an image."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def bilinear(
+    image: NDArray[np.floating[Any]], x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]]
+) -> NDArray[np.floating[Any]]:
+    """Values of an image (H, W) or (H, W, C) at places in pixels, `x` to the right and `y` down: those of their shape.
+
+    A pixel's own value is at its middle, 0.5 beyond its number. Beyond the outermost middles the border's values go on.
+
+    >>> bilinear(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([0.5, 1.0, 9.0]), np.array([0.5, 1.0, 0.0])).tolist()
+    [0.0, 1.5, 1.0]
+    """
+    height, width = image.shape[:2]
+    x, y = np.clip(x - 0.5, 0, width - 1), np.clip(y - 0.5, 0, height - 1)
+    left, top = x.astype(np.int64), y.astype(np.int64)
+    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    across, down = ((part - part.astype(np.int64)).reshape(*part.shape, *(1,) * (image.ndim - 2)) for part in (x, y))
+    upper = image[top, left] * (1 - across) + image[top, right] * across
+    lower = image[below, left] * (1 - across) + image[below, right] * across
+    values: NDArray[np.floating[Any]] = upper * (1 - down) + lower * down
+    return values
