@@ -134,7 +134,7 @@ class Result:
 
 
 def chosen_models(names: Sequence[str]) -> list[str]:
-    """The named models, each once; "all" stands for those that `mpsnet models` lists, without the default's old name."""
+    """The named models, each once; "all" stands for what `mpsnet models` lists, without the default's old name."""
     every = [entry.name for entry in registered_models() if entry.name != AVERAGED_MODEL]
     return list(dict.fromkeys(name for given in names for name in (every if given == EVERY_MODEL else [given])))
 
