@@ -138,16 +138,23 @@ def test_a_library_that_the_photo_does_not_use_or_that_was_missing_before_stops_
     begin("normals", tmp_path / "missing.exr", tmp_path / "missing").result()
 
 
-@pytest.mark.parametrize(("ending", "colour"), [("png", (0.9, 0.1, 0.3)), ("exr", (3.0, 0.5, 2.0))])
-def test_a_picture_whose_file_is_gone_since_is_as_it_is_here(small, tmp_path, ending, colour):
-    node = textured(small)
-    write_image(tmp_path / f"paint.{ending}", np.full((4, 4, 3), colour, np.float32))
-    node.image = bpy.data.images.load(str(tmp_path / f"paint.{ending}"))
+def test_pictures_whose_files_are_gone_since_are_as_they_are_here(small, scene, tmp_path):
+    """One of bytes, and one of floats beyond 1."""
+    beside = small.copy()
+    beside.data, beside.location.x = small.data.copy(), small.location.x + 1
+    beside.data.materials[0] = small.active_material.copy()
+    scene.collection.objects.link(beside)
+    files = [tmp_path / "paint.png", tmp_path / "paint.exr"]
+    for obj, file, colour in zip((small, beside), files, ((0.9, 0.1, 0.3), (3.0, 0.5, 2.0)), strict=True):
+        write_image(file, np.full((4, 4, 3), colour, np.float32))
+        textured(obj).image = bpy.data.images.load(str(file))
     begin("photo", tmp_path / "there.exr", tmp_path / "there").result()
-    assert node.image.pixels[0] and node.image.has_data
-    (tmp_path / f"paint.{ending}").unlink()
+    for file in files:
+        image = bpy.data.images[file.name]
+        assert image.pixels[0] and image.has_data
+        file.unlink()
     begin("photo", tmp_path / "gone.exr", tmp_path / "gone").result()
-    np.testing.assert_allclose(pixels(tmp_path / "gone.exr"), pixels(tmp_path / "there.exr"), atol=1e-5)
+    np.testing.assert_allclose(pixels(tmp_path / "gone.exr"), pixels(tmp_path / "there.exr"), rtol=1e-4, atol=1e-5)
 
 
 def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_path):

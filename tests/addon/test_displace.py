@@ -78,8 +78,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "pair.blend"
 
 
-@pytest.mark.parametrize("kind", ["CATMULL_CLARK", "SIMPLE"])
-@pytest.mark.parametrize("scale", [(1, 1, 1), (2.5, 2.5, 2.5), (1, 0.7, 1.4)], ids=["as it is", "scaled", "stretched"])
+@pytest.mark.parametrize(
+    ("kind", "scale"),
+    [("CATMULL_CLARK", (1, 1, 1)), ("SIMPLE", (2.5, 2.5, 2.5)), ("CATMULL_CLARK", (1, 0.7, 1.4))],
+    ids=["as it is", "scaled", "stretched"],
+)
 def test_the_modifier_brings_the_low_poly_to_the_high_poly(pair, tmp_path, kind, scale):
     bpy.ops.wm.read_homefile(filepath=str(pair))
     high, low = bpy.data.objects["Detailed"], bpy.data.objects["Simplified"]
@@ -120,7 +123,7 @@ def test_the_material_displaces_as_the_modifier_does(scene, tmp_path):
     high.hide_set(False)
     original = render(tmp_path / "look.exr", camera, high)
     plain = rendered_difference(render(tmp_path / "look.exr", camera, low), original)
-    for method, file in (("MATERIAL", "height.exr"), ("MODIFIER", "height.exr"), ("MATERIAL", "height.png")):
+    for method, file in (("MODIFIER", "height.exr"), ("MATERIAL", "height.png")):
         bpy.ops.mps.displace(target=low.name, method=method, levels=4, scale=0, output=str(tmp_path / file))
         found = render(tmp_path / "look.exr", camera, low)
         shown = rendered_difference(found, original)
