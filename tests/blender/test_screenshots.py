@@ -211,7 +211,7 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
     photographer.photograph("done", "rig")
     photographer.photograph("ready", "photo")
     run(EMISSION.format(1))
-    work("render_photo", width=1024, height=1024, samples=4, output=str(tmp_path / "photo.exr"))
+    work("render_photo", width=512, height=512, samples=4, output=str(tmp_path / "photo.exr"))
     photographer.photograph("failed", "photo")
     run(EMISSION.format(0))
     window.ask("invoke", "render_photo", {"samples": 1000})
@@ -249,7 +249,7 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
     photographer.photograph("done", "heights")
     work("make_material", output=str(tmp_path / "material"))
     photographer.photograph("failed", "material")
-    sides = {f"crop_{side}": 400 for side in ("left", "right", "top", "bottom")}
+    sides = {f"crop_{side}": 200 for side in ("left", "right", "top", "bottom")}
     work("make_material", width=2.0, **sides)
     photographer.photograph("done", "material")
     run(
