@@ -95,7 +95,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "357d1b107051484dac38927945fb0615a9dbd1aacaf09fea9a4222cc88f03362",
+        "613d98f001787b2f6e0328a0a35379b1431a275e4bcd973c38b04780318750b9",
     ),
     _rival(
         "demultiplexer",
