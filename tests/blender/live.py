@@ -1,6 +1,7 @@
 """A Blender with a window on a real screen: what it is asked, where its buttons are, and how it looks."""
 
 import json
+import os
 import subprocess
 import time
 from collections.abc import Callable
@@ -105,10 +106,13 @@ class Window:
     def photograph(self, path: Path, *panels: str, beside: int = EDITORS) -> None:
         """The viewport beside these panels alone, or beside the sidebar as it is, for a person to look at.
 
-        beside: how many pixels of the viewport, at most.
+        beside: how many pixels of the viewport, at most. Only where MPSNET_SCREENSHOTS says where such pictures go, as
+        each takes seconds.
         """
         if panels:
             self.ask("alone", *panels)
+        if not os.environ.get("MPSNET_SCREENSHOTS"):
+            return
         self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
         left = max(self.state["sidebar"][0] - beside, 0)
         save(path, np.ascontiguousarray(self.screenshot(path.with_name("screen.png"))[24:BELOW, left:EDITORS]))
