@@ -159,10 +159,7 @@ def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
     except BaseException:
         for path, backup in reversed(backups):
             with contextlib.suppress(OSError):
-                if backup is None:
-                    path.unlink(missing_ok=True)
-                else:
-                    backup.replace(path)
+                _put(path, backup)
         raise
     finally:
         for _, backup in backups:
