@@ -107,7 +107,8 @@ def material_names(merl: str) -> list[tuple[Literal["merl", "fit"], str]]:
     path = Path(merl)
     if not path.is_dir():
         return [("fit", name) for name in sorted(_fits(merl))]
-    names = sorted(entry.name for entry in path.glob("[!.]*.binary") if entry.is_file())
+    entries = (entry for entry in path.iterdir() if entry.suffix == ".binary" and not entry.name.startswith("."))
+    names = sorted(entry.name for entry in entries if entry.is_file())
     if not names:
         raise FileError(f"the folder {path} holds no .binary files; choose the one with MERL's materials")
     return [("merl", name) for name in names]
