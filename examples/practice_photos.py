@@ -6,7 +6,7 @@
 Leaves in practice/, in the folder that it is run in: a mirror ball, a grey ball and a figure, each under the same three
 lights, a piece of plaster lying flat, a figure's low-poly mesh with UVs, and the cameras. The lights' colours leak into
 one another, as those of real LEDs do. The camera looks along Blender's +Y; the mesh is in the same world. It takes some
-minutes, and logs how far it is; smaller photos, --pixels 256 --samples 8, take less. In Blender they stand after a --.
+minutes, and logs how far it is; smaller photos, --pixels 512 --samples 8, take less. In Blender they stand after a --.
 """
 
 import argparse
