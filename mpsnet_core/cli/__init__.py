@@ -14,7 +14,7 @@ EXIT_UNFORESEEN = 1
 EXIT_BAD_INPUT = 2
 EXIT_CANCELLED = 130
 
-LOADING_SECONDS = 0.02
+RETRY_SECONDS = 0.02
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,10 +44,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    """Stop at once; but a library that is loading goes on first, as it would crash or make an ImportError of it."""
+    """Stop at once; but a library that is loading goes on first, as it would crash or make an ImportError of it, and so
+    does the removal of an unfinished file, which would stay."""
     while frame is not None:
-        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
-            threading.Timer(LOADING_SECONDS, _thread.interrupt_main, (number,)).start()
+        code = frame.f_code
+        if code.co_filename == "<frozen importlib._bootstrap>" or code.co_name == "_remove_unbroken":
+            threading.Timer(RETRY_SECONDS, _thread.interrupt_main, (number,)).start()
             return
         frame = frame.f_back
     raise KeyboardInterrupt

@@ -89,15 +89,13 @@ def written_together() -> Iterator[None]:
         yield
         return
     changes: list[tuple[Path, Path | None]] = []
-    _block.changes = changes
     try:
+        _block.changes = changes
         yield
         _put_in_place(changes)
     finally:
         _block.changes = None
-        for _, unfinished in changes:
-            if unfinished is not None:
-                _remove(unfinished)
+        _remove_unbroken(*(unfinished for _, unfinished in changes if unfinished is not None))
 
 
 @contextmanager
@@ -113,17 +111,17 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     path = _behind_link(writable_path(path))
     _clear_once(resolved(path.parent))
     unfinished = unfinished_path(path)
-    with _writing(path):
-        os.close(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-        try:
+    try:
+        with _writing(path):
+            _create(unfinished)
             yield unfinished
             _flush(unfinished)
-        except BaseException:
-            _remove(unfinished)
-            raise
-    with written_together():
-        assert _block.changes is not None
-        _block.changes.append((path, unfinished))
+        with written_together():
+            assert _block.changes is not None
+            _block.changes.append((path, unfinished))
+    except BaseException:
+        _remove_unbroken(unfinished)
+        raise
 
 
 @contextmanager
@@ -132,12 +130,12 @@ def temporary_folder() -> Iterator[Path]:
     place = Path(tempfile.gettempdir())
     _clear_once(place)
     folder = unfinished_path(place / "mpsnet")
-    with _writing(folder):
-        folder.mkdir(0o700)
     try:
+        with _writing(folder):
+            folder.mkdir(0o700)
         yield folder
     finally:
-        _remove(folder)
+        _remove_unbroken(folder)
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
@@ -150,11 +148,13 @@ def remove_file(path: str | os.PathLike[str]) -> None:
 def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
     """Rename and remove files; if one of several fails, undo those before it."""
     backups: list[tuple[Path, Path | None]] = []
+    names: list[Path] = []
     try:
         for path, unfinished in changes:
             with _writing(path):
                 if len(changes) > 1:
-                    backups.append((path, _second_name(path)))
+                    names.append(unfinished_path(path))
+                    backups.append((path, _second_name(path, names[-1])))
                 _put(path, unfinished)
     except BaseException:
         for path, backup in reversed(backups):
@@ -162,9 +162,7 @@ def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
                 _put(path, backup)
         raise
     finally:
-        for _, backup in backups:
-            if backup is not None:
-                _remove(backup)
+        _remove_unbroken(*names)
     for folder in {path.parent for path, _ in changes}:
         with contextlib.suppress(OSError):  # Windows cannot open folders, nor may everybody list one
             _flush(folder)
@@ -185,11 +183,10 @@ def _put(path: Path, unfinished: Path | None) -> None:
             time.sleep(seconds)
 
 
-def _second_name(path: Path) -> Path | None:
-    """A link to or copy of the file at `path`, to restore it from; None where there is no file."""
+def _second_name(path: Path, name: Path) -> Path | None:
+    """Make `name` a link to or copy of the file at `path`, to restore it from; None where there is no file."""
     if not path.exists():
         return None
-    name = unfinished_path(path)
     try:
         os.link(path, name)
     except OSError:  # USB sticks and some network drives have no links
@@ -337,11 +334,17 @@ def _takes(file: Path) -> bool:
     """
     probe = unfinished_path(file)
     try:
-        os.close(os.open(probe, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        _create(probe)
     except OSError:
         return False
-    _remove(probe)
+    finally:
+        _remove_unbroken(probe)
     return True
+
+
+def _create(path: Path) -> None:
+    """Create an empty file where there is none."""
+    os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
 
 
 def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
@@ -374,7 +377,7 @@ def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
     """Remove what process `pid`, ended by force, left unfinished in `folder`."""
     for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
-        _remove(left)
+        _remove_unbroken(left)
 
 
 def remove_abandoned(folder: str | os.PathLike[str]) -> None:
@@ -382,16 +385,20 @@ def remove_abandoned(folder: str | os.PathLike[str]) -> None:
     for file in Path(folder).glob(".*.unfinished*"):
         found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", file.name)
         if found and not _running(int(found[1])):
-            _remove(file)
+            _remove_unbroken(file)
 
 
-def _remove(left: Path) -> None:
-    """Remove a file, or a folder with all that it holds, unless another process was faster, or may and we may not."""
-    if left.is_dir() and not left.is_symlink():
-        shutil.rmtree(left, ignore_errors=True)
-    else:
-        with contextlib.suppress(OSError):
-            left.unlink()
+def _remove_unbroken(*paths: Path) -> None:
+    """Remove files, or folders with all that they hold, unless another process was faster, or may and we may not.
+
+    No signal interrupts it: the command line's handler knows it by its name.
+    """
+    for left in paths:
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                left.unlink()
 
 
 @cache

@@ -27,6 +27,7 @@ import os, time
 rename = os.replace
 def replace(source, target, **more):
     while "unfinished" in str(source):
+        open(os.path.join(os.path.dirname(source), "..", "writes"), "w").close()
         time.sleep(0.01)
     rename(source, target, **more)
 os.replace = replace
@@ -58,8 +59,8 @@ def job(tmp_path, monkeypatch):
 
 
 def wait_for_writing(process, folder):
-    """Until the child has begun to write, which is when something could stay behind."""
-    while process.running() and not list(folder.glob(".*.unfinished*")):
+    """Until the child is about to rename what it wrote, which is when something could stay behind."""
+    while process.running() and not (folder.parent / "writes").exists():
         time.sleep(0.005)
     assert process.running(), "the child ended before it wrote anything"
 

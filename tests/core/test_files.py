@@ -1,16 +1,20 @@
 """Files appear whole or not at all, whatever stops the writing."""
 
 import contextlib
+import itertools
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 
 import pytest
 from synthetic import left_by, listing
 
+from mpsnet_core.cli import _stop
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import (
     makeable_folder,
@@ -85,6 +89,47 @@ def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
         raise stopped_by("stopped")
     assert target.read_text() == "old"
     assert listing(tmp_path) == ["a.txt"]
+
+
+def test_a_signal_at_any_time_leaves_all_files_old_or_all_new_and_no_litter(tmp_path: Path) -> None:
+    """The command line's own handler runs at each call in turn: Python handles signals where a function begins, and
+    after one that is written in C."""
+
+    def write_two(folder: Path) -> None:
+        writable_path(folder / "a.txt")
+        with written_together():
+            for name in ("a.txt", "b.txt"):
+                with written_whole(folder / name) as unfinished:
+                    unfinished.write_text("new")
+
+    def signal_at(number: int) -> Callable[[FrameType, str, object], None]:
+        times = itertools.count()
+
+        def profile(frame: FrameType, event: str, argument: object) -> None:
+            if event in ("call", "c_return") and next(times) == number:
+                _stop(signal.SIGTERM, frame)
+
+        return profile
+
+    stopped, ran_through = 0, 0
+    for number in itertools.count():
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "a.txt").write_text("old")
+        before = sys.getprofile()
+        try:
+            sys.setprofile(signal_at(number))
+            write_two(folder)
+            ran_through += 1  # a file is being removed, or there are not so many calls
+        except KeyboardInterrupt:
+            stopped, ran_through = stopped + 1, 0
+        finally:
+            sys.setprofile(before)
+        state = {path.name: path.read_text() for path in folder.iterdir()}
+        assert state in ({"a.txt": "old"}, {"a.txt": "new", "b.txt": "new"}), f"at call {number}"
+        if ran_through == 300:
+            break
+    assert stopped > 300
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")
