@@ -25,7 +25,7 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.calibrate.lights import find_lights
 from mpsnet_core.capture.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.capture.reading import Reading
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.pictures import cropped, normals_picture, photo_picture, sheet
 from mpsnet_core.scene.rig import angles_of
 

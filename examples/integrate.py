@@ -17,7 +17,7 @@ import numpy as np
 
 from mpsnet_core import NormalMap
 from mpsnet_core.arrays.mask_regions import dilated
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.integration.integrate import METHODS, integrate
 from mpsnet_core.scene.pictures import cropped, legend, normals_picture, sheet
 

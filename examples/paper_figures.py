@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core import InputError
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.materials import Materials

@@ -16,7 +16,8 @@ import bpy
 import numpy as np
 
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.io.images import read_data, read_image, write_image
+from mpsnet_core.io.image_reading import read_data, read_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.pictures import (
     colour_scale,

@@ -191,7 +191,7 @@ def _drawn(scene: Any) -> Provenance:
 def _is_shown_as_read(path: Path) -> bool:
     """Whether Blender shows a photo as the core reads it: it knows no camera raw and leaves turned photos lying."""
     load_openimageio()  # which Blender need not load as it starts
-    from mpsnet_core.io.images import read_orientation
+    from mpsnet_core.io.image_reading import read_orientation
 
     suffix = path.suffix.lower()
     return suffix not in RAW_SUFFIXES and (suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1)

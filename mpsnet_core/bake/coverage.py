@@ -6,7 +6,7 @@ import numpy as np
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.texture import Texture
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 
 # What the picture holds where a texel was filled; 1 where a view saw it, 0 elsewhere.
 FILLED = 0.5

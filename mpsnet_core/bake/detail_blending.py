@@ -12,7 +12,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import FormatError, SettingsError
-from mpsnet_core.io.images import read_data
+from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode
 
 # How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep gradients are.

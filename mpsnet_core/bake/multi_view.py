@@ -29,7 +29,9 @@ from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import layer_in, read_size, write_image
+from mpsnet_core.io.image_layers import layer_in
+from mpsnet_core.io.image_reading import read_size
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity, is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part

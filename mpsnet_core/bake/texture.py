@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.io.images import write_bands
+from mpsnet_core.io.image_writing import write_bands
 from mpsnet_core.scene.normal_map import Convention, encode
 
 Space = Literal["tangent", "object"]
@@ -87,7 +87,7 @@ def write_texture(
     bits : int, optional
         Bits a channel; by default those of the format.
     description : str, optional
-        A line of text that the file keeps, see :func:`mpsnet_core.io.images.write_bands`.
+        A line of text that the file keeps, see :func:`mpsnet_core.io.image_writing.write_bands`.
 
     Raises
     ------

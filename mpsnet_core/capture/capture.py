@@ -21,7 +21,7 @@ from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsErr
 from mpsnet_core.io.files import located, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
-from mpsnet_core.io.images import Encoding, as_stored
+from mpsnet_core.io.image_encoding import Encoding, as_stored
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
 

@@ -13,7 +13,9 @@ from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise
-from mpsnet_core.io.images import Encoding, layer_in, read_image
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_layers import layer_in
+from mpsnet_core.io.image_reading import read_image
 
 log = logging.getLogger(__name__)
 

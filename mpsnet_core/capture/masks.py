@@ -18,7 +18,8 @@ from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.reading import Reading
 from mpsnet_core.errors import FileError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, read_mask
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.io.provenance import identity
 
 log = logging.getLogger(__name__)

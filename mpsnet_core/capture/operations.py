@@ -69,7 +69,7 @@ class ReadsPhotos(ReadsPictures):
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
         from mpsnet_core.io.files import located
-        from mpsnet_core.io.images import read_image
+        from mpsnet_core.io.image_reading import read_image
 
         image = read_image(photo, encoding=self.encoding, layer=self.layer)
         reading = self.reading()
@@ -182,7 +182,7 @@ class Superpose(ReadsPictures):
         from mpsnet_core.io.files import check_apart, checked_bits
         from mpsnet_core.io.frames import expand_images, in_order_of_lights
         from mpsnet_core.io.image import linear_to_srgb
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
 
         files = expand_images(self.image)
         if self.channels:
@@ -236,7 +236,7 @@ class FindMask(ReadsPhotos):
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, writable_image, written_together
         from mpsnet_core.io.frames import files_meant
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.io.image import Image, exposed_otherwise
-from mpsnet_core.io.images import Encoding, layer_in, read_image
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_layers import layer_in
+from mpsnet_core.io.image_reading import read_image
 
 log = logging.getLogger(__name__)
 

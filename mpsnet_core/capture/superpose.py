@@ -11,7 +11,8 @@ from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.capture.reading import note_other_exposures
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, read_image
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_reading import read_image
 
 log = logging.getLogger(__name__)
 

@@ -23,7 +23,8 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.distant_lights import lights_by_rows
 from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Where less light than this arrives (a cosine), the shading is assumed to be this: the albedo comes out too dark there,

@@ -210,7 +210,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.capture.capture import read_capture
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
         from mpsnet_core.io.files import ensure_folder, written_together
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.normal_map import write_normals
         from mpsnet_core.scene.rig import read_rig
 

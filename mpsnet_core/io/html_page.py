@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import writable_path
-from mpsnet_core.io.images import png_bytes
+from mpsnet_core.io.image_writing import png_bytes
 
 HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
 <style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}

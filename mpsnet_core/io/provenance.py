@@ -19,14 +19,15 @@ def provenance_line(what: str, *facts: str) -> str:
 
 def is_up_to_date(picture: Path, line: str) -> bool:
     """Whether a picture exists with this description and is not cut short."""
-    from mpsnet_core.io.images import image_description, is_whole
+    from mpsnet_core.io.image_reading import image_description
+    from mpsnet_core.io.image_writing import is_whole
 
     return image_description(picture) == line and is_whole(picture)
 
 
 def is_result(picture: Path, what: str) -> bool:
     """Whether a picture's description says that this program made it, from whatever facts."""
-    from mpsnet_core.io.images import image_description
+    from mpsnet_core.io.image_reading import image_description
 
     return image_description(picture).startswith(f"{what} by mpsnet ")
 

@@ -28,7 +28,8 @@ from mpsnet_core.io.files import (
     write_json,
     written_together,
 )
-from mpsnet_core.io.images import image_description, read_channel, read_mask, write_image
+from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data

@@ -347,7 +347,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 
     def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
         """What the requested products are computed from, and no more."""
-        from mpsnet_core.io.images import read_image
+        from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.relief.height_map import pixel_camera
         from mpsnet_core.relief.integration.integrate import integrate
         from mpsnet_core.relief.occlusion import ambient_occlusion

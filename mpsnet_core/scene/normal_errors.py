@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
-from mpsnet_core.io.images import image_layers, read_data
+from mpsnet_core.io.image_layers import image_layers
+from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 

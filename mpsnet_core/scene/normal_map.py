@@ -11,7 +11,8 @@ from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import Choices, FormatError, GeometryError
-from mpsnet_core.io.images import read_channel, read_data, write_bands
+from mpsnet_core.io.image_reading import read_channel, read_data
+from mpsnet_core.io.image_writing import write_bands
 
 Convention = Literal["opengl", "directx"]
 # The sign of y in the green channel.

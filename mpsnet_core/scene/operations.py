@@ -54,7 +54,7 @@ class WriteCameras(ReadsPictures):
         """Write a camera file for each photo, and the photo without its lens where that bends it."""
         from mpsnet_core.arrays.sizes import check_same_size
         from mpsnet_core.io.files import check_apart, ensure_folder, located
-        from mpsnet_core.io.images import read_size
+        from mpsnet_core.io.image_reading import read_size
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry.lens import AS_SOLVED
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
@@ -90,7 +90,8 @@ class WriteCameras(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.io.files import located, written_together
-        from mpsnet_core.io.images import read_image, write_image
+        from mpsnet_core.io.image_reading import read_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
@@ -139,7 +140,7 @@ class CompareNormals(Operation):
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the picture where one is requested."""
         from mpsnet_core.io.files import check_apart, writable_image
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
         from mpsnet_core.scene.pictures import scaled_error_picture
@@ -192,7 +193,7 @@ class PreviewLights(Operation):
 
         from mpsnet_core.arrays.upsample import reduced_shape
         from mpsnet_core.io.files import check_apart, located, writable_image, writable_path, written_whole
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.light_preview import lit_view
         from mpsnet_core.scene.mesh import read_mesh

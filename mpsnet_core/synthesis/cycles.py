@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.images import complaint, image_input, libraries_silent
+from mpsnet_core.io.image_input import complaint, image_input, libraries_silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file, written_whole
-from mpsnet_core.io.images import MAX_VALUE, complaint, image_attribute, image_input, libraries_silent
+from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
+from mpsnet_core.io.image_reading import MAX_VALUE
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
 

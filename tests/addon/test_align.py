@@ -15,7 +15,7 @@ from blender_addon.panels.what_counts import camera_of
 from blender_addon.photo.align import _camera_object
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera
 
 from .conftest import matte

@@ -8,7 +8,7 @@ import pytest
 from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 ANGLES = [(35, 80), (50, 200), (42, 320)]

@@ -10,7 +10,7 @@ from blender_addon.scene.camera import scene_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import find_coloured_highlights
 from mpsnet_core.capture.calibrate.lights import Sighting, find_lights
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 
 SIZE = (960, 560)
 RADIUS = 0.1

@@ -11,7 +11,7 @@ from mathutils.bvhtree import BVHTree
 from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.commands import main
 from blender_addon.panels.heights import MPS_PT_displace
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import encode
 
 from .test_bake_against_blender import (

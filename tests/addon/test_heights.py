@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from flat_weave import Weave
 
 from blender_addon.commands import main
 from mpsnet_core import published_rig, read_image, write_image, write_rig
-from mpsnet_core.io.images import read_channel
+from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.normal_map import decode
 
 from .test_photo import pixels

@@ -11,7 +11,7 @@ from mpsnet_core.capture.calibrate.ball import distant_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.mixing import mixing_from_ball
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 SIDE = 320

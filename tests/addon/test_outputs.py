@@ -12,7 +12,8 @@ from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import read_data, write_image
+from mpsnet_core.io.image_reading import read_data
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import published_rig, read_rig, write_rig

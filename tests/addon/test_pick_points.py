@@ -9,7 +9,7 @@ from mathutils import Euler, Matrix, Vector
 from blender_addon.panels.photo import MPS_PT_align
 from blender_addon.photo.markers import colour_of
 from blender_addon.photo.places import mesh_point, photo_pixel, photo_place, seen_at
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 
 REGION = (640, 360)
 

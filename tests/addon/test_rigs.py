@@ -15,7 +15,7 @@ from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.rig.several_rigs import result_name
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 
 
 def standing(scene):

@@ -11,7 +11,8 @@ from blender_addon.bake.moving_target import Moving
 from blender_addon.outputs import frame_pattern
 from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import published_rig, write_rig

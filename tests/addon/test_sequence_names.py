@@ -8,7 +8,7 @@ import pytest
 
 from mpsnet_core.estimate.sequence.video import video_outputs
 from mpsnet_core.io.frames import output_files
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 
 NAMES = ["frame_{:04d}.png", "shot2_{:04d}_v3.png", "take{}.png", "1.{:03d}.exr"]
 

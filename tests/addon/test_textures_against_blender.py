@@ -12,7 +12,7 @@ from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 

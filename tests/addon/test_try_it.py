@@ -14,7 +14,7 @@ import pytest
 
 from blender_addon.start.try_it import MPS_OT_try_it
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.io.images import read_data
+from mpsnet_core.io.image_reading import read_data
 
 
 @pytest.fixture(scope="module")

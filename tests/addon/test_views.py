@@ -12,7 +12,8 @@ from blender_addon.bake.many_views import _with_photos
 from blender_addon.panels.views import MPS_PT_views
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.estimate.albedo import read_albedo
-from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import decode
 
 from .test_steps import Kind, stands

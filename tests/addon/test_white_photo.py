@@ -7,7 +7,8 @@ import pytest
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.estimate.albedo import read_albedo
-from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import read_normals
 
 COLOUR = np.array([0.6, 0.3, 0.15])

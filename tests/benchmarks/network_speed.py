@@ -37,7 +37,7 @@ from mpsnet_core.estimate.card import CARD_KEY, ModelCard
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.estimate.registry import find_network
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 

@@ -28,7 +28,7 @@ from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 SIDE, DIFFERENT = 512, 6

@@ -8,7 +8,7 @@ from live import STEP, TITLE
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, shaded_sphere
 
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
 from mpsnet_core.synthesis.job import sample_path, samples_there
 

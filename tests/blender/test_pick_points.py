@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 
 SIZE = (400, 300)
 READY = """

@@ -9,7 +9,7 @@ from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around,
 from synthetic import degrees_between, shaded_sphere, write_file
 
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
 

@@ -11,7 +11,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import left_by, listing, write_file
 
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import image_description
+from mpsnet_core.io.image_reading import image_description
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
@@ -44,7 +44,7 @@ def test_each_frame_is_baked_as_alone(bench: Path, normals: str) -> None:
     assert listing(bench / "skin") == [f"skin_{number:04d}.png" for number in NUMBERS]
     for number in NUMBERS:
         assert bake(bench, f"normals/f_{number}_normals.png", "alone.png") == 0
-        from mpsnet_core.io.images import read_image
+        from mpsnet_core.io.image_reading import read_image
 
         alone, frame = (read_image(bench / n).pixels for n in ("alone.png", f"skin/skin_{number:04d}.png"))
         np.testing.assert_array_equal(frame, alone)

@@ -15,7 +15,7 @@ from uv_squares import squares
 
 from mpsnet_core import Camera, NormalMap, read_normals, write_camera, write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import published_rig, write_rig
 
 TILTED = [0.6, 0.0, 0.8]

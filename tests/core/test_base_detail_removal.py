@@ -15,7 +15,7 @@ from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_detail, re
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
 from mpsnet_core.scene.rays import RayScene

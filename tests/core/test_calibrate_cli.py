@@ -22,7 +22,7 @@ from mpsnet_core.capture.calibrate.lights import write_lp
 from mpsnet_core.capture.calibrate.operations import CalibrateLights
 from mpsnet_core.capture.calibrate.photos import BallPhotos
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_rig
 

@@ -23,7 +23,7 @@ from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_hi
 from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import read_image, read_mask
+from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import read_rig
 

@@ -21,7 +21,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
-from mpsnet_core.io.images import read_image, read_mask
+from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, near_rig
 

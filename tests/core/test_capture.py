@@ -13,7 +13,7 @@ from mpsnet_core.capture.capture import Capture, read_capture
 from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import image
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import published_rig
 

@@ -17,7 +17,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.learning.training.packed import Packed
 from mpsnet_core.learning.training.photographing import photograph
 from mpsnet_core.scene.rig import published_rig

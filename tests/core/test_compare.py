@@ -9,7 +9,7 @@ import pytest
 from surface_shapes import camera_looking
 
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import read_data
+from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 

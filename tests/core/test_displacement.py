@@ -13,7 +13,7 @@ from surface_shapes import texels_of
 from mpsnet_core.arrays.graph_poisson import Solver, graph_of
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.height_files import read_height, write_height

@@ -13,7 +13,8 @@ from uv_squares import squares
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import read_channel, write_image
+from mpsnet_core.io.image_reading import read_channel
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.udim import Tiles
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.scene.mesh import Mesh

@@ -149,7 +149,7 @@ import numpy as np
 from pathlib import Path
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import write_json
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 path = Path(sys.argv[1])

@@ -12,7 +12,7 @@ from synthetic import degrees_between
 from mpsnet_core.bake import fill
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import read_channel
+from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals

@@ -10,7 +10,7 @@ from reliefs import Relief, ball, orthographic, plane
 from synthetic import listing, write_file
 
 from mpsnet_core import Camera, FileError, InputError, write_camera
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.relief.height_map import HeightMap
 

@@ -15,9 +15,10 @@ from bad_input import SPHERE, Bench, cut, gets_one_clear_sentence
 from synthetic import listing, named, write_file, write_parts
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io import images
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import image_layers, read_data, read_image, read_mask, read_size, write_image
+from mpsnet_core.io.image_layers import image_layers
+from mpsnet_core.io.image_reading import read_data, read_image, read_mask, read_size
+from mpsnet_core.io.image_writing import write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
 SRGB = {0.0: 0.0, 0.04: 0.04 / 12.92, 0.5: 0.2140411, 0.735357: 0.5, 1.0: 1.0}
@@ -419,7 +420,7 @@ def test_a_picture_that_is_turned_in_words_stays_as_it_is(tmp_path: Path) -> Non
 
 def test_a_layer_of_too_many_channels_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All channels between the first and the last of a layer's colours are read at once."""
-    monkeypatch.setattr(images, "MAX_LAYER_VALUES", 1000)
+    monkeypatch.setattr("mpsnet_core.io.image_layers.MAX_LAYER_VALUES", 1000)
     photo = write_file(tmp_path / "c.exr", np.zeros((16, 16, 4)), "half")
     with pytest.raises(InputError, match="has 4 channels in a layer of 16 x 16"):
         read_image(photo)
@@ -465,10 +466,10 @@ def huge_exr(b: Bench) -> Path:
     return b.bytes("huge.exr", data.replace(small, huge))
 
 
-def within(module: Any, limit: str, value: int, work: Callable[[], Any]) -> None:
+def within(limit: str, value: int, work: Callable[[], Any]) -> None:
     """Do the work under a smaller limit, as reaching the real one would take gigabytes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, limit, value)
+        patch.setattr(f"mpsnet_core.io.image_layers.{limit}", value)
         work()
 
 
@@ -579,7 +580,7 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (
             "more pixels than the limit",
-            lambda b: within(images, "MAX_PIXELS", 255, lambda: read_image(b.photo())),
+            lambda b: within("MAX_PIXELS", 255, lambda: read_image(b.photo())),
             "photo.exr claims to be 16 x 16…more than this program reads",
         ),
         ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),

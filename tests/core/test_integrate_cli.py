@@ -10,7 +10,7 @@ from synthetic import listing, write_file
 
 from mpsnet_core import Camera, InputError, read_image, read_mesh, write_camera, write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import read_channel
+from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.relief.operations import Integrate
 

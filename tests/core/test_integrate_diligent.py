@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
-from mpsnet_core.io.images import read_mask
+from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.learning.evaluation.diligent import object_folder, read_truth
 from mpsnet_core.relief.integration.integrate import integrate
 from mpsnet_core.scene.camera import Camera

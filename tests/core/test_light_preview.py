@@ -9,7 +9,7 @@ from surface_shapes import camera_looking, sphere_mesh
 
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import srgb_to_linear
-from mpsnet_core.io.images import read_data
+from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.light_preview import TOO_FEW, LitView, lit_view

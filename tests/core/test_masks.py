@@ -15,7 +15,7 @@ from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.capture.masks import auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import read_image, read_mask
+from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.rig import published_rig
 
 SIDE = 200

@@ -22,7 +22,7 @@ from mpsnet_core import (
 )
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import read_channel
+from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.material.albedo import estimated_albedo
 from mpsnet_core.relief.material.flatten import evened, flattened, trend
 from mpsnet_core.relief.material.gradients import gradients_of, normals_of

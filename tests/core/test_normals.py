@@ -9,7 +9,7 @@ from bad_input import SPHERE, gets_one_clear_sentence
 from synthetic import Sphere, degrees_between, write_file
 
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap, decode, encode, read_normals, write_normals
 
 ROOT = np.sqrt(0.5)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import published_rig, write_rig
 
 

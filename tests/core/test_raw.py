@@ -13,7 +13,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import files
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.images import Encoding, read_image
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.rig import published_rig
 
 rawpy = pytest.importorskip("rawpy")

@@ -23,7 +23,8 @@ from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, frame_masks, photo_frames
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import image_description, write_image
+from mpsnet_core.io.image_reading import image_description
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.rig import write_rig

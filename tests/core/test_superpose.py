@@ -12,7 +12,7 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 
 PAINT = np.array([[0.9, 0.2, 0.1], [0.2, 0.4, 0.8]])
 

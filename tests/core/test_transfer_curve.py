@@ -14,7 +14,8 @@ from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
-from mpsnet_core.io.images import Encoding, read_image, read_mask
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.rig import LightRig
 
 PAINTS = {

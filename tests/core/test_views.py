@@ -27,7 +27,7 @@ from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.io.images import read_image
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap, decode, read_normals, write_normals

@@ -30,7 +30,7 @@ from test_calibrate_cli import CIRCLE, SCENE
 
 from mpsnet_core import write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import write_rig
 
 pytestmark = pytest.mark.long

@@ -287,7 +287,7 @@ class CalibrateLights(LooksAtBall):
     def _draw(overlay: str, found: "LightsFound", chosen: _Chosen, pictured: Sequence["BallPhotos"]) -> None:
         from mpsnet_core.capture.calibrate.overlay import lights_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.pictures import sheet
 
         labels = chosen.names
@@ -380,7 +380,7 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.capture.reading import note_other_exposures
         from mpsnet_core.io.files import written_together
         from mpsnet_core.io.frames import in_order_of_lights
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.rig import read_rig, write_rig
 
         files = in_order_of_lights(self._inputs(self.photo, self.output, self.rig))
@@ -436,7 +436,7 @@ class CalibrateMixing(LooksAtBall):
         import numpy as np
 
         from mpsnet_core.capture.calibrate.mixing import mixing_from_card
-        from mpsnet_core.io.images import read_mask
+        from mpsnet_core.io.image_reading import read_mask
 
         if self.overlay:
             raise SettingsError("--overlay shows a ball; leave it out with --card")
@@ -518,7 +518,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     """Draw at least the first ball, where its highlights were not found: most often it is none."""
     from mpsnet_core.capture.calibrate.overlay import ball_picture
     from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
-    from mpsnet_core.io.images import write_image
+    from mpsnet_core.io.image_writing import write_image
 
     if not overlay:
         return False

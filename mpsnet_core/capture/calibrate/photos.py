@@ -17,7 +17,7 @@ from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import read_mask
+from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 

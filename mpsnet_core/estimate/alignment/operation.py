@@ -200,7 +200,7 @@ class Align(RunsModel, ReadsPhotos):
     ) -> CameraFound:
         from mpsnet_core.estimate.alignment.points import off_by
         from mpsnet_core.io.files import written_together
-        from mpsnet_core.io.images import write_image
+        from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.camera import write_camera
 
         best = fits[0]

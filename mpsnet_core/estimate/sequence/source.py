@@ -11,7 +11,8 @@ from mpsnet_core.capture.masks import mask_identity, mask_source
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_several, numbering
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, read_image
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.provenance import identity
 
 

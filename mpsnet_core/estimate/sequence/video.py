@@ -24,7 +24,7 @@ from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, transfer_is_linear
 from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, file_suffix
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
-from mpsnet_core.io.images import Encoding
+from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.provenance import identity
 
 if TYPE_CHECKING:

@@ -22,7 +22,8 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
 from mpsnet_core.io.files import VIDEO_DECODER
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.images import Encoding, read_image
+from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_reading import read_image
 
 # Blender's start, and the search for a frame in a long video.
 ANSWER_SECONDS = 120.0

@@ -15,7 +15,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.images import read_data, read_mask
+from mpsnet_core.io.image_reading import read_data, read_mask
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices

@@ -14,7 +14,8 @@ from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_apart, writable_image, written_together
-from mpsnet_core.io.images import read_size, write_image
+from mpsnet_core.io.image_reading import read_size
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement

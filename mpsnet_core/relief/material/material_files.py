@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.files import ensure_folder, read_json, write_json, written_together
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.images import write_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
 from mpsnet_core.relief.material.material import Material
 from mpsnet_core.relief.material.resampling import resampled

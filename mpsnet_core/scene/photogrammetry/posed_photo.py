@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, is_file
-from mpsnet_core.io.images import read_orientation
+from mpsnet_core.io.image_reading import read_orientation
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.photogrammetry.lens import Lens

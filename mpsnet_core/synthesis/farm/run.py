@@ -17,7 +17,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import resolved, writable_path
-from mpsnet_core.io.images import is_whole
+from mpsnet_core.io.image_writing import is_whole
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet

@@ -26,7 +26,7 @@ from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import remove_abandoned
-from mpsnet_core.io.images import is_whole
+from mpsnet_core.io.image_writing import is_whole
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # In a worker's command: the Python that starts it, which on another machine stands elsewhere.

@@ -1,0 +1,174 @@
+"""Layers of image files: their names, and their values as stored."""
+
+import os
+from collections.abc import Iterable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import FormatError, SettingsError
+from mpsnet_core.io.files import RAW_SUFFIXES
+from mpsnet_core.io.image import MAX_PIXELS
+from mpsnet_core.io.image_input import complaint, image_attribute, libraries_silent, open_image
+
+T = TypeVar("T", bound=np.generic)
+
+# Checked before any memory is allocated: a broken or hostile header can claim any number.
+MAX_CHANNELS = 1024
+MAX_LAYER_VALUES = 4 * MAX_PIXELS  # of all the channels that are read at once
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """A layer's channels: a subimage (part) of the file and channel indices by their short names."""
+
+    subimage: int
+    channels: dict[str, int]
+
+
+def image_layers(path: str | os.PathLike[str]) -> list[str]:
+    """Names of the layers in a file, "" for channels without a layer's name. Parts of multi-part EXRs count too."""
+    path = Path(path)
+    with closing(open_image(path)) as source, libraries_silent():
+        return list(layers_of(source, path))
+
+
+def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
+    """The layer to read of a file that belongs to a photo's `layer`: the same, where the file has several."""
+    if layer is None or Path(path).suffix.lower() in RAW_SUFFIXES:
+        return None
+    return layer if len(image_layers(path)) > 1 else None
+
+
+def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, int], Any]:
+    """All values of a layer (H, W, C) as stored, its channel indices by short name, and the file's spec.
+
+    Integers of 8 and 16 bits stay integers, all else is float32.
+    Raises FileError, FormatError or SettingsError as :func:`mpsnet_core.io.image_reading.read_image` does.
+    """
+    with closing(open_image(path)) as source, libraries_silent():
+        reason = complaint(source)  # progressive JPEGs are decoded as they are opened
+        is_whole_picture = source.format_name() == "png"  # its offset says where on a page it was
+        chosen = choose_layer(layers_of(source, path), layer, path)
+        source.seek_subimage(chosen.subimage, 0)
+        spec = source.spec()
+        first, last = min(chosen.channels.values()), max(chosen.channels.values())
+        if spec.width * spec.height * (last + 1 - first) > MAX_LAYER_VALUES:
+            raise FormatError(
+                f"{path} has {last + 1 - first} channels in a layer of {spec.width} x {spec.height}, more than this "
+                "program reads; export the photo alone"
+            )
+        kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
+        values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
+        reason = reason or complaint(source)
+    if values is None or reason:
+        raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
+    values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
+    if not is_whole_picture:
+        values = _on_display_window(values, spec)
+    values = _upright(values, spec)
+    return values, {name: number - first for name, number in chosen.channels.items()}, spec
+
+
+def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
+    """The layers of an open file by name. Raises FormatError where it claims to be larger than is read."""
+    layers: dict[str, _Layer] = {}
+    subimage = 0
+    while source.seek_subimage(subimage, 0):
+        spec = source.spec()
+        if (
+            max(spec.width * spec.height, spec.full_width * spec.full_height) > MAX_PIXELS
+            or spec.nchannels > MAX_CHANNELS
+            or spec.depth > 1
+        ):
+            raise FormatError(
+                f"{path} claims to be {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
+                f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
+            )
+        part = image_attribute(spec, "oiio:subimagename", str) or ""
+        names = _channel_names(spec, path)
+        for number, channel in enumerate(names):
+            prefix, _, name = channel.rpartition(".")
+            # Blender 5 writes a part per pass and repeats its name in the channels only where a pass has a layer.
+            layer = prefix or (part if subimage or not has_colours(names) else "")
+            found = layers.setdefault(layer, _Layer(subimage, {}))
+            if found.subimage == subimage:  # further pages of a TIFF have no name, and are not read
+                found.channels.setdefault(_short(name, spec.nchannels), number)
+        subimage += 1
+    complaint(source)  # of seeking past the last part
+    return layers
+
+
+def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:
+    try:
+        names: tuple[str, ...] = spec.channelnames
+        "".join(names).encode()  # OpenImageIO 3.1 hands out what it cannot decode
+    except UnicodeError:
+        raise FormatError(
+            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
+        ) from None
+    return names
+
+
+def has_colours(names: Iterable[str]) -> bool:
+    """Whether channels are red, green and blue, by their short names."""
+    return {"R", "G", "B"}.issubset(names)
+
+
+def _short(name: str, count: int) -> str:
+    """A file's channel name as R, G, B, A, X, Y or Z, if it is one of these."""
+    if count > 1 and name.lower() in ("red", "green", "blue", "alpha"):
+        return name[0].upper()
+    return name.upper() if len(name) == 1 else name
+
+
+def choose_layer(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _Layer:
+    """The layer of that name, or the one to read where none is named. Raises SettingsError."""
+    if wanted is not None:
+        matches = [name for name in layers if name == wanted or name.endswith("." + wanted)]
+    elif "" in layers or len(layers) == 1:
+        matches = [""] if "" in layers else list(layers)
+    else:
+        matches = [name for name in layers if name.rpartition(".")[2] == "Combined"]
+    if len(matches) == 1:
+        return layers[matches[0]]
+    names = ", ".join(sorted(name or "(unnamed)" for name in layers))
+    if wanted is not None and not matches:
+        raise SettingsError(f"{path} has no layer {wanted!r}; it has {names}")
+    raise SettingsError(f"{path} has several layers; name one of {names}")
+
+
+def orientation_of(spec: Any) -> int:
+    """EXIF orientation, 1 where the file has none."""
+    orientation = image_attribute(spec, "Orientation", int) or 1
+    return orientation if 1 <= orientation <= 8 else 1
+
+
+def _upright(values: NDArray[T], spec: Any) -> NDArray[T]:
+    """Pixels rotated by the file's EXIF orientation, as viewers display them."""
+    orientation = orientation_of(spec)
+    if orientation >= 5:
+        values = values.transpose(1, 0, 2)
+    if orientation in (3, 4, 7, 8):
+        values = values[::-1]
+    if orientation in (2, 3, 6, 7):
+        values = values[:, ::-1]
+    return values
+
+
+def _on_display_window(values: NDArray[T], spec: Any) -> NDArray[T]:
+    """An EXR's data window may be smaller (a render region) or larger than its display window; fills with zero."""
+    top, left = spec.y - spec.full_y, spec.x - spec.full_x
+    if (top, left, spec.height, spec.width) == (0, 0, spec.full_height, spec.full_width):
+        return values
+    whole = np.zeros((spec.full_height, spec.full_width, values.shape[2]), values.dtype)
+    rows = slice(max(top, 0), min(top + spec.height, spec.full_height))
+    columns = slice(max(left, 0), min(left + spec.width, spec.full_width))
+    if rows.start < rows.stop and columns.start < columns.stop:
+        whole[rows, columns] = values[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    return whole

@@ -1,0 +1,214 @@
+"""Photos, masks and data read from image files."""
+
+import logging
+import os
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.errors import FormatError, SettingsError
+from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
+from mpsnet_core.io.image import Image, srgb_to_linear, storage_type
+from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, as_it_is, is_float, stated_encoding
+from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent, open_image
+from mpsnet_core.io.image_layers import choose_layer, has_colours, layers_of, orientation_of, read_layer
+from mpsnet_core.io.raw import read_raw
+
+log = logging.getLogger(__name__)
+
+# Far above the sun's, and its square is finite in float32; larger values count as not finite.
+MAX_VALUE = 1e15
+
+
+def read_image(
+    path: str | os.PathLike[str],
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    grey: bool = False,
+    compact: bool = False,
+) -> Image:
+    """Read a colour image; camera raw files too, where rawpy is installed.
+
+    Parameters
+    ----------
+    path : path-like
+        A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
+    encoding : {"auto", "linear", "srgb"}, optional
+        Of the file's values. "auto": those with a colour profile (ICC) or a PNG's gamma have its curve, other float
+        files and files that state so are linear, all others have the sRGB curve.
+    layer : str, optional
+        Layer of a multi-layer or multi-part EXR: its full name or the name's last part ("Combined"). By default the
+        unnamed layer, else the only one, else the one called Combined.
+    grey : bool, optional
+        Accept a file of one channel too, for all three.
+    compact : bool, optional
+        Store a large photo in half floats, if its file has at most 16 bits per channel.
+
+    Returns
+    -------
+    Image
+
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is damaged, too large or not RGB.
+    SettingsError
+        If the layer is missing or ambiguous, or the encoding unknown.
+    """
+    requested = IS_LINEAR[encoding]
+    path = Path(path)
+    if path.suffix.lower() in RAW_SUFFIXES:
+        return _read_raw(path, encoding, layer)
+    values, names, spec = read_layer(path, layer)
+    if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
+        raise FormatError(f"{path} is in Lab colours, which are no light; export it as RGB")
+    colour = _colour_channels(names, grey, path)
+    alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
+    if requested is None:
+        decoded, assumed = stated_encoding(path, spec)
+    else:
+        decoded, assumed = (as_it_is if requested else srgb_to_linear), False
+    premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
+    fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
+    pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
+    for rows in bands(len(values)):
+        band = _as_float(values[rows][..., colour])
+        if alpha is not None and premultiplied:
+            cover = alpha[rows, :, None]
+            # Without any cover a colour is light alone, as some renderers write every pixel.
+            band = np.divide(band, cover, out=band, where=cover > 1e-6)
+        pixels[rows] = decoded(band)
+    # What another curve makes ends at 1.
+    clip = np.inf if is_float(spec) and decoded in (as_it_is, srgb_to_linear) else 1.0
+    return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
+
+
+def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]:
+    colour = [names[name] for name in ("XYZ" if "X" in names and not has_colours(names) else "RGB") if name in names]
+    if grey and not colour and len(names.keys() - {"A"}) == 1:
+        colour = [next(number for name, number in names.items() if name != "A")] * 3
+    if len(colour) != 3:
+        raise FormatError(
+            f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
+            "give a colour image"
+        )
+    return colour
+
+
+def _exposure_time(spec: Any) -> float | None:
+    seconds = image_attribute(spec, "ExposureTime", float)
+    return seconds if seconds is not None and 0 < seconds < np.inf else None
+
+
+def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
+    if encoding == "srgb":
+        raise SettingsError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
+    if layer is not None:
+        raise SettingsError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
+    with libraries_silent():
+        image = read_raw(path)
+    log.info("read as camera raw: linear, without white balance")
+    return image
+
+
+def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
+    """Read a mask: where the alpha channel is above half if it varies, else where the brightest channel is.
+
+    Whole numbers that are 0 and one other alone are labels, as annotation tools write them: the other is the object.
+
+    Returns
+    -------
+    (H, W) bool array
+
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is damaged.
+    """
+    values, names, spec = read_layer(Path(path), None)
+    if "A" in names:
+        alpha = _as_float(values[..., names.pop("A")])
+        if alpha.min() < alpha.max() or not names:
+            return alpha > 0.5
+    brightest = values[..., list(names.values())].max(axis=-1)
+    label = brightest.max()
+    if not is_float(spec) and brightest.min() <= 1 and label > 0 and ((brightest == 0) | (brightest == label)).all():
+        return np.asarray(brightest == label)
+    return _as_float(brightest) > 0.5
+
+
+def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """Read the first channel of an image, (H, W) float32, undecoded. Raises FileError, FormatError."""
+    values, names, _ = read_layer(Path(path), None)
+    return np.nan_to_num(_as_float(values[..., names.get("R", 0)]))
+
+
+def read_data(
+    path: str | os.PathLike[str], layer: str | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Read three channels of data (normals), (H, W, 3) float32 without any curve, and alpha or None."""
+    image = read_image(path, encoding="linear", layer=layer)
+    return image.pixels, image.alpha
+
+
+def read_orientation(path: str | os.PathLike[str]) -> int:
+    """EXIF orientation of a photo, 1 to 8, by which :func:`read_image` rotates it; 1, upright, if the file has none.
+
+    Camera raw counts as 1: other programs read a raw converter's output, which is upright.
+
+    Raises FileError where the file is missing, FormatError where it is damaged.
+    """
+    path = Path(path)
+    if path.suffix.lower() in RAW_SUFFIXES:
+        existing_file(path, "image")
+        return 1
+    with closing(open_image(path)) as source:
+        return orientation_of(source.spec())
+
+
+def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
+    """Height and width of what :func:`read_image` returns, by the file's header alone; None for camera raw.
+
+    Raises FileError where the file is missing, FormatError where it is no image, SettingsError where it lacks the
+    layer.
+    """
+    path = Path(path)
+    if path.suffix.lower() in RAW_SUFFIXES:
+        existing_file(path, "image")
+        return None
+    with closing(open_image(path)) as source, libraries_silent():
+        source.seek_subimage(choose_layer(layers_of(source, path), layer, path).subimage, 0)
+        spec = source.spec()
+    size = spec.full_height, spec.full_width
+    return size if orientation_of(spec) < 5 else size[::-1]
+
+
+def image_description(path: str | os.PathLike[str]) -> str:
+    """The description in an image file, "" where it has none or cannot be read as an image.
+
+    Raises FileError where the file's name is not valid UTF-8.
+    """
+    source = image_input(path)
+    if source is None:
+        complaint(oiio)
+        return ""
+    with closing(source):
+        return image_attribute(source.spec(), "ImageDescription", str) or ""
+
+
+def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
+    """Stored values as float32, integers as 0 to 1, NaN for what counts as not finite."""
+    if values.dtype.kind != "u":
+        return np.where(np.abs(values) <= MAX_VALUE, values, np.float32(np.nan))
+    scaled: NDArray[np.float32] = np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)
+    return scaled
