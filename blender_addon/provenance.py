@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 
 from mpsnet_core.errors import FileError
 
-from .outputs import from_json, origin, remember, remembered
+from .image_records import from_json, remember, remembered
+from .images import origin
 
 Provenance = dict[str, str]
 

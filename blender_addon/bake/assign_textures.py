@@ -9,7 +9,7 @@ from mpsnet_core.errors import InputError
 
 from ..appearance.displacement import remove_displacement, remove_object_normals
 from ..appearance.nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
-from ..outputs import remember
+from ..image_records import remember
 from .texture_owners import store_owners
 from .texture_sets import AssignedTexture, own_materials
 

@@ -10,7 +10,9 @@ import bpy
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 
-from ..outputs import FORMATS, frame_pattern, image_file, load_frames, output_frames, picture_size, remembered
+from ..image_records import remembered
+from ..images import frame_pattern, image_file, load_frames, picture_size
+from ..outputs import FORMATS, output_frames
 from ..photo.camera import cameras_place, chosen_camera, lacks_camera, write_photo_camera
 from ..provenance import Provenance, chosen, stamp
 from ..rig.light_rig import rig_camera

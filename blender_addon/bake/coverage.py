@@ -10,8 +10,8 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
+from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
-from ..outputs import from_json
 from ..scene.surfaces import bounding_sphere
 
 NAME = "MPS Coverage"

@@ -12,7 +12,7 @@ from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
 from ..appearance.nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, find_node
-from ..outputs import image_file, tile_files
+from ..images import image_file, tile_files
 from ..scene.objects import by_session_uid
 from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
 

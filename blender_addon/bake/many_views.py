@@ -15,8 +15,10 @@ from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
+from ..image_records import remembered
+from ..images import image_file, origin
 from ..openimageio import load_openimageio
-from ..outputs import file_name, image_file, origin, remembered, requested_path
+from ..outputs import file_name, requested_path
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp

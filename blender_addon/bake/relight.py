@@ -11,8 +11,8 @@ import bpy
 from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix, Vector
 
+from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
-from ..outputs import from_json
 from ..rig.several_rigs import all_rigs
 from ..scene.surfaces import bounding_sphere
 

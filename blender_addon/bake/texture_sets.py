@@ -14,7 +14,7 @@ import bpy
 from mpsnet_core.errors import GeometryError
 
 from ..appearance.nodes import with_nodes
-from ..outputs import load_image, load_tiles
+from ..images import load_image, load_tiles
 
 # The token in a file's name for each way to part textures, and what stands before it where we put it there.
 OBJECT, MATERIAL, TILE = "<OBJECT>", "<MATERIAL>", "<UDIM>"

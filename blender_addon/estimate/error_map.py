@@ -11,8 +11,10 @@ from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.operations import CompareNormals
 
+from ..image_records import remembered, sidecar
+from ..images import fine_preview, image_file, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import fine_preview, image_file, load_image, output_path, remembered, sidecar
+from ..outputs import output_path
 from ..provenance import Provenance, file_stamp, stamp
 from ..rig.several_rigs import result_name, rig_at
 

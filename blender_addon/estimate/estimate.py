@@ -11,20 +11,10 @@ from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
 
+from ..image_records import remember, remembered
+from ..images import fine_preview, frame_pattern, image_file, load_frames, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import (
-    FORMATS,
-    fine_preview,
-    frame_pattern,
-    image_file,
-    load_frames,
-    load_image,
-    output_frames,
-    output_path,
-    overruled_format,
-    remember,
-    remembered,
-)
+from ..outputs import FORMATS, output_frames, output_path, overruled_format
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 from ..provenance import Provenance, chosen, file_stamp, stamp

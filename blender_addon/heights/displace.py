@@ -23,16 +23,9 @@ from ..appearance.nodes import TEXTURE_NODE, find_node
 from ..bake.bakes_onto import BakesOnto
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
-from ..outputs import (
-    fine_preview,
-    image_file,
-    load_image,
-    load_tiles,
-    output_path,
-    overruled_format,
-    remembered,
-    tile_files,
-)
+from ..image_records import remembered
+from ..images import fine_preview, image_file, load_image, load_tiles, tile_files
+from ..outputs import output_path, overruled_format
 from ..provenance import Provenance, chosen, stamp
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid

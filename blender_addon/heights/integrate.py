@@ -14,8 +14,10 @@ from mpsnet_core.relief.height_names import scale_sidecar
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
+from ..image_records import remembered
+from ..images import fine_preview, image_file, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import fine_preview, image_file, load_image, output_path, overruled_format, remembered
+from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
 from ..photo.options import Viewpoint, seen_through
 from ..provenance import Provenance, chosen, stamp

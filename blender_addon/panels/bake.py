@@ -8,7 +8,7 @@ from mpsnet_core.errors import InputError
 from ..bake.bake import NO_CAMERA
 from ..bake.existing_maps import usable_maps
 from ..bake.texture_sets import BakeTarget, with_tokens
-from ..outputs import remembered
+from ..image_records import remembered
 from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels

@@ -14,8 +14,9 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
+from ..images import fine_preview, image_file, load_image, picture_size
 from ..operators.core_run import RunsCore
-from ..outputs import fine_preview, image_file, load_image, output_path, picture_size
+from ..outputs import output_path
 from ..provenance import Provenance, stamp
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera

@@ -5,7 +5,8 @@ from typing import Any
 
 from mpsnet_core.scene.camera import write_camera
 
-from ..outputs import picture_size, remembered
+from ..image_records import remembered
+from ..images import picture_size
 from ..provenance import Provenance, made_by, rounded
 from ..scene.camera import scene_camera
 

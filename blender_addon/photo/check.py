@@ -9,8 +9,9 @@ import bpy
 from mpsnet_core.capture.operations import Check
 from mpsnet_core.errors import InputError
 
+from ..image_records import remembered
+from ..images import image_file
 from ..operators.core_run import RunsCore
-from ..outputs import image_file, remembered
 from .options import reading, rig_file_for, rig_path
 
 _VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad": "The photo should be taken again"}

@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from ..images import picture_size
 from ..operators.reporting import ReportingOperator
-from ..outputs import picture_size
 from .camera import chosen_camera, is_real
 
 WATCH_SECONDS = 0.5

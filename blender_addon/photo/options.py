@@ -10,7 +10,7 @@ import numpy as np
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
-from ..outputs import remembered
+from ..image_records import remembered
 from ..preferences import preference
 from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera

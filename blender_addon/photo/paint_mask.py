@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import FindMask
 
+from ..images import image_file
 from ..operators.core_run import RunsCore
-from ..outputs import image_file
 from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at
 from .options import painted_mask, reading

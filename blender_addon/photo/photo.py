@@ -16,11 +16,13 @@ from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, V
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
+from ..image_records import read_sidecar, remember
+from ..images import frame_pattern, load_photo
 from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
 from ..operators.progress import at_the_pointer
 from ..operators.reporting import ReportingOperator, verb_of
-from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_sidecar, remember, render_path
+from ..outputs import output_frames, output_path, render_path
 from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
 from ..rig.light_rig import light_rig, lights_stand, rig_camera
 from ..rig.several_rigs import result_name, rig_at

@@ -11,9 +11,9 @@ from mathutils import Matrix, Vector
 
 from mpsnet_core.errors import InputError
 
+from ..images import picture_size
 from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
-from ..outputs import picture_size
 from ..scene.camera import scene_camera
 from .align import MPS_OT_align_photo, mesh_of_photo
 from .camera import chosen_camera

@@ -18,8 +18,9 @@ from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
 from ..errors import operator_report
+from ..image_records import sidecar
 from ..openimageio import load_openimageio
-from ..outputs import literally, render_path, sidecar
+from ..outputs import literally, render_path
 from ..rig.light_rig import light_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
@@ -59,7 +60,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`.outputs.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where something
+    :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where something
     else is in its place.
 
     Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.

@@ -9,8 +9,9 @@ import bpy
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
 
+from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import fine_preview, load_image, requested_path
+from ..outputs import requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import as_typed, take_given

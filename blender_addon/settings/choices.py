@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..outputs import from_json
+from ..image_records import from_json
 from ..preferences import PACKAGE
 
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "ENUM"}

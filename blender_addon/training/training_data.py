@@ -17,8 +17,9 @@ from mpsnet_core.synthesis.operations import MakeSamples
 
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
+from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import file_name, fine_preview, lasting, load_image, requested_path
+from ..outputs import file_name, lasting, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..scene.objects import by_session_uid
 from ..settings.declared import GIVEN, take_given

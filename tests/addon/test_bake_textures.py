@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.outputs import load_frames, load_image, remember
+from blender_addon.image_records import remember
+from blender_addon.images import load_frames, load_image
 from mpsnet_core import Camera, NormalMap, write_camera, write_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
 

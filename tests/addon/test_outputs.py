@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.outputs import fine_preview, image_file, load_image, output_path
+from blender_addon.images import fine_preview, image_file, load_image
+from blender_addon.outputs import output_path
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.arrays.unit_vectors import angular_error

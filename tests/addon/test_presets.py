@@ -11,7 +11,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.outputs import load_image, remember
+from blender_addon.image_records import remember
+from blender_addon.images import load_image
 from mpsnet_core import read_image, write_camera, write_normals
 
 from .conftest import matte

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.bake.moving_target import Moving
-from blender_addon.outputs import frame_pattern
+from blender_addon.images import frame_pattern
 from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image

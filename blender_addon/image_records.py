@@ -1,0 +1,54 @@
+"""What an image remembers of its photo: rig, camera and lens, in files beside it and in the .blend file."""
+
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+import bpy
+
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.rig import read_rig
+
+Stored = TypeVar("Stored", list[Any], dict[str, Any])
+
+_READERS = {"rig": read_rig, "camera": read_camera}
+
+
+def sidecar(picture: Path, what: str) -> Path:
+    """The file beside a photo with its "rig" or "camera": NAME.rig.json, NAME.camera.json.
+
+    They hold what stood when the photo was taken, whatever has been moved since.
+    """
+    return picture.with_name(f"{picture.stem}.{what}.json")
+
+
+def read_sidecar(picture: Path, what: str) -> str | None:
+    """The text of a photo's "rig" or "camera" file, None where there is none. InputError where it is malformed."""
+    file = sidecar(picture, what)
+    if not file.is_file():
+        return None
+    _READERS[what](file)  # refuses what is malformed
+    return file.read_text(encoding="utf-8")
+
+
+def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
+    """Store the "rig" or "camera" of a picture (the text of such a file) or its "lens" with the image; None removes."""
+    if text is not None:
+        image[f"mpsnet_{what}"] = text
+    elif f"mpsnet_{what}" in image:
+        del image[f"mpsnet_{what}"]
+
+
+def remembered(image: bpy.types.Image, what: str) -> str | None:
+    """The text that :func:`remember` stored, or None."""
+    text = image.get(f"mpsnet_{what}")
+    return text if isinstance(text, str) else None  # a file may hold anything by that name
+
+
+def from_json(text: str | None, kind: type[Stored]) -> Stored:
+    """What was stored as JSON; an empty one where it is of another kind or none, as a hostile file may have it."""
+    try:
+        found = json.loads(text or "null")
+    except (ValueError, RecursionError):
+        found = None
+    return found if isinstance(found, kind) else kind()
