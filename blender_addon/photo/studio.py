@@ -60,8 +60,8 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where something
-    else is in its place.
+    :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where
+    something else is in its place.
 
     Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
     """

@@ -74,10 +74,10 @@ TIPS = {
     "As the 3D viewport looks at it now": "Wie das 3D-Ansichtsfenster es jetzt zeigt",
     (
         "Average the default network's answers on the scene turned and mirrored, and look twice at many colours: "
-        "better, at a third to a sixth of its speed. For stills; frames of a sequence or video get one pass"
+        "better, at half to a sixth of its speed. For stills; frames of a sequence or video get one pass"
     ): (
         "Die Antworten des Standardnetzes auf die gedrehte und gespiegelte Szene mitteln, und bei vielen Farben "
-        "zweimal hinsehen: besser, bei einem Drittel bis Sechstel der Geschwindigkeit. Für Standbilder; Bilder einer "
+        "zweimal hinsehen: besser, bei 1/2 bis 1/6 der Geschwindigkeit. Für Standbilder; Bilder einer "
         "Sequenz oder eines Videos bekommen einen Durchlauf"
     ),
     "Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node": (
@@ -304,7 +304,7 @@ TIPS = {
         "weit wie das Ziel des Rigs, oder nach der Oberfläche"
     ),
     (
-        "How far the object is from the camera, on the mean, in the unit that the heights are in: a perspective "
+        "Mean distance from the camera to the visible surface, in the unit that the heights are in: a perspective "
         "camera takes its scale from it, for an orthographic one it is where the mesh stands. 0: as far as the "
         "target is in this scene"
     ): (
@@ -891,7 +891,7 @@ TIPS = {
         "Was sich von einem dunklen oder schlichten Hintergrund abhebt, der den größten Teil des Fotorands einnimmt"
     ),
     "What the last run had to say, a line each": "Was der letzte Lauf zu sagen hatte, je eine Zeile",
-    "What the lights went with while the photos were taken": (
+    "Whether the lights moved with the camera or stood still in the world": (
         "Womit die Lichter gingen, während die Fotos aufgenommen wurden"
     ),
     (

@@ -57,9 +57,9 @@ TIPS = {
     "As the 3D viewport looks at it now": "按 3D 视图当前的视角",
     (
         "Average the default network's answers on the scene turned and mirrored, and look twice at many colours: "
-        "better, at a third to a sixth of its speed. For stills; frames of a sequence or video get one pass"
+        "better, at half to a sixth of its speed. For stills; frames of a sequence or video get one pass"
     ): (
-        "对旋转和镜像后的场景取默认网络结果的平均，颜色多时再看一遍：更好，速度为三分之一到六分之一。"
+        "对旋转和镜像后的场景取默认网络结果的平均，颜色多时再看一遍：更好，速度为二分之一到六分之一。"
         "用于静态照片；序列或视频的帧只算一次"
     ),
     "Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node": (
@@ -247,7 +247,7 @@ TIPS = {
         "target, or by the surface"
     ): ("物体离摄像机多远，单位与近距灯光的灯架文件相同。0：与灯架目标的距离，或按表面"),
     (
-        "How far the object is from the camera, on the mean, in the unit that the heights are in: a perspective "
+        "Mean distance from the camera to the visible surface, in the unit that the heights are in: a perspective "
         "camera takes its scale from it, for an orthographic one it is where the mesh stands. 0: as far as the "
         "target is in this scene"
     ): (
@@ -714,7 +714,7 @@ TIPS = {
         "从占据照片大部分边缘的暗色或单色背景中突显的部分"
     ),
     "What the last run had to say, a line each": "上次运行的说明，每行一条",
-    "What the lights went with while the photos were taken": "拍摄照片时灯光随什么移动",
+    "Whether the lights moved with the camera or stood still in the world": "拍摄照片时灯光随什么移动",
     (
         "What the photo's whole width measures on the material, in this scene's unit. 0: by the orthographic camera "
         "that the photo was rendered with"

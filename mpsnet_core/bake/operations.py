@@ -479,7 +479,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             "world": "the camera went round; a rig file has directions along the mesh's axes, or positions in its "
             "world",
         },
-        help="what the lights went with while the photos were taken",
+        help="whether the lights moved with the camera or stood still in the world",
     )
     mask: str = option(
         default="mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"

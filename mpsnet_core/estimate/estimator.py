@@ -12,7 +12,7 @@ from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.even_albedo import estimate_with_second_look
 from mpsnet_core.estimate.features import divided
 from mpsnet_core.estimate.fireflies import without_fireflies
-from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refined
 from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.progress import Progress, part, silent
@@ -62,7 +62,7 @@ class Estimator:
     ) -> None:
         self.name = os.fspath(model)
         self._network = None
-        if self.name not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+        if self.name not in BASELINES:
             from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
 
             network = find_network(self.name)

@@ -13,10 +13,9 @@ from mpsnet_core.defaults import CONVENTIONS, MAX_SMOOTHING
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import (
     AVERAGED_MODEL,
+    BASELINES,
     DEFAULT_MODEL,
     DEFAULT_TILE,
-    LAMBERTIAN,
-    LAMBERTIAN_GREY_WORLD,
     STILL_PASSES,
     find_network,
     known_models,
@@ -64,7 +63,7 @@ class RunsModel(Operation):
         """
         from mpsnet_core.io.provenance import content
 
-        if self.model in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+        if self.model in BASELINES:
             return {"model": self.model}
         network = find_network(self.model)
         return {"model": content(network.path), "passes": str(passes or network.passes)}

@@ -9,6 +9,7 @@ from mpsnet_core.errors import FileError, SettingsError
 
 LAMBERTIAN = "lambertian"
 LAMBERTIAN_GREY_WORLD = "lambertian-grey-world"
+BASELINES = (LAMBERTIAN, LAMBERTIAN_GREY_WORLD)
 DEFAULT_MODEL = "multiscale"
 AVERAGED_MODEL = "multiscale-averaged"
 STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence get one

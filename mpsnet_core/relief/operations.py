@@ -88,7 +88,7 @@ class HasScale(Operation):
     )
     distance: float | None = option(
         default=None,
-        help="how far the object is from the camera, on the mean, in the unit that the heights are in: a perspective "
+        help="mean distance from the camera to the visible surface, in the unit that the heights are in: a perspective "
         "camera takes its scale from it, for an orthographic one it is where the mesh stands",
         unset="1 for a perspective camera",
     )

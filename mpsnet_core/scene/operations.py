@@ -46,7 +46,7 @@ class WriteCameras(ReadsPictures):
     output: str = option(
         short="-o",
         metavar="FOLDER",
-        help="folder for NAME.camera.json, and where a lens bends the picture NAME.exr without that",
+        help="folder for NAME.camera.json, and, where the lens distorts the picture, NAME.exr undistorted",
         provenance="none",
     )
 

@@ -17,7 +17,7 @@ from mpsnet_core.estimate.alignment.points import camera_from_points
 from mpsnet_core.estimate.alignment.refine import Evidence, refined
 from mpsnet_core.estimate.alignment.search import searched
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
-from mpsnet_core.scene.rig import published_rig, write_rig
+from mpsnet_core.scene.rig import near_rig, published_rig, write_rig
 
 WIDTH, HEIGHT = 480, 400
 
@@ -190,6 +190,16 @@ class TestCommand:
         assert result["poor"] is False
         assert result["overlap"] > 0.98
         assert_the_same(read_camera(files / "camera.json"), photographed().camera)
+
+    def test_a_large_photo_under_near_lights_is_made_smaller(self, mpsnet, files, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("mpsnet_core.estimate.alignment.operation.LONGEST", 240)
+        rig, true = published_rig(30, 90), photographed().camera
+        middle = np.array([0, 0, -6.0])
+        write_rig(files / "rig.json", near_rig(middle + 30 * rig.directions, middle))
+        write_camera(files / "start.json", looking(46, 10, 4))
+        done = self.align(mpsnet, files, "--start", files / "start.json", "--focal", 60)
+        assert done.returncode == 0, done.stderr
+        assert degrees_apart(read_camera(files / "camera.json"), true) < 1
 
     def test_a_start_that_only_looks_from_the_right_side_is_moved_to_where_the_object_is(self, mpsnet, files):
         """As a viewport looks: the object elsewhere in the picture, and of another size."""

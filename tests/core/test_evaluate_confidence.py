@@ -50,7 +50,10 @@ def test_photos_are_pooled() -> None:
     for level, error in ((0.9, 5.0), (0.5, 50.0)):
         pool.add("net", np.full(100, level, np.float32), np.full(100, error, np.float32))
     pool.add("certain", np.ones(100, np.float32), np.arange(100, dtype=np.float32))
-    (row,) = pool.calibration()
+    falling = np.linspace(1, 0, 100, dtype=np.float32)
+    pool.add("baseline", falling, 1 - falling, predicts_error=False)
+    row, baseline = pool.calibration()
+    assert baseline.expected_deg is None
     assert (row.model, row.rank_correlation) == ("net", pytest.approx(1))
     assert row.error_deg == pytest.approx([5] * 5 + [50] * 5)
     assert row.expected_deg == pytest.approx([9] * 5 + [45] * 5, abs=1e-3)

@@ -311,10 +311,7 @@ class CalibrateLights(LooksAtBall):
         if len(self.ball) > 1 or self.overlay or self.json:
             raise SettingsError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
         [file] = self.ball
-        try:
-            names, directions = read_lp(file)
-        except InputError as error:
-            raise type(error)(str(error) if file in str(error) else f"{file}: {error}") from None
+        names, directions = read_lp(file)
         if not self.lights:
             raise SettingsError(
                 f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"

@@ -288,14 +288,17 @@ def _reduced(capture: "Capture", factor: int) -> "Capture":
     import numpy as np
 
     from mpsnet_core.arrays.block_means import block_means
-    from mpsnet_core.capture.capture import Capture
 
     if factor == 1:
         return capture
     mask = block_means(capture.mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
     height, width = mask.shape
     camera = None if capture.camera is None else _resized(capture.camera, 1 / factor, width, height)
-    return Capture(block_means(capture.image, factor), mask, capture.rig, camera, capture.clip)
+    depth = None if capture.depth is None else capture.depth[::factor, ::factor]  # a plane's
+    clipped = None if capture.clipped is None else block_means(capture.clipped.astype(np.float32), factor) > 0
+    return replace(
+        capture, image=block_means(capture.image, factor), mask=mask, camera=camera, depth=depth, clipped=clipped
+    )
 
 
 def _resized(camera: "Camera", factor: float, width: int, height: int) -> "Camera":

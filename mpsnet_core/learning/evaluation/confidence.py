@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
-from mpsnet_core.estimate.registry import LAMBERTIAN, LAMBERTIAN_GREY_WORLD
 
 GROUPS = 10
 # Pixels of each photo in the pool.
@@ -55,9 +54,14 @@ class ConfidencePool:
 
     def __init__(self) -> None:
         self._pixels: dict[str, list[NDArray[np.float32]]] = {}
+        self._predicting: set[str] = set()
 
-    def add(self, model: str, confidence: NDArray[np.float32], error: NDArray[np.float32]) -> None:
-        """Add one photo's scored pixels, (N,) each."""
+    def add(
+        self, model: str, confidence: NDArray[np.float32], error: NDArray[np.float32], *, predicts_error: bool = True
+    ) -> None:
+        """Add one photo's scored pixels, (N,) each. predicts_error: False for the baselines, see Calibration."""
+        if predicts_error:
+            self._predicting.add(model)
         step = -(-len(error) // PIXELS_A_PHOTO)
         self._pixels.setdefault(model, []).append(np.stack([confidence[::step], error[::step]]))
 
@@ -70,7 +74,7 @@ class ConfidencePool:
             if correlation is None:
                 continue
             expected = None
-            if model.split(" ×")[0] not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):  # magnified or not
+            if model in self._predicting:
                 expected = error_by_confidence(confidence, 90 * (1 - confidence)).round(4).tolist()
             means = error_by_confidence(confidence, error).round(4).tolist()
             found.append(Calibration(model, round(correlation, 4), means, expected))

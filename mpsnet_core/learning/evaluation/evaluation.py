@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
+from mpsnet_core.estimate.registry import BASELINES
 from mpsnet_core.io.files import writable_path, write_json, written_together
 from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
@@ -77,20 +78,21 @@ def evaluate(
             for result in results:
                 scored = result.case.scored
                 name = _shown_name(result.model, result.case.labels, result.case.magnify)
-                pool.add(name, result.estimate.confidence[scored], result.error[scored])
+                confidence, error = result.estimate.confidence[scored], result.error[scored]
+                pool.add(name, confidence, error, predicts_error=result.model not in BASELINES)
             if page:
                 page.add(results)
-        confidence = pool.calibration()
+        calibrations = pool.calibration()
         named = [row.labelled(model=_shown_name(row.labels["model"], row.labels, row.magnify)) for row in rows]
         table = "\n\n".join(
-            ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(confidence)]
+            ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(calibrations)]
         )
         skipped = evaluation.skipped()
         notes = [*evaluation.notes(rows), *skipped]
         measured = Measured(
             rows=[row.to_json() for row in rows],
             published=evaluation.published(rows),
-            confidence=[calibration.to_json() for calibration in confidence],
+            confidence=[calibration.to_json() for calibration in calibrations],
             skipped=skipped,
             text="\n".join([table, *notes]),
         )
@@ -98,7 +100,9 @@ def evaluate(
             if json:
                 write_json(json, measured.data())
             if page:
-                page.write(evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(confidence)])
+                page.write(
+                    evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(calibrations)]
+                )
     return measured
 
 
