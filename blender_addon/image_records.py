@@ -11,6 +11,9 @@ from mpsnet_core.scene.rig import read_rig
 
 Stored = TypeVar("Stored", list[Any], dict[str, Any])
 
+# Kept with each image that the add-on loads, and with each that it makes: by which operator.
+LOADED, MADE_BY = "loaded", "made_by"
+
 _READERS = {"rig": read_rig, "camera": read_camera}
 
 
@@ -43,6 +46,11 @@ def remembered(image: bpy.types.Image, what: str) -> str | None:
     """The text that :func:`remember` stored, or None."""
     text = image.get(f"mpsnet_{what}")
     return text if isinstance(text, str) else None  # a file may hold anything by that name
+
+
+def is_own(image: bpy.types.Image) -> bool:
+    """Whether the add-on made or loaded an image. All others are people's, and stay as they are."""
+    return any(remembered(image, what) for what in (LOADED, MADE_BY))
 
 
 def from_json(text: str | None, kind: type[Stored]) -> Stored:

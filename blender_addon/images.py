@@ -3,20 +3,23 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
 from mpsnet_core.errors import FileError, FormatError, InputError
 
-from .image_records import read_sidecar, remember, remembered
+from .image_records import LOADED, is_own, read_sidecar, remember, remembered
 from .outputs import file_name
 
 _FINE_PREVIEW = 512
 
 
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
-    """The file as an image of Blender's, which reads its pixels, anew where it is one already, when it shows them.
+    """The file as an image of Blender's, which reads its pixels when it shows them.
+
+    Where the add-on has loaded the file before, that image is read anew; people's own images of it stay as they are.
 
     A file in Blender's temporary folder, which goes when Blender quits, is packed into the .blend file as well.
 
@@ -24,10 +27,13 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
 
     Raises InputError where Blender cannot open it.
     """
-    try:
-        image = bpy.data.images.load(str(path), check_existing=True)
-    except RuntimeError:
-        raise FileError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
+    image = _loaded_from(path)
+    if image is None or not path.is_file():
+        try:
+            image = bpy.data.images.load(str(path), check_existing=False)
+        except RuntimeError:
+            raise FileError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
+        remember(image, LOADED, path.name)
     if image.source == "SEQUENCE":
         image.source = "FILE"
     if image.packed_file:
@@ -49,8 +55,7 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
 
     Raises InputError where Blender cannot read them.
     """
-    known = (image for image in bpy.data.images if image.source == "TILED" and not image.library)
-    image = next((one for one in known if Path(bpy.path.abspath(one.filepath)) == pattern), None)
+    image = _loaded_from(pattern)
     if image is None:
         first = pattern.with_name(pattern.name.replace("<UDIM>", str(numbers[0])))
         image = load_image(first, name, is_data=is_data)
@@ -66,6 +71,12 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
         image.preview.reload()
     _pack_or_make_relative(image, pattern)
     return image
+
+
+def _loaded_from(path: Path) -> Any:
+    """The image that the add-on loaded from a file, None where there is none."""
+    own = (image for image in bpy.data.images if not image.library and is_own(image))
+    return next((image for image in own if Path(bpy.path.abspath(image.filepath)) == path), None)
 
 
 def _pack_or_make_relative(image: bpy.types.Image, path: Path) -> None:
@@ -160,11 +171,13 @@ def origin(image: bpy.types.Image) -> Path:
 
 
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
-    """The file an image comes from. Raises InputError where there is no image or it has no file on disk."""
+    """The file an image comes from, for what is packed one with that. Raises InputError where there is no image, it has
+    no file on disk, or was changed since."""
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")
+    refuse_unsaved(image, what)
     path = origin(image)
-    if image.packed_file and remembered(image, "source") is None and not path.is_file():
+    if image.packed_file and remembered(image, "source") is None:
         # What was painted and packed never had a name.
         unnamed = f"{file_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}"
         path = _folder_to_unpack(image) / (path.name or unnamed)
@@ -173,6 +186,12 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         missing = f" ({path} is missing)" if image.filepath else ""
         raise FileError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path
+
+
+def refuse_unsaved(image: bpy.types.Image, what: str) -> None:
+    """Raises InputError where an image was painted on, which its file does not show."""
+    if image.is_dirty:
+        raise InputError(f'the {what} "{image.name}" has changes that are not in its file; save it first')
 
 
 def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:

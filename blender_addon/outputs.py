@@ -9,6 +9,7 @@ import bpy
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, ensure_folder, writable_path
 
+from .image_records import is_own
 from .preferences import output_folder
 
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
@@ -21,15 +22,24 @@ def output_path(given: str, name: str, file_format: str) -> Path:
 
     given: a file, or a folder for `name`: one that exists, or what ends in a slash, which is made.
 
-    Raises InputError where no file can be put there or the ending is of no format that can be written.
+    Raises InputError where no file can be put there, the ending is of no format that can be written, or a name that was
+    not given is that of an image of the artist's.
     """
     folder = requested_folder(given)
     path = requested_path(given) if folder is None else folder / file_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
+    if folder is not None:
+        _leave_to_artists(path)
     if path.suffix.lower() not in _FORMAT_OF:
         raise SettingsError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
+
+
+def _leave_to_artists(path: Path) -> None:
+    for image in bpy.data.images:
+        if image.users and not is_own(image) and Path(bpy.path.abspath(image.filepath)) == path:
+            raise FileError(f'the result would overwrite {path}, the image "{image.name}"; choose another output')
 
 
 def requested_path(given: str) -> Path:

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike
 
 from mpsnet_core.errors import FileError
 
-from .image_records import from_json, remember, remembered
+from .image_records import MADE_BY, from_json, remember, remembered
 from .images import origin
 
 Provenance = dict[str, str]
 
 # Stored with the image.
-_MADE, _MADE_BY, _MADE_FROM = "made", "made_by", "made_from"
+_MADE, _MADE_FROM = "made", "made_from"
 
 # What later steps take from those who make it.
 _TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
@@ -104,7 +104,7 @@ def rounded(values: ArrayLike, decimals: int) -> str:
 def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance) -> None:
     """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
     made = datetime.now().isoformat()
-    for what, text in {_MADE: made, _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}.items():
+    for what, text in {_MADE: made, MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}.items():
         remember(image, what, text)
     if verb == "open_photo":
         _written.pop(origin(image), None)
@@ -114,7 +114,7 @@ def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance)
 
 def made_by(image: bpy.types.Image) -> str:
     """The operator that made an image; "" where none is known."""
-    return remembered(image, _MADE_BY) or ""
+    return remembered(image, MADE_BY) or ""
 
 
 def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:

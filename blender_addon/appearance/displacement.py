@@ -15,6 +15,7 @@ from .nodes import (
     UV_NODE,
     ensure_node,
     find_node,
+    shaders,
 )
 
 # Stored with a material: its displacement method before it wore heights.
@@ -142,9 +143,7 @@ def remove_object_normals(material: Any) -> None:
 
 def _link_normal(tree: Any, normal: Any, linked: bool) -> None:
     """Link a Normal Map node to the shaders whose normal is free, or take it off them."""
-    for shader in tree.nodes:
-        if not shader.type.startswith("BSDF") or "Normal" not in shader.inputs:
-            continue
+    for shader in shaders(tree):
         socket = shader.inputs["Normal"]
         if linked and not socket.is_linked:
             tree.links.new(normal.outputs["Normal"], socket)

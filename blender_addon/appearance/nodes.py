@@ -31,9 +31,37 @@ def new_material(name: str) -> Any:
 
 
 def with_nodes(material: Any) -> Any:
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
+    """A material that has nodes; before Blender 5.0, one without gets them and keeps its look."""
+    if bpy.app.version >= (5, 0) or material.use_nodes:
+        return material
+    material.use_nodes = True
+    look = {
+        "Base Color": material.diffuse_color,
+        "Metallic": material.metallic,
+        "Roughness": material.roughness,
+        "Specular IOR Level": material.specular_intensity,
+    }
+    for shader in shaders(material.node_tree):
+        for name, value in look.items():
+            shader.inputs[name].default_value = value
     return material
+
+
+def shaders(tree: Any) -> list[Any]:
+    """A tree's shaders that take a normal."""
+    return [node for node in tree.nodes if "Normal" in node.inputs and any(o.type == "SHADER" for o in node.outputs)]
+
+
+def output_before(socket: Any) -> Any:
+    """The output that an input is linked to, past reroutes; None where it is not linked."""
+    found = socket.links[0].from_socket if socket.links else None
+    return output_before(found.node.inputs[0]) if found is not None and found.node.type == "REROUTE" else found
+
+
+def node_before(node: Any, socket: str | int) -> Any:
+    """The node that an input is linked to, past reroutes; None where it is not linked."""
+    found = output_before(node.inputs[socket])
+    return None if found is None else found.node
 
 
 def find_node(tree: Any, name: str) -> Any:

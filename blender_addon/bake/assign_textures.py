@@ -5,10 +5,17 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import InputError
-
 from ..appearance.displacement import remove_displacement, remove_object_normals
-from ..appearance.nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
+from ..appearance.nodes import (
+    ALBEDO_NODE,
+    GREEN_NODE,
+    NORMAL_NODE,
+    TEXTURE_NODE,
+    UV_NODE,
+    ensure_node,
+    find_node,
+    shaders,
+)
 from ..image_records import remember
 from .texture_owners import store_owners
 from .texture_sets import AssignedTexture, own_materials
@@ -17,8 +24,10 @@ from .texture_sets import AssignedTexture, own_materials
 def assign_textures(
     worn: Sequence[AssignedTexture], space: str, convention: str, frames: range = range(0)
 ) -> list[str]:
-    """Give all materials of objects their textures; returns a sentence for each node whose place a texture took,
-    and for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
+    """Give all materials of objects their textures.
+
+    Returns a sentence for each node whose place a texture took, for each material that has no place for one, and for
+    each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
@@ -30,6 +39,9 @@ def assign_textures(
         if space == "TANGENT" and remove_displacement(one.target)
     ]
     for material, (image, uv_map) in materials.items():
+        if not shaders(material.node_tree):
+            sentences.append(f'Material "{material.name}" has no shader with a Normal input for "{image.name}"')
+            continue
         # Later steps read this from the texture: the panel may have changed by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
@@ -88,17 +100,14 @@ def mark_asset(datablock: Any) -> None:
 def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
     """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again.
 
-    Returns the names of the nodes that were the shaders' normals until now, an earlier bake's apart.
-
-    Raises InputError where no shader of the material takes a normal.
+    material: one with a shader that takes a normal. Returns the names of the nodes that were the shaders' normals until
+    now, an earlier bake's apart.
     """
-    shaders = [node for node in material.node_tree.nodes if node.type.startswith("BSDF") and "Normal" in node.inputs]
-    if not shaders:
-        raise InputError(f'material "{material.name}" has no shader with a Normal input; add a Principled BSDF to it')
-    left, top = min(node.location.x for node in shaders), min(node.location.y for node in shaders) - 300
+    found = shaders(material.node_tree)
+    left, top = min(node.location.x for node in found), min(node.location.y for node in found) - 300
     normal = ensure_normal_map(material.node_tree, image, uv_map, space, convention, left, top)
-    before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
-    for shader in shaders:
+    before = [link.from_node for shader in found for link in shader.inputs["Normal"].links]
+    for shader in found:
         material.node_tree.links.new(normal.outputs["Normal"], shader.inputs["Normal"])
     return list(dict.fromkeys(other.name for other in before if other != normal))
 

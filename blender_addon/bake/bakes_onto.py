@@ -13,12 +13,13 @@ from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import InputError
 
+from ..appearance.nodes import shaders
 from ..child_process.core_process import Work
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
-from ..scene.objects import by_session_uid, find_object, target_of
+from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..settings.declared import as_typed
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .coverage import store_coverage
@@ -63,6 +64,8 @@ class BakesOnto(RunsCore):
         target = target_of(context)
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
+        check_in_scene(context.scene, target, "target")
+        _check_takes_normals(target)
         _refuse_linked(target)
         return target
 
@@ -77,6 +80,7 @@ class BakesOnto(RunsCore):
             raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
         for target in targets:
             _refuse_linked(target)
+            _check_takes_normals(target)
         refuse_shared(targets, settings.split)
         return targets
 
@@ -139,9 +143,9 @@ class BakesOnto(RunsCore):
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
         worn = _worn(there, images)
-        sentences = assign_textures(worn, bake.space, bake.convention)
+        sentences = [*assign_textures(worn, bake.space, bake.convention), *_of_modifiers(self._bake_targets)]
         for sentence in [*sentences, *self._assign_albedo(there, result)]:
-            self.report({"INFO"}, sentence)
+            self.note(sentence)
         mark_assets(worn, bake.mark_asset)
 
     def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], result: dict[str, Any]) -> list[str]:
@@ -193,6 +197,25 @@ def texture_name(settings: Any, name: str) -> str:
     """What a texture for an object of that name is called that is given none: as the preset wants it."""
     preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
     return preset.stem(name)
+
+
+def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
+    """A sentence for each material that an object has from a modifier and not from a slot: it gets no texture."""
+    return [
+        f'Material "{name}" of "{one.name}" comes from a modifier and does not show the texture'
+        for one in onto
+        for name in sorted(one.used - set(one.labels))
+    ]
+
+
+def _check_takes_normals(target: Any) -> None:
+    """Raises InputError, before the work, where no material of an object can wear a normal map; those that are missing
+    are made."""
+    trees = [slot.material.node_tree if slot.material else None for slot in target.material_slots]
+    if trees and all(tree is not None and not shaders(tree) for tree in trees):
+        raise InputError(
+            f'no material of "{target.name}" has a shader with a Normal input; add a Principled BSDF to one'
+        )
 
 
 def _refuse_linked(target: Any) -> None:

@@ -11,8 +11,17 @@ import bpy
 from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
-from ..appearance.nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, find_node
-from ..images import image_file, tile_files
+from ..appearance.nodes import (
+    GREEN_NODE,
+    NORMAL_NODE,
+    OBJECT_NORMAL_NODE,
+    TEXTURE_NODE,
+    find_node,
+    node_before,
+    output_before,
+    shaders,
+)
+from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid
 from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
 
@@ -120,8 +129,8 @@ def _some(targets: Sequence[Any], worn: Worn) -> Worn:
 
 def _usable_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, tiles: bool) -> tuple[Any, str] | None:
     found = _worn_map(targets, onto, part)
-    if found is not None and found[0].is_dirty:
-        raise InputError(f'the normal map "{found[0].name}" has changes that are not in its file; save it first')
+    if found is not None:
+        refuse_unsaved(found[0], "normal map")
     if found is not None and found[0].source == "TILED" and not tiles:
         raise InputError(f'the present normal map "{found[0].name}" has UDIM tiles; switch UDIM Tiles on')
     return found
@@ -163,18 +172,16 @@ def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
             continue
         if tree:
             baked = find_node(tree, NORMAL_NODE)
-            taken_off = [baked] if baked and _before(baked, "Color") else []
+            taken_off = [baked] if baked and node_before(baked, "Color") else []
             yield from list(_shaders_normal_maps(tree)) or taken_off
 
 
 def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
     displaced = find_node(tree, OBJECT_NORMAL_NODE)
-    for shader in tree.nodes:
-        if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
-            continue
-        node = _before(shader, "Normal")
+    for shader in shaders(tree):
+        node = node_before(shader, "Normal")
         while node is not None and node.type == "BUMP":
-            node = _before(node, "Normal")
+            node = node_before(node, "Normal")
         if node is not None and node.type == "NORMAL_MAP" and node != displaced:
             yield node
 
@@ -185,9 +192,9 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
     rendered: the UV map that a node takes that names none.
     """
     convention = getattr(normal, "convention", "OPENGL")  # from Blender 5.2 on
-    texture = _before(normal, "Color")
+    texture = node_before(normal, "Color")
     if texture is not None and texture == find_node(normal.id_data, GREEN_NODE):
-        convention, texture = "DIRECTX", _before(texture, 0)
+        convention, texture = "DIRECTX", node_before(texture, 0)
     if texture is None or texture.type != "TEX_IMAGE" or texture.image is None:
         raise InputError(f"the present normal map does not come straight from an image texture; {_BY_FILE}")
     for placed in (normal.uv_map or rendered, _placed_by(texture, rendered)):
@@ -209,11 +216,11 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
 def _placed_by(texture: Any, rendered: str) -> str:
     """The UV map that an image texture lies on. Raises InputError where it lies there otherwise than one to one."""
     end = texture.inputs["Vector"]
-    before = _before(texture, "Vector")
+    before = node_before(texture, "Vector")
     if before is not None and before.type == "MAPPING" and _moves_nothing(before):
-        end, before = before.inputs["Vector"], _before(before, "Vector") or before
+        end, before = before.inputs["Vector"], node_before(before, "Vector") or before
     if texture.projection == "FLAT":
-        if before is None or (before.type == "TEX_COORD" and end.links[0].from_socket.name == "UV"):
+        if before is None or (before.type == "TEX_COORD" and output_before(end).name == "UV"):
             return rendered
         if before.type == "UVMAP":
             return str(before.uv_map or rendered)
@@ -228,9 +235,3 @@ def _moves_nothing(mapping: Any) -> bool:
     ends = [(mapping.inputs[name], value) for name, value in still.items() if name in mapping.inputs]
     same_place = all(not end.is_linked and set(end.default_value) == {value} for end, value in ends)
     return same_place and mapping.vector_type != "NORMAL"
-
-
-def _before(node: Any, socket: str | int) -> Any:
-    """The node that is linked to an input, None where none is."""
-    links = node.inputs[socket].links
-    return links[0].from_node if links else None

@@ -49,7 +49,11 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
-        shared = ("model", "model_file", "rig_file", "mask", "encoding", "dark", "flat")
+        photo = ("rig_file", "encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
+        shared = ("model", "model_file", *photo)
+        # Those of the step Bake for one photo alone, and what no texture shows.
+        others = ("output", "mark_asset", "level", "level_scale", "animated", "all_rigs")
+        stand = {} if scene.estimate.rig_file else lights_stand(context.scene)
         behind = [] if scene.views.cameras else _with_photos(context.scene)
         return {
             "Background images": ", ".join(stamp(image) for _, image in behind),
@@ -57,10 +61,10 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **targets_place(scene.bake),
             **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
             **chosen(EstimateSettings, scene.estimate, only=shared),
-            **chosen(BakeSettings, scene.bake),
+            **chosen(BakeSettings, scene.bake, without=others),
             "Cameras": file_stamp(scene.views.cameras),
             "Rig File": file_stamp(scene.estimate.rig_file),
-            **({} if scene.estimate.rig_file else lights_stand(context.scene)),
+            **{f"{name} of the rig": text for name, text in stand.items()},  # "Lights" is a setting of this step
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
@@ -155,7 +159,11 @@ def background(obj: Any) -> Any:
     """The photo behind a camera, None for what has none."""
     if obj.type != "CAMERA":
         return None
-    shown = [behind.image for behind in obj.data.background_images if behind.source == "IMAGE" and behind.image]
+    shown = [
+        behind.image
+        for behind in obj.data.background_images
+        if behind.source == "IMAGE" and behind.image and behind.show_background_image
+    ]
     return shown[0] if shown else None
 
 

@@ -125,11 +125,16 @@ class RunsCore(ReportingOperator):
         return work, outputs
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        notes = [*self._notes, *result.get("notes", []), *self.remarks(result)]
-        for note in notes:
-            self.report({"INFO"}, note)
+        self._stored: list[str] = []
+        for sentence in [*self._notes, *result.get("notes", []), *self.remarks(result)]:
+            self.note(sentence)
         self.finish(context, result)
-        self._store_record(notes=notes)
+        self._store_record(notes=self._stored)
+
+    def note(self, sentence: str) -> None:
+        """Report a sentence that stays with the step; called by `finish`."""
+        self.report({"INFO"}, sentence)
+        self._stored.append(sentence)
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:

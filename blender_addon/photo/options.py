@@ -15,6 +15,7 @@ from ..preferences import preference
 from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import begin_mesh
+from ..scene.objects import check_in_scene
 from ..settings.declared import as_typed
 from ..settings.estimate import MODELS
 from ..slices import Slices
@@ -99,6 +100,7 @@ def _viewpoint_options(
     if rig.near is not None and settings.distance:
         viewpoint["distance"] = as_typed(settings.distance)
     elif rig.near is not None and settings.surface is not None and not settings.lens:
+        check_in_scene(scene, settings.surface, "surface")
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()
         later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)

@@ -180,7 +180,10 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 def _take(rig: Any, image: bpy.types.Image) -> None:
     """Make an image the photo of a rig."""
     if rig.photo.image not in (None, image):
-        rig.estimate.white = ""  # it is of the other photo's pose
+        # They are of the other photo.
+        rig.estimate.white, rig.estimate.painted_mask = "", None
+        if rig.estimate.mask == "PAINTED":
+            rig.estimate.property_unset("mask")
     rig.photo.image = image
 
 

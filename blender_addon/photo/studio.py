@@ -21,7 +21,7 @@ from ..errors import operator_report
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import literally, render_path
-from ..rig.light_rig import light_rig, rig_camera, rig_parts
+from ..rig.light_rig import drawn_rig, light_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import surfaces
@@ -30,6 +30,7 @@ from ..scene.surfaces import surfaces
 RenderProgress = Callable[[int, int, str], None]
 
 _NORMAL_SAMPLES = 16
+_SUBDIVISION = ("dicing_rate", "offscreen_dicing_scale", "max_subdivisions")
 # As a share of a box's diagonal: as much as the box of a low-poly object differs from that of the detailed one.
 _SAME_PLACE = 0.1
 
@@ -66,9 +67,12 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
     """
     render_path(path)
-    rig, photo = light_rig(scene), scene.mps.photo
-    camera, _, lights = rig_parts(scene)
+    light_rig(scene)  # what is wrong with it is reported before the renders
+    photo, (camera, _, lights) = scene.mps.photo, rig_parts(scene)
     with _studio(scene) as studio, temporary_folder() as folder:
+        depsgraph = studio.view_layers[0].depsgraph
+        rig = drawn_rig(scene, depsgraph)
+        taken_by = scene_camera(camera.evaluated_get(depsgraph), scene, (photo.width, photo.height))
         notes = _leave_target_out(studio, scene.mps.bake)
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
@@ -85,7 +89,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         load_openimageio()
         with written_together():
             write_rig(sidecar(path, "rig"), replace(rig, exact=True))
-            write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+            write_camera(sidecar(path, "camera"), taken_by)
             images = tuple(map(str, parts))
             Superpose(image=images, encoding="auto", channels=False, output=str(path)).run()
     return Rendered(path, notes)
@@ -134,7 +138,8 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
         studio.cycles.max_bounces = 0
         studio.view_layers[0].use_pass_normal = True
         progress(0, 1, "rendering the true normals")
-        write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+        seen_by = camera.evaluated_get(studio.view_layers[0].depsgraph)
+        write_camera(sidecar(path, "camera"), scene_camera(seen_by, scene, (photo.width, photo.height)))
         _render(studio, path, "OPEN_EXR_MULTILAYER")
     return Rendered(path, notes)
 
@@ -153,6 +158,7 @@ def _studio(scene: Any) -> Iterator[Any]:
         for obj in dict.fromkeys([*rendered(view_layer(scene).layer_collection), *lights, camera]):
             studio.collection.objects.link(obj)
         studio.camera = camera
+        _take_time_and_subdivision(studio, scene)
         studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)
         # As it is in this frame: animation may change its type, too, and a custom camera is a shader that would run.
         scene_camera(camera.evaluated_get(studio.view_layers[0].depsgraph), scene)
@@ -170,6 +176,20 @@ def _studio(scene: Any) -> Iterator[Any]:
         yield studio
     finally:
         bpy.data.scenes.remove(studio)
+
+
+def _take_time_and_subdivision(studio: Any, scene: Any) -> None:
+    """Give the studio what modifiers and drivers read of the scene: its frame rate, adaptive subdivision, properties of
+    its own."""
+    for settings, ours, names in (
+        (scene.render, studio.render, ("fps", "fps_base")),
+        (scene.cycles, studio.cycles, ("feature_set", *_SUBDIVISION)),
+    ):
+        for name in names:
+            if hasattr(settings, name):
+                setattr(ours, name, getattr(settings, name))
+    for name in set(scene.keys()) - set(scene.bl_rna.properties.keys()):
+        studio[name] = scene[name]
 
 
 def _leave_target_out(studio: Any, bake: Any) -> list[str]:
@@ -255,6 +275,8 @@ def _glows(tree: Any) -> bool:
     for node in tree.nodes:
         if node.type == "GROUP" and node.node_tree and _glows(node.node_tree):
             return True
+        if node.mute:
+            continue
         prefix = "" if node.type == "EMISSION" else "Emission "
         strength, colour = node.inputs.get(f"{prefix}Strength"), node.inputs.get(f"{prefix}Color")
         if strength is None or colour is None or not node.outputs[0].is_linked:

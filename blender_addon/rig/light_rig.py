@@ -1,7 +1,7 @@
 """The rig as the core's noun: where its lights shine from as they stand now, and how their colours mix."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from ..scene.objects import view_layer
 COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
 # How the brightness of lights with a place falls off their axis: a disc is seen smaller from the side.
 _LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
+# A light of this many watts of a kind is as bright, straight ahead, as an area light of one watt.
+_WATTS = {"AREA": 1.0, "POINT": 4.0, "SPOT": 4.0}
 
 
 def light_rig(scene: Any) -> LightRig:
@@ -26,15 +28,21 @@ def light_rig(scene: Any) -> LightRig:
     all three are of one such kind they are near lights, which differ from pixel to pixel. The mixing matrix follows
     from the lights' colours and their brightness at the target.
 
-    Raises InputError where a part of the rig is missing, or no normal can be told from how the lights stand.
+    Raises InputError where a part of the rig is missing, the lights' brightness cannot be compared, or no normal can be
+    told from how they stand.
     """
     view_layer(scene).update()
     return drawn_rig(scene)
 
 
-def drawn_rig(scene: Any) -> LightRig:
-    """:func:`light_rig` as Blender last evaluated the scene, for panels, which must not evaluate it."""
+def drawn_rig(scene: Any, depsgraph: Any = None) -> LightRig:
+    """:func:`light_rig` as Blender last evaluated the scene, for panels, which must not evaluate it.
+
+    depsgraph: one that evaluates the rig, where the scene's may not: it leaves out what is disabled in viewports.
+    """
     camera, target, lights = rig_parts(scene)
+    if depsgraph is not None:
+        camera, target, *lights = [obj.evaluated_get(depsgraph) for obj in (camera, target, *lights)]
     to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
     centre = target.matrix_world.translation
     directions = np.array([_direction(light, centre) for light in lights])
@@ -95,11 +103,38 @@ def _direction(light: Any, centre: Vector) -> Vector:
     return direction.normalized()
 
 
-def _mixing(lights: Iterable[Any], centre: Vector) -> NDArray[np.float64]:
+def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
+    if len({_beyond_power(light) for light in lights}) > 1:
+        raise InputError(
+            "the rig's lights differ in spread, normalisation, nodes or whether surfaces see them, so their brightness "
+            "cannot be compared; set these alike"
+        )
     columns = np.stack([_brightness(light, centre) for light in lights], axis=-1)
     if columns.max() <= 0:
         raise InputError("the rig's lights are all black; give them their strength back")
     return columns / columns.max()
+
+
+def _beyond_power(light: Any) -> tuple[Any, ...]:
+    """What else changes how bright a light is: of three lights that have it alike it changes nothing."""
+    data = light.data
+    emission = [node for node in data.node_tree.nodes if node.type == "EMISSION"] if data.node_tree else []
+    strengths = [
+        (
+            tuple(node.inputs["Color"].default_value),
+            node.inputs["Strength"].default_value,
+            node.inputs["Strength"].is_linked,
+        )
+        for node in emission
+    ]
+    spread = data.spread if data.type == "AREA" else math.pi
+    plain = [((1.0, 1.0, 1.0, 1.0), 1.0, False)]
+    return (
+        round(spread, 4),
+        getattr(data, "normalize", True),
+        light.visible_diffuse,
+        None if not getattr(data, "use_nodes", True) or strengths in ([], plain) else str(strengths),
+    )
 
 
 def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
@@ -110,7 +145,7 @@ def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
         colour *= np.array(data.temperature_color)
     if data.type == "SUN":
         return colour / math.pi
-    return colour / area_power((light.matrix_world.translation - centre).length)
+    return colour / area_power((light.matrix_world.translation - centre).length) / _WATTS[data.type]
 
 
 def area_power(distance: float) -> float:

@@ -112,9 +112,15 @@ def add_rig(context: Any) -> None:
 
 
 def remove_rig(scene: Any) -> None:
-    """Remove the rig's objects, and its collection unless something else lies in it."""
+    """Remove the rig's objects, and its collection unless something else lies in it.
+
+    A scene that is a copy of another names that one's rig as its own; it stays there.
+    """
     settings = scene.mps.rig
+    elsewhere = {obj for other in bpy.data.scenes if other != scene for obj in other.objects}
     for obj in list(rig_objects(scene)):
+        if obj in elsewhere:
+            continue
         data = obj.data
         bpy.data.objects.remove(obj)
         if isinstance(data, bpy.types.Camera) and not data.users:
@@ -124,7 +130,9 @@ def remove_rig(scene: Any) -> None:
     collection = settings.collection
     if collection is not None and not collection.objects and not collection.children:
         bpy.data.collections.remove(collection)
-    settings.collection = None
+    elif collection in set(scene.collection.children) and not elsewhere.isdisjoint(collection.objects):
+        scene.collection.children.unlink(collection)
+    settings.target = settings.collection = None
     settings.lights.clear()
 
 

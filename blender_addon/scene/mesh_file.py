@@ -65,11 +65,13 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
     """
     if obj.type != "MESH":
         raise GeometryError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
+    if obj.mode == "SCULPT" and any(modifier.type == "MULTIRES" for modifier in obj.modifiers):
+        raise GeometryError(f'"{obj.name}" is being sculpted with Multiresolution; leave Sculpt Mode first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
     if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tag what they changed; tagging redraws
         obj.data.update_tag()
-    with as_rendered(obj):
+    with _without_simplify(depsgraph.scene), as_rendered(obj):
         depsgraph.update()
         evaluated = obj.evaluated_get(depsgraph)
         if not evaluated.is_evaluated:
@@ -166,6 +168,19 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
                     part = whole[start : start + _ROWS_A_SLICE]
                     file.write((part if rows is None else values[part]).tobytes())
                     yield False
+
+
+@contextmanager
+def _without_simplify(scene: Any) -> Iterator[None]:
+    """Within, the scene's Simplify is off, as in the photo."""
+    before = scene.render.use_simplify
+    if before:
+        scene.render.use_simplify = False
+    try:
+        yield
+    finally:
+        if before:
+            scene.render.use_simplify = True
 
 
 @contextmanager

@@ -21,6 +21,12 @@ def find_object(scene: Any, name: str) -> Any:
     return target
 
 
+def check_in_scene(scene: Any, obj: Any, what: str) -> None:
+    """Raises InputError where an object that a setting names is not in the scene: deleted ones live on in settings."""
+    if scene not in obj.users_scene:
+        raise InputError(f'the {what} "{obj.name}" was deleted, or is in another scene; choose one of this scene')
+
+
 def target_of(context: Any) -> Any:
     """The object that is worked on: the target of the step Bake, else the active one; None where there is none."""
     return context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object

@@ -74,6 +74,24 @@ def test_the_map_stays_beneath_and_runs_do_not_add_up(worn: "bpy.types.Node", sc
         assert degrees_between(vectors_in(tmp_path / name), once).max() < 0.01
 
 
+@pytest.mark.parametrize("where", ["normal", "colour", "vector"])
+def test_a_reroute_between_is_passed(worn: "bpy.types.Node", tmp_path: Path, where: str) -> None:
+    tree = worn.id_data
+    texture = worn.inputs["Color"].links[0].from_node
+    reroute, uv = tree.nodes.new("NodeReroute"), tree.nodes.new("ShaderNodeUVMap")
+    uv.uv_map = "UVMap"
+    begin, end = {
+        "normal": (worn.outputs["Normal"], tree.nodes["Principled BSDF"].inputs["Normal"]),
+        "colour": (texture.outputs["Color"], worn.inputs["Color"]),
+        "vector": (uv.outputs["UV"], texture.inputs["Vector"]),
+    }[where]
+    tree.links.new(begin, reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], end)
+    bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "onto.png"))
+    apart = degrees_between(vectors_in(tmp_path / "onto.png"), waves())
+    assert (apart < 0.1).mean() > 0.3  # the half that the photo does not see
+
+
 def test_what_a_plain_bake_took_the_place_of_is_still_the_map(worn: "bpy.types.Node", tmp_path: Path) -> None:
     bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "straight.png"))
     worn.id_data.links.new(worn.outputs["Normal"], worn.id_data.nodes["Principled BSDF"].inputs["Normal"])

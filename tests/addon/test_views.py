@@ -81,6 +81,11 @@ def test_cameras_with_background_images_become_one_texture(around, scene, tmp_pa
     camera.data.shift_x = 0
     bpy.ops.mps.render_photo(output=str(tmp_path / "side3.exr"), samples=1)
     assert stands(MPS_PT_views) == (Kind.OUT_OF_DATE, "Changed since: Background images")
+    scene.mps.bake.mark_asset = "MATERIAL"  # which is not what the texture is made of
+    assert stands(MPS_PT_views)[1] == "Changed since: Background images"
+    scene.mps.views.lights_in = "WORLD"
+    assert stands(MPS_PT_views)[1] == "Changed since: Background images, Lights"
+    scene.mps.views.property_unset("lights_in")
     # The sphere's own normals are the truth here, so levelling can only make it better.
     bpy.ops.mps.bake_views(level=True, write_report=False)
     assert error(tmp_path / "texture.png") < 1.0

@@ -1,0 +1,286 @@
+"""What artists' own scenes hold: images of theirs, copies of scenes, deleted targets, unlike lights, odd materials."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.images import image_file, load_photo
+from blender_addon.rig.light_rig import light_rig
+from blender_addon.scene.mesh_file import begin_mesh
+from blender_addon.settings.record import notes_of
+from mpsnet_core.io.image_reading import read_channel
+from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core.scene.rig import read_rig
+
+from .conftest import matte
+from .test_photo import pixels
+
+SMALL = {"width": 24, "height": 24, "samples": 1}
+
+
+def painted(path: Path, value: float) -> "bpy.types.Image":
+    """An image that an artist has loaded from a PNG file of one grey."""
+    made = bpy.data.images.new("made", 24, 24, is_data=True)
+    made.pixels.foreach_set(np.full((24, 24, 4), (value, value, value, 1), np.float32).ravel())
+    made.filepath_raw, made.file_format = str(path), "PNG"
+    made.save()
+    bpy.data.images.remove(made)
+    image = bpy.data.images.load(str(path))
+    image.use_fake_user = True
+    return image
+
+
+def brighten(image: "bpy.types.Image") -> None:
+    image.pixels.foreach_set(np.ones(24 * 24 * 4, np.float32))
+    image.update()
+
+
+# --- images -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("verb", "name"), [("bake", "Sphere_normal.png"), ("displace", "Sphere_height.png")])
+def test_an_artists_image_is_not_written_over(estimated, scene, tmp_path, verb, name):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "project.blend"))
+    if verb == "displace":
+        bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+        scene.mps.bake.output, scene.mps.displace.file_format = "", "PNG"
+    image = painted(tmp_path / name, 0.5)
+    before = (tmp_path / name).read_bytes()
+    with pytest.raises(RuntimeError, match=f'would overwrite .*{name}, the image "{image.name}"; choose another'):
+        getattr(bpy.ops.mps, verb)()
+    assert (tmp_path / name).read_bytes() == before and image.name == name
+
+
+def test_an_artists_image_stays_as_it_is_when_its_file_is_opened_as_the_photo(scene, tmp_path):
+    for number, change in enumerate((brighten, lambda image: (brighten(image), image.pack()))):
+        image = painted(tmp_path / f"{number}.png", 0.5)
+        change(image)
+        bpy.ops.mps.open_photo(filepath=str(tmp_path / f"{number}.png"))
+        assert scene.mps.photo.image != image and image.pixels[0] == 1
+    sequence = painted(tmp_path / "frame_0001.png", 0.5)
+    sequence.source = "SEQUENCE"
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "frame_0001.png"))
+    assert sequence.source == "SEQUENCE" and scene.mps.photo.image.source == "FILE"
+    opened = scene.mps.photo.image
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "frame_0001.png"))
+    assert scene.mps.photo.image == opened  # once is enough
+
+
+def test_what_was_painted_on_a_photo_counts_once_it_is_packed_and_is_asked_for_before(scene, tmp_path):
+    painted(tmp_path / "photo.png", 0.5)
+    photo = load_photo(tmp_path / "photo.png", "photo")
+    brighten(photo)
+    with pytest.raises(Exception, match='the photo "photo" has changes that are not in its file; save it first'):
+        image_file(photo, "photo", "open one")
+    photo.pack()
+    assert read_channel(image_file(photo, "photo", "open one")).min() == 1
+    assert read_channel(tmp_path / "photo.png").max() < 0.6
+
+
+def test_a_painted_mask_is_of_its_photo_alone(scene, tmp_path):
+    for name in ("a.png", "b.png"):
+        painted(tmp_path / name, 0.5)
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "a.png"))
+    scene.mps.estimate.mask = "NONE"
+    bpy.ops.mps.paint_mask()
+    assert scene.mps.estimate.mask == "PAINTED" and scene.mps.estimate.painted_mask
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "b.png"))
+    assert scene.mps.estimate.mask != "PAINTED" and scene.mps.estimate.painted_mask is None
+
+
+# --- scenes and what is deleted ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["EMPTY", "LINK_COPY"])  # Scene > New > Copy Settings, Linked Copy
+def test_a_rig_in_a_copy_of_the_scene_leaves_the_first_ones_alone(sphere, scene, kind):
+    bpy.ops.mps.add_rig()
+    before = list(scene.objects)
+    bpy.ops.scene.new(type=kind)
+    copy = bpy.context.scene
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.mps.add_rig(slant=40)
+    assert [obj for obj in scene.objects if obj in before] == before
+    assert copy.mps.rig.target not in before and copy.mps.rig.target in set(copy.objects)
+    np.testing.assert_allclose(light_rig(copy).slants, 40, atol=1e-3)
+    assert sum(obj.type == "LIGHT" for obj in copy.objects) == 3
+    np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
+
+
+def test_a_deleted_target_or_surface_is_not_taken_for_one(estimated, scene, tmp_path):
+    """Settings keep deleted objects alive."""
+    bpy.ops.mesh.primitive_cube_add()
+    low = scene.mps.bake.target = bpy.context.object
+    scene.collection.objects.unlink(low)
+    with pytest.raises(RuntimeError, match='the target "Cube" was deleted, or is in another scene; choose one'):
+        bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    estimated.select_set(True)
+    bpy.ops.mps.add_rig(light_type="AREA")
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "near.exr"))
+    scene.mps.estimate.surface = low
+    with pytest.raises(RuntimeError, match='the surface "Cube" was deleted, or is in another scene; choose one'):
+        bpy.ops.mps.estimate(output=str(tmp_path / "near.png"))
+
+
+# --- the photo is of the scene as it is -------------------------------------------------------------------------------
+
+
+def test_a_rig_that_is_disabled_in_viewports_is_where_the_photo_has_it(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    scene.mps.rig.collection.hide_viewport = True
+    light = scene.mps.rig.lights[0].object
+    light.location = (3, 0, 3)
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
+    scene.mps.rig.collection.hide_viewport = False
+    found = read_rig(tmp_path / "photo.rig.json")
+    np.testing.assert_allclose(found.directions, light_rig(scene).directions, atol=1e-5)
+    assert found.slants[0] == pytest.approx(45, abs=0.1)
+
+
+def test_drivers_on_the_scenes_properties_and_frame_rate_hold_in_the_photo(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    scene["shift"] = 0.8
+    sphere.driver_add("location", 0).driver.expression = "shift"
+    variable = sphere.animation_data.drivers[0].driver.variables.new()
+    variable.name, variable.type = "shift", "CONTEXT_PROP"
+    variable.targets[0].context_property, variable.targets[0].data_path = "ACTIVE_SCENE", '["shift"]'
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
+    seen = np.nonzero(pixels(tmp_path / "photo.exr")[..., 3].any(axis=0))[0]
+    assert seen.min() > 7 and seen.max() == 23
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="adaptive subdivision is no longer experimental")
+def test_adaptive_subdivision_is_in_the_photo(sphere, scene, tmp_path):
+    scene.render.engine, scene.cycles.feature_set = "CYCLES", "EXPERIMENTAL"
+    material = sphere.material_slots[0].material
+    tree, material.displacement_method = material.node_tree, "DISPLACEMENT"
+    waves, height = tree.nodes.new("ShaderNodeTexWave"), tree.nodes.new("ShaderNodeDisplacement")
+    waves.inputs["Scale"].default_value, height.inputs["Scale"].default_value = 4, 0.3
+    tree.links.new(waves.outputs["Fac"], height.inputs["Height"])
+    tree.links.new(height.outputs["Displacement"], tree.get_output_node("CYCLES").inputs["Displacement"])
+    bpy.ops.mesh.primitive_plane_add(size=2)
+    plane = bpy.context.object
+    plane.data.materials.append(material)
+    plane.modifiers.new("Subdivision", "SUBSURF").subdivision_type = "SIMPLE"
+    plane.cycles.use_adaptive_subdivision = True
+    bpy.data.objects.remove(sphere)
+    bpy.ops.mps.add_rig(view="TOP")
+    bpy.ops.mps.render_photo(width=48, height=48, samples=1, output=str(tmp_path / "photo.exr"))
+    photo = pixels(tmp_path / "photo.exr")
+    assert photo[photo[..., 3] == 1].std() > 0.05
+
+
+@pytest.mark.parametrize("kinds", [("POINT", "SUN", "SPOT"), ("AREA", "POINT", "SUN")])
+def test_unlike_lights_are_as_bright_as_the_rig_says(sphere, scene, tmp_path, kinds):
+    """Far away, so that each lights the sphere as a sun does."""
+    bpy.ops.mps.add_rig(distance=200, light_type="AREA", slant=20)
+    for light, kind in zip(scene.mps.rig.lights, kinds, strict=True):
+        data = light.object.data
+        colour, energy = tuple(data.color), data.energy
+        data.type = kind
+        data = light.object.data
+        data.color, data.energy = colour, 2.0 if kind == "SUN" else energy * (5 if kind == "SPOT" else 3)
+        if kind == "SPOT":
+            data.spot_blend = 0
+    bpy.ops.mps.render_photo(width=32, height=32, samples=64, output=str(tmp_path / "photo.exr"))
+    rig = light_rig(scene)
+    middle = pixels(tmp_path / "photo.exr")[15:17, 15:17, :3].mean(axis=(0, 1))
+    expected = rig.mixing @ rig.directions[:, 2]
+    np.testing.assert_allclose(middle / middle.max(), expected / expected.max(), rtol=0.05)
+
+
+def test_lights_whose_brightness_cannot_be_compared_are_refused(sphere, scene):
+    bpy.ops.mps.add_rig(light_type="AREA")
+    lights = [light.object for light in scene.mps.rig.lights]
+    for light in lights:
+        light.data.spread = 1.0
+    light_rig(scene)  # alike
+    lights[1].data.spread = 2.0
+    with pytest.raises(RuntimeError, match=r"lights differ in spread, .*; set these alike"):
+        bpy.ops.mps.render_photo(**SMALL)
+
+
+# --- meshes and materials ---------------------------------------------------------------------------------------------
+
+
+def test_simplify_leaves_the_baked_mesh_as_the_photo_has_it(scene, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    subdivision = bpy.context.object.modifiers.new("Subdivision", "SUBSURF")
+    subdivision.levels = subdivision.render_levels = 3
+    scene.render.use_simplify, scene.render.simplify_subdivision = True, 0
+    begin_mesh(tmp_path / "mesh.npz", bpy.context.object, bpy.context.evaluated_depsgraph_get(), None).whole()
+    assert len(read_mesh(tmp_path / "mesh.npz", shape_only=True).vertices) == 386
+    assert scene.render.use_simplify
+
+
+def test_a_sculpted_multiresolution_is_asked_to_leave_sculpt_mode(scene, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.modifiers.new("Multires", "MULTIRES")
+    bpy.ops.object.multires_subdivide(modifier="Multires")
+    bpy.ops.object.mode_set(mode="SCULPT")
+    with pytest.raises(Exception, match="leave Sculpt Mode first"):
+        begin_mesh(tmp_path / "m.npz", bpy.context.object, bpy.context.evaluated_depsgraph_get(), None)
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def glowing() -> "bpy.types.Material":
+    """A material whose shader takes no normal."""
+    material = matte()
+    tree = material.node_tree
+    output = tree.get_output_node("ALL")
+    tree.nodes.remove(next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"))
+    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], output.inputs[0])
+    material.name = "Glow"
+    return material
+
+
+def test_a_slot_whose_shader_takes_no_normal_is_passed_over(estimated, scene, tmp_path):
+    estimated.data.materials.append(glowing())
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    assert 'Material "Glow" has no shader with a Normal input for "MPS Sphere"' in notes_of(scene, "bake")
+    assert "MPS Texture" in estimated.material_slots[0].material.node_tree.nodes
+
+
+def test_subsurface_scattering_and_what_is_not_called_a_bsdf_take_the_texture(estimated, scene, tmp_path):
+    tree = estimated.material_slots[0].material.node_tree
+    skin = tree.nodes.new("ShaderNodeSubsurfaceScattering")
+    tree.links.new(skin.outputs[0], tree.get_output_node("ALL").inputs[0])
+    tree.nodes.remove(next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"))
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    assert skin.inputs["Normal"].links[0].from_node.name == "MPS Normal"
+
+
+def test_a_material_of_a_modifier_gets_a_note(estimated, scene, tmp_path):
+    group = bpy.data.node_groups.new("Dress", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    begin, dress, end = map(group.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+    dress.inputs["Material"].default_value = other = matte()
+    other.name = "Other"
+    group.links.new(begin.outputs[0], dress.inputs[0])
+    group.links.new(dress.outputs[0], end.inputs[0])
+    estimated.modifiers.new("Dress", "NODES").node_group = group
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    note = 'Material "Other" of "Sphere" comes from a modifier and does not show the texture'
+    assert note in notes_of(scene, "bake")
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="every material has nodes")
+def test_a_material_without_nodes_keeps_its_look(estimated, scene, tmp_path):
+    material = bpy.data.materials.new("Plain")
+    material.diffuse_color, material.roughness, material.metallic = (0.9, 0.1, 0.2, 1), 0.7, 0.3
+    estimated.material_slots[0].material = material
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    inputs = material.node_tree.nodes["Principled BSDF"].inputs
+    assert inputs["Base Color"].default_value[:] == pytest.approx((0.9, 0.1, 0.2, 1))
+    assert (inputs["Roughness"].default_value, inputs["Metallic"].default_value) == pytest.approx((0.7, 0.3))
+
+
+def test_a_muted_light_in_a_material_does_not_glow(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    sphere.material_slots[0].material = material = glowing()
+    with pytest.raises(RuntimeError, match="glows"):
+        bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
+    next(node for node in material.node_tree.nodes if node.type == "EMISSION").mute = True
+    bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
