@@ -26,8 +26,8 @@ def assign_textures(
 ) -> list[str]:
     """Give all materials of objects their textures.
 
-    Returns a sentence for each node whose place a texture took, for each material that has no place for one, and for
-    each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
+    Those whose shaders take no normal are passed over. Returns a sentence for each node whose place a texture took, and
+    for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
@@ -40,7 +40,6 @@ def assign_textures(
     ]
     for material, (image, uv_map) in materials.items():
         if not shaders(material.node_tree):
-            sentences.append(f'Material "{material.name}" has no shader with a Normal input for "{image.name}"')
             continue
         # Later steps read this from the texture: the panel may have changed by then.
         remember(image, "space", space)

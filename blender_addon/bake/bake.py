@@ -196,7 +196,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             store_base_map(image, self._bases[None, None])
         worn = [AssignedTexture(target, (image,), onto.uv_map)]
         for sentence in assign_textures(worn, self.space, self.convention, self._frames):
-            self.note(sentence)
+            self.report({"INFO"}, sentence)
         mark_assets(worn, self.mark_asset)
 
 

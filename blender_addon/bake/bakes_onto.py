@@ -143,8 +143,10 @@ class BakesOnto(RunsCore):
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
         worn = _worn(there, images)
-        sentences = [*assign_textures(worn, bake.space, bake.convention), *_of_modifiers(self._bake_targets)]
+        sentences = assign_textures(worn, bake.space, bake.convention)
         for sentence in [*sentences, *self._assign_albedo(there, result)]:
+            self.report({"INFO"}, sentence)
+        for sentence in [*_without_normal(worn), *_of_modifiers(self._bake_targets)]:
             self.note(sentence)
         mark_assets(worn, bake.mark_asset)
 
@@ -197,6 +199,16 @@ def texture_name(settings: Any, name: str) -> str:
     """What a texture for an object of that name is called that is given none: as the preset wants it."""
     preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
     return preset.stem(name)
+
+
+def _without_normal(worn: Sequence[AssignedTexture]) -> list[str]:
+    """A sentence for each material that has no place for a normal map."""
+    materials = dict.fromkeys(slot.material for one in worn for slot in one.target.material_slots)
+    return [
+        f'Material "{material.name}" has no shader with a Normal input and does not show the texture'
+        for material in materials
+        if not shaders(material.node_tree)
+    ]
 
 
 def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:

@@ -240,7 +240,7 @@ def target_not_seen(scene, tmp_path):
 def material_without_shader(scene, tmp_path):
     material = matte()
     material.node_tree.nodes.clear()
-    bpy.context.object.data.materials.append(material)
+    bpy.context.object.data.materials[0] = material
     bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
 
 
@@ -327,7 +327,7 @@ CASES = [
     (no_such_uv_map, 'has no UV map "Lightmap"; choose "UVMap"'),
     (target_without_faces, "has no faces"),
     (target_not_seen, "no view sees any of the mesh"),
-    (material_without_shader, "has no shader with a Normal input"),
+    (material_without_shader, 'no material of "Sphere" has a shader with a Normal input; add a Principled BSDF'),
 ]
 
 
