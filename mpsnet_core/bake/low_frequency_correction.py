@@ -117,7 +117,7 @@ def levelling(
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
-    scene = scene or RayScene(mesh.world_vertices, mesh.triangles)
+    scene = scene or RayScene.of(mesh)
     rows, columns = chosen_pixels(*reduced_shape(height, width, TRACED_PIXELS), height, width)
     known = normals.mask[np.ix_(rows, columns)]
     row, column = np.nonzero(known)

@@ -28,4 +28,4 @@ class MeshFaces:
     def of(cls, mesh: Mesh) -> "MeshFaces":
         across = triangle_normals(mesh.world_vertices[mesh.triangles])
         length = np.linalg.norm(across, axis=1, keepdims=True)
-        return cls(RayScene(mesh.world_vertices, mesh.triangles), across / np.where(length > 0, length, 1))
+        return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1))
