@@ -9,8 +9,9 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.rotations import cross_matrix
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, cross_matrix, flow
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
