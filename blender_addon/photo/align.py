@@ -39,7 +39,6 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     bl_idname = "mps.align_photo"
     bl_label = "Align Photo"
-    bl_options = {"UNDO"}
 
     target: StringProperty(
         name="Target",

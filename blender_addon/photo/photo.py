@@ -74,7 +74,6 @@ class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
 
     bl_idname = "mps.render_photo"
     bl_label = "Render Photo"
-    bl_options = {"UNDO"}
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -147,7 +146,6 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     bl_idname = "mps.superpose"
     bl_label = "Make One Photo"
-    bl_options = {"UNDO"}
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -222,7 +220,6 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
 
     bl_idname = "mps.render_truth"
     bl_label = "Render True Normals"
-    bl_options = {"UNDO"}
 
     output: StringProperty(
         name="File",

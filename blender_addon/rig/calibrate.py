@@ -25,8 +25,6 @@ CHANNEL, UNEXPLAINED, EQUATION_2 = "Channel", "Unexplained", "Equation 2 Error"
 class _Calibrates(RunsCore, CalibrateSettings):
     """What both calibrations share: photos of a ball in, a rig file and a picture of what was found out."""
 
-    bl_options = {"UNDO"}
-
     def _options(self, what: str, balls: int) -> dict[str, Any]:
         """The core's options for the ball and what is written."""
         rig = self._rig = self._rig_path("mpsnet_rig")

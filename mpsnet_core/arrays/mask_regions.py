@@ -36,10 +36,14 @@ def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArra
     return labels, np.concatenate([[mask.size - sizes.sum()], sizes])
 
 
-def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The rows and columns that a mask, which is not empty, lies in."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
+    """The rows and columns that a mask, which is not empty, lies in, with a margin in pixels; as slices, whose stop may
+    be beyond the picture's border."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)).tolist() for axis in (1, 0))
+    return (
+        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
+        slice(max(columns[0] - margin, 0), columns[-1] + margin + 1),
+    )
 
 
 def without_specks(mask: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:

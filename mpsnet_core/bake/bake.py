@@ -160,7 +160,7 @@ def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, pro
         raise GeometryError("there is no view to bake; give at least one camera with its normal map")
     progress(0.0, "laying out the UVs")
     whole = join_meshes(meshes)
-    scene = RayScene(whole.world_vertices, whole.triangles)
+    scene = RayScene.of(whole)
     del whole
     projectors = Projectors(views, scene, baking.feather)
     seen = seen_triangles(meshes, projectors, scene, progress)

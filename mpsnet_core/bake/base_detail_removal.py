@@ -12,20 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.bilinear import bilinear
+from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
-from mpsnet_core.bake.low_frequency_correction import (
-    MeshSeen,
-    correct_low_frequencies,
-    mesh_seen,
-    rotated,
-    rotation_between,
-)
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.errors import check_choice
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh_seen import MeshSeen, mesh_seen
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 

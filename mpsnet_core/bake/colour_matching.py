@@ -71,7 +71,7 @@ def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
 def matched_views(views: Sequence[View], meshes: Sequence[Mesh], feather: float) -> list[View]:
     """The views, all of which have colours, with these matched. meshes, feather: as the bake takes them."""
     mesh = join_meshes(meshes)
-    looked = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), feather)
+    looked = agreement(mesh, RayScene.of(mesh), feather)
     for view in views:
         looked.add("", view, view, 0.0)
     gains = colour_gains(looked.colours)

@@ -5,7 +5,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,13 +105,7 @@ class BaseMaps(Sequence[BaseMap]):
     def __len__(self) -> int:
         return len(self._maps)
 
-    @overload
-    def __getitem__(self, number: int) -> BaseMap: ...
-    @overload
-    def __getitem__(self, number: slice) -> Sequence[BaseMap]: ...
-    def __getitem__(self, number: int | slice) -> BaseMap | Sequence[BaseMap]:
-        if isinstance(number, slice):
-            return [self[one] for one in range(len(self))[number]]
+    def __getitem__(self, number: int) -> BaseMap:  # type: ignore[override]  # nothing takes slices
         one, corner, triangles = self._maps[number]
         return BaseMap(self._vectors(one), self.shown, triangles, corner)
 

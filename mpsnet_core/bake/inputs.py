@@ -83,7 +83,7 @@ class ViewReader:
         Raises InputError, which names the view, where one cannot be read, or its files differ in size.
         """
         whole = join_meshes(meshes)
-        scene = RayScene(whole.world_vertices, whole.triangles) if self.level or self.base_maps else None
+        scene = RayScene.of(whole) if self.level or self.base_maps else None
         views, shares = list[View](), list[Sequence[float]]()
         for number, one in enumerate(inputs):
             progress(number / len(inputs), f"reading {one.normals.name}")

@@ -9,13 +9,13 @@ on the object, the same in each view, and nothing reaches over from what only st
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
@@ -23,6 +23,7 @@ from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh_seen import mesh_seen
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
@@ -117,7 +118,7 @@ def levelling(
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
-    scene = scene or RayScene(mesh.world_vertices, mesh.triangles)
+    scene = scene or RayScene.of(mesh)
     rows, columns = chosen_pixels(*reduced_shape(height, width, TRACED_PIXELS), height, width)
     known = normals.mask[np.ix_(rows, columns)]
     row, column = np.nonzero(known)
@@ -148,59 +149,6 @@ def turned(normals: NormalMap, by: Levelling) -> NormalMap:
 
     on_all_cores(turn, bands(len(vectors)))
     return replace(normals, vectors=vectors, in_place=True)
-
-
-def rotated(vectors: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Vectors (..., 3) rotated by rotation vectors (..., 3), by Rodrigues' formula."""
-    angle = np.sqrt(np.einsum("...i,...i->...", turns, turns))[..., None]
-    sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    across = np.cross(turns, vectors)
-    result: NDArray[np.float32] = (vectors + sine * across + versine * np.cross(turns, across)).astype(np.float32)
-    return result
-
-
-@dataclass(frozen=True)
-class MeshSeen:
-    """Where a camera's rays through N pixels meet a mesh.
-
-    mesh: the mesh. camera: what sees it. hit: (M,) which of the pixels do. triangle: (M,) what they meet. weights:
-    (M, 3, 1) barycentric coordinates. points: (M, 3) in the world, relative to the scene's middle. directions: (M, 3)
-    unit, of the rays in camera space.
-    """
-
-    mesh: Mesh
-    camera: Camera
-    hit: NDArray[np.int64]
-    triangle: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    points: NDArray[np.float64]
-    directions: NDArray[np.float64]
-
-    def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
-        """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
-        values: NDArray[np.floating[Any]] = (corners[self.triangle] * self.weights).sum(axis=1)
-        return values
-
-    def in_camera(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(M, 3) unit normals in camera space, of normals (M, 3) in object space."""
-        to_camera = self.mesh.normals_to_world @ self.camera.rotation
-        unit: NDArray[np.float32] = normalised(normals @ to_camera.astype(np.float32))
-        return unit
-
-    def from_front(self, normals: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(M,) whether surfaces of these normals (M, 3), in camera space, face the camera."""
-        facing: NDArray[np.bool_] = np.einsum("ni,ni->n", normals, self.directions) < 0
-        return facing
-
-
-def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshSeen:
-    """What a camera sees of the mesh, of which the scene is, through pixels (N, 2)."""
-    origins, directions, _ = scene.rays_of(camera, pixels)
-    hits = scene.hits(origins, directions)
-    hit = np.flatnonzero(hits.triangle >= 0)
-    hits = hits.chosen(hit)
-    points = origins[hit] - scene.middle + directions[hit] * hits.distance[:, None]
-    return MeshSeen(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)
 
 
 def _smoothed_turns(
@@ -236,15 +184,6 @@ def _smoothed_turns(
         share = along[:, 0] * along[:, 1] * along[:, 2]
         turns += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
     return turns
-
-
-def rotation_between(start: NDArray[np.float32], end: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 3) the shortest rotation, as a vector, that carries unit vectors `start` (N, 3) to `end` (N, 3)."""
-    axis = np.cross(start, end)
-    sine = np.linalg.norm(axis, axis=1)
-    angle = np.arctan2(sine, np.einsum("ni,ni->n", start, end))
-    result: NDArray[np.float32] = (axis * (angle / np.maximum(sine, 1e-9))[:, None]).astype(np.float32)
-    return result
 
 
 def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -557,7 +557,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         mesh = join_meshes(plan.meshes)
         recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
         sources = sources_of(views, photography, mesh, recipe)
-        scene = RayScene(mesh.world_vertices, mesh.triangles)
+        scene = RayScene.of(mesh)
         estimator = self.estimator(self.passes)
         with contextlib.ExitStack() as stack:
             folder = self._folder(stack)

@@ -57,7 +57,7 @@ def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> 
 
     Raises SettingsError where the pattern has other tokens than the sheets are parted by, or two sheets get one file.
     """
-    files = _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
+    files = map_files(pattern, sheets)
     folded = [file.name.casefold() for file in files]
     for file, name in zip(files, folded, strict=True):
         if folded.count(name) > 1:

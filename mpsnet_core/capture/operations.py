@@ -147,7 +147,7 @@ class HasViewpoint(HasLens):
             raise SettingsError("--mesh needs --camera, which states where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
         with located(f"camera {self.camera}"):
-            return lens, depth_of_mesh(lens, RayScene(mesh.world_vertices, mesh.triangles))
+            return lens, depth_of_mesh(lens, RayScene.of(mesh))
 
 
 @dataclass(frozen=True)

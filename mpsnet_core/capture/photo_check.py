@@ -317,8 +317,7 @@ def _sharpest_edges(
     single image", Pattern Recognition 44, 2011. factor: how many times smaller the picture is that it looks at. None
     where too few edges are high enough.
     """
-    margin = 8 * factor
-    part = tuple(slice(max(0, side.start - margin), side.stop + margin) for side in bounding_box(mask))
+    part = bounding_box(mask, 8 * factor)
     small = block_means(pixels[part], factor)
     inside = mask[part][::factor, ::factor]
     near = dilated(inside, 2)

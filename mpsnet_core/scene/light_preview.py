@@ -68,7 +68,7 @@ def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
     GeometryError
         If the camera does not see the mesh.
     """
-    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    scene = RayScene.of(mesh)
     row, column = np.mgrid[: camera.height, : camera.width].reshape(2, -1)
     origins, directions, _ = scene.rays_of(camera, np.stack([column, row], axis=1) + 0.5)
     hits = scene.hits(origins, directions)

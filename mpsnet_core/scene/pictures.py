@@ -113,8 +113,8 @@ def sheet(
 
 def cropped(pictures: Sequence[NDArray[np.float32]], mask: NDArray[np.bool_]) -> list[NDArray[np.float32]]:
     """The pictures cut to the mask's bounding box and a margin."""
-    rows, columns = (slice(max(side.start - MARGIN, 0), side.stop + MARGIN) for side in bounding_box(mask))
-    return [picture[rows, columns] for picture in pictures]
+    box = bounding_box(mask, MARGIN)
+    return [picture[box] for picture in pictures]
 
 
 def _inferno(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
 
 # embree's distance for rays that hit nothing is above this.
 _NO_HIT = 1e30
@@ -57,6 +58,11 @@ class RayScene:
         # embreex reads indices one by one, from tuples twice as fast as from an array's rows.
         corners = np.fromiter(zip(*triangles.T.tolist(), strict=True), object, len(triangles))
         self._mesh = TriangleMesh(self._scene, ((vertices - self.middle) / self.size).astype(np.float32), corners)
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "RayScene":
+        """That of a mesh where it stands."""
+        return cls(mesh.world_vertices, mesh.triangles)
 
     def rays_of(self, camera: Camera, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """World-space origins and unit directions, each (N, 3), of a camera's rays through image points (N, 2).

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rotations import quaternion_matrix
+
 Points = NDArray[np.floating[Any]]
 # Points worked on at once: their temporaries stay in the processor's cache.
 _CHUNK = 1 << 13
@@ -132,12 +134,7 @@ def _frame(seed: int) -> tuple[list[list[float]], list[float]]:
         if 0.01 < square <= 1:
             break
     w, x, y, z = (float(c) for c in q / np.sqrt(square))
-    turn = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return turn, (rng.random(3) * 1024).tolist()
+    return quaternion_matrix(w, x, y, z), (rng.random(3) * 1024).tolist()
 
 
 @lru_cache(maxsize=1)

@@ -17,10 +17,11 @@ from mpsnet_core import Capture, read_mesh
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
 from mpsnet_core.estimate.alignment.pose import Poses, rotations, spread_rotations
-from mpsnet_core.estimate.alignment.refine import Evidence, refined
+from mpsnet_core.estimate.alignment.refine import refined
 from mpsnet_core.estimate.alignment.search import searched
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import published_rig
 
 BARS = np.array([0.3, 0.3, 1.5])
@@ -61,7 +62,7 @@ def drawn_camera(rng: np.random.Generator, faces: MeshFaces, vertices: np.ndarra
     return pose.camera(size, size)
 
 
-def photographed(camera: Camera, faces: MeshFaces, estimator: Estimator) -> tuple[Evidence, np.ndarray]:
+def photographed(camera: Camera, faces: MeshFaces, estimator: Estimator) -> tuple[NormalMap, np.ndarray]:
     """What the default network says of a photo of the mesh in matt grey, and points (N, 3) that the camera sees."""
     steps = np.arange(camera.width) + 0.5
     pixels = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1).reshape(-1, 2)
@@ -78,11 +79,11 @@ def photographed(camera: Camera, faces: MeshFaces, estimator: Estimator) -> tupl
         image[seen, channel] = 0.6 * np.maximum(normals @ light, 0) * lit
     shape = camera.height, camera.width
     capture = Capture(image.reshape(*shape, 3), seen.reshape(shape), rig)
-    return Evidence(estimator(capture).vectors, capture.mask), points
+    return NormalMap(estimator(capture).vectors, capture.mask), points
 
 
 def aligned(
-    way: str, rng: np.random.Generator, camera: Camera, evidence: Evidence, surface: np.ndarray, faces: MeshFaces
+    way: str, rng: np.random.Generator, camera: Camera, evidence: NormalMap, surface: np.ndarray, faces: MeshFaces
 ) -> Camera:
     if way == "search":
         return searched(evidence, faces, camera.width * USUAL_FOCAL)[0].camera

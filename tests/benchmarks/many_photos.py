@@ -77,7 +77,7 @@ def linked(folder: Path, name: str, first: KeptView) -> KeptView:
 
 def bake_seconds(mesh: Mesh, kept: list[KeptView], cameras: list[Camera], size: int, file: Path) -> float:
     def bake() -> None:
-        views = KeptViews(kept, cameras, mesh, RayScene(mesh.world_vertices, mesh.triangles), LEVEL_SCALE)
+        views = KeptViews(kept, cameras, mesh, RayScene.of(mesh), LEVEL_SCALE)
         write_texture(file, bake_normals(mesh, views, size=size, feather=FEATHER))
 
     return seconds(bake)
@@ -108,7 +108,7 @@ def main() -> int:
         kept = [first]
         beside = seconds(lambda: first.write(captured.pop(), estimated.pop(), "benchmark"))
         kept += [linked(folder, str(number), first) for number in range(1, more)]
-        scene = RayScene(mesh.world_vertices, mesh.triangles)
+        scene = RayScene.of(mesh)
         agreed, stored = agreement(mesh, scene, FEATHER), KeptViews(kept, cameras, mesh, scene, LEVEL_SCALE)
         beside += seconds(lambda: agreed.add("0", *stored.both(0)))
         print(f"writing it, reading it again and comparing it: {beside:.1f} s; {peak_memory()}", flush=True)

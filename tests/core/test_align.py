@@ -14,9 +14,10 @@ from synthetic import write_file
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import camera_from_points
-from mpsnet_core.estimate.alignment.refine import Evidence, refined
+from mpsnet_core.estimate.alignment.refine import refined
 from mpsnet_core.estimate.alignment.search import searched
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
+from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import near_rig, published_rig, write_rig
 
 WIDTH, HEIGHT = 480, 400
@@ -47,8 +48,8 @@ def faces() -> MeshFaces:
     return MeshFaces.of(bumpy_ball.mesh())
 
 
-def evidence(photo: Photo) -> Evidence:
-    return Evidence(photo.normals, photo.mask)
+def evidence(photo: Photo) -> NormalMap:
+    return NormalMap(photo.normals, photo.mask)
 
 
 def pixels_of(camera: Camera, points: np.ndarray) -> np.ndarray:
@@ -136,7 +137,7 @@ class TestFromAStart:
         photo = photographed()
         flat = photo.normals + photo.mask[..., None] * np.array([0.05, -0.05, 0.3], np.float32)
         flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-9)
-        fit = refined(Evidence(flat, photo.mask), faces(), looking(45, 10, 4))
+        fit = refined(NormalMap(flat, photo.mask), faces(), looking(45, 10, 4))
         assert_the_same(fit.camera, photo.camera)
 
 

@@ -23,7 +23,7 @@ from mpsnet_core.scene.rays import RayScene
 POSE = np.diag([1.2, 1.2, 1.2, 1.0])
 POSE[:3, 3] = (4, -2, 1)
 MESH = sphere_mesh(96, 48, world_from_object=POSE)
-SCENE = RayScene(MESH.world_vertices, MESH.triangles)
+SCENE = RayScene.of(MESH)
 
 
 def relief(u: np.ndarray, v: np.ndarray, height: float = 0.3) -> np.ndarray:

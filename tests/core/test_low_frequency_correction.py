@@ -6,8 +6,9 @@ from eight_views import bumpy_normals, smoothly_wrong, turn, unit
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
+from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, levelling, rotated, rotation_between
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, levelling
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh

@@ -162,7 +162,7 @@ def test_the_depth_of_a_mesh_is_that_of_the_ball_it_stands_for(wide: Scene) -> N
     pose[:3, 3] = [7, -3, 2]
     camera = Camera("perspective", SIZE, SIZE, wide.camera.focal, world_from_camera=pose)
     mesh = ball_mesh(pose[:3, :3] @ [0, 0, -1.04 / np.sin(np.arctan(18 / WIDE))] + pose[:3, 3])
-    depth = depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
+    depth = depth_of_mesh(camera, RayScene.of(mesh))
     assert np.abs(depth - wide.depth)[wide.mask].max() < 0.01
     assert np.isinf(depth[0, 0])
 

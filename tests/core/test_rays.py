@@ -35,7 +35,7 @@ def rays() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 def test_hits_lie_on_the_ray_and_in_the_triangle(mesh: Mesh, rays: tuple[np.ndarray, ...], kind: type) -> None:
     origins, directions, passing = rays
-    hits = RayScene(mesh.world_vertices, mesh.triangles).hits(origins.astype(kind), directions.astype(kind))
+    hits = RayScene.of(mesh).hits(origins.astype(kind), directions.astype(kind))
     hit = hits.triangle >= 0
     assert 0.3 < hit.mean() < 0.9
     sure = np.abs(passing - SIZE) > 0.01 * SIZE
@@ -52,7 +52,7 @@ def test_hits_lie_on_the_ray_and_in_the_triangle(mesh: Mesh, rays: tuple[np.ndar
 
 def test_occluded_is_whether_anything_is_hit(mesh: Mesh, rays: tuple[np.ndarray, ...]) -> None:
     origins, directions, passing = rays
-    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    scene = RayScene.of(mesh)
     assert (scene.occluded(origins, directions) == (scene.hits(origins, directions).triangle >= 0)).all()
     sure = np.abs(passing - SIZE) > 0.01 * SIZE
     assert (scene.occluded(origins, directions) == (passing < SIZE))[sure].all()

@@ -46,7 +46,7 @@ def test_views_that_agree_are_not_apart() -> None:
 
 def test_each_view_is_reported_its_share_and_how_far_it_departs_from_the_others() -> None:
     mesh = plane()
-    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=4000)
+    said = agreement(mesh, RayScene.of(mesh), count=4000)
     mask = np.zeros((256, 256), bool)
     mask[:, :128] = True
     whole = constant_view(AHEAD, tilted(0))
@@ -67,7 +67,7 @@ def test_each_view_is_reported_its_share_and_how_far_it_departs_from_the_others(
 def test_views_count_as_in_the_bake_that_fades_them_out() -> None:
     """A view that ends in the middle pulls the others' mean less towards itself the nearer to its end."""
     mesh = plane()
-    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    scene = RayScene.of(mesh)
     mask = np.zeros((256, 256), bool)
     mask[:, :128] = True
     ends = constant_view(AHEAD, tilted(20))
@@ -86,7 +86,7 @@ def test_views_count_as_in_the_bake_that_fades_them_out() -> None:
 
 def test_a_view_that_nobody_shares_departs_from_nobody() -> None:
     mesh = sphere_mesh()
-    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=2000)
+    said = agreement(mesh, RayScene.of(mesh), count=2000)
     for side in ((1, 0, 0), (-1, 0, 0)):
         view = sphere_view(camera_looking(side))
         said.add(str(side[0]), view, view, 0.0)
@@ -99,7 +99,7 @@ def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn(np.array([1.0, 1, 0]), 30) * 2.5, (10, 20, 30)
     mesh = sphere_mesh(48, 24, world_from_object=pose)
-    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=5000)
+    said = agreement(mesh, RayScene.of(mesh), count=5000)
     points = (said.points + said.scene.middle - pose[:3, 3]) @ pose[:3, :3] / 2.5**2
     assert np.linalg.norm(points, axis=1) == pytest.approx(1, abs=0.01)
     # Archimedes: on a sphere every slab of the same height has the same area.
@@ -109,7 +109,7 @@ def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
 
 def test_the_report_is_one_page_that_holds_all(tmp_path: Path) -> None:
     mesh = sphere_mesh()
-    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    scene = RayScene.of(mesh)
     views = [sphere_view(camera_looking(side)) for side in SIX_SIDES[:3]]
     said = agreement(mesh, scene, count=500)
     for number, view in enumerate(views):

@@ -56,7 +56,7 @@ def nearest_hit(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> np.n
 
 def seen_by(camera: Camera, mesh: Mesh, points: np.ndarray, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """(N,) whether the camera sees points (N, 3) of the world, at `pixels` (N, 2) and `depth` (N,) of its image."""
-    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    scene = RayScene.of(mesh)
     x, y = pixels.T.astype(np.float32)
     depth = (depth - scene.depth_of_middle(camera)).astype(np.float32)
     return Visibility(camera, scene).seen((points - scene.middle).T.astype(np.float32), x, y, depth)
@@ -105,7 +105,7 @@ def test_a_scene_gives_the_distance_of_the_first_hit(mesh: Mesh) -> None:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins = -6 * directions + rng.normal(0, 0.8, (500, 3))
     expected = nearest_hit(mesh, origins, directions)
-    found = RayScene(mesh.world_vertices, mesh.triangles).distances(origins, directions)
+    found = RayScene.of(mesh).distances(origins, directions)
     hit = np.isfinite(expected)
     assert 0.3 < hit.mean() < 0.95
     assert (np.isfinite(found) != hit).sum() <= 2  # a ray that grazes an edge

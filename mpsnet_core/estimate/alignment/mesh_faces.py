@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.rays import RayScene
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -28,4 +31,37 @@ class MeshFaces:
     def of(cls, mesh: Mesh) -> "MeshFaces":
         across = triangle_normals(mesh.world_vertices[mesh.triangles])
         length = np.linalg.norm(across, axis=1, keepdims=True)
-        return cls(RayScene(mesh.world_vertices, mesh.triangles), across / np.where(length > 0, length, 1))
+        return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1))
+
+    def seen(self, camera: Camera, x: Floats, y: Floats) -> "SeenFaces":
+        """What a camera sees through pixels of those columns x (w,) and rows y (h,)."""
+        pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+        origins, directions = camera.rays(pixels)
+        hits = self.scene.hits(origins, directions)
+        found, own = hits.triangle >= 0, directions @ camera.rotation
+        normals, points = np.zeros((len(pixels), 3)), np.zeros((len(pixels), 3))
+        normals[found] = self.normals[hits.triangle[found]] @ camera.rotation
+        # A face seen from behind is that of an open or turned mesh.
+        normals[(normals * own).sum(axis=1) > 0] *= -1
+        points[found] = own[found] * (hits.distance[found, None] / self.scene.size)
+        shape = (len(y), len(x))
+        return SeenFaces(found.reshape(shape), normals.reshape(*shape, 3), points.reshape(*shape, 3))
+
+
+@dataclass(frozen=True)
+class SeenFaces:
+    """A mesh as a camera sees it.
+
+    Parameters
+    ----------
+    mask
+        (h, w) where the mesh is.
+    normals
+        (h, w, 3) unit normals in camera space that face the camera, zero elsewhere.
+    points
+        (h, w, 3) from the camera in camera space, in units of the mesh's size; zero elsewhere.
+    """
+
+    mask: NDArray[np.bool_]
+    normals: Floats
+    points: Floats

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mpsnet_core.capture.capture import Capture
+    from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
     from mpsnet_core.estimate.alignment.points import PointFit
     from mpsnet_core.estimate.alignment.pose import Floats
     from mpsnet_core.estimate.alignment.refine import Fit
@@ -121,9 +122,11 @@ class Align(RunsModel, ReadsPhotos):
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay where it is requested."""
         from mpsnet_core.capture.masks import mask_source
+        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.pairs import read_pairs
         from mpsnet_core.io.files import check_apart, writable_image, writable_path
         from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.scene.mesh import read_mesh
 
         if self.points and self.start:
             raise SettingsError("points and start both place the camera; give one of them")
@@ -137,8 +140,10 @@ class Align(RunsModel, ReadsPhotos):
         pairs = read_pairs(self.points) if self.points else None
         progress(0.0, f"reading {Path(self.image).name}")
         capture = self._capture()
-        fits, point_fit = self._fits(capture, pairs, progress)
-        return self._written(capture, fits, pairs, point_fit, progress)
+        _check_size(capture.mask)
+        faces = MeshFaces.of(read_mesh(self.mesh, shape_only=True))
+        fits, point_fit = self._fits(capture, faces, pairs, progress)
+        return self._written(capture, faces, fits, pairs, point_fit, progress)
 
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.capture import read_capture
@@ -153,46 +158,42 @@ class Align(RunsModel, ReadsPhotos):
         )
 
     def _fits(
-        self, capture: "Capture", pairs: "tuple[Floats, Floats] | None", progress: Progress
+        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None]":
         """The best cameras, and what the pairs alone say."""
-        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-        from mpsnet_core.estimate.alignment.refine import Evidence, measured, refined
+        from mpsnet_core.estimate.alignment.refine import measured, refined
         from mpsnet_core.estimate.alignment.search import brought_to_the_object, searched
         from mpsnet_core.scene.camera import FULL_FRAME, read_camera
-        from mpsnet_core.scene.mesh import read_mesh
 
-        _check_size(capture.mask)
         height, width = capture.mask.shape
         longer = max(height, width)
-        faces = MeshFaces.of(read_mesh(self.mesh, shape_only=True))
         focal = None if self.focal is None else self.focal / FULL_FRAME * longer
         by_points = None if pairs is None else camera_from_points(*pairs, width, height, focal)
         factor = -(-longer // LONGEST)
         small = _reduced(capture, factor)
-        normals = self.estimator(1)(small, part(progress, 0.05, 0.4))
-        evidence = Evidence(normals.vectors, small.mask)
+        estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
         fixed = focal is not None
         if by_points is None and self.start is None:
             start = (focal or longer * USUAL_FOCAL) / factor
             rest = part(progress, 0.4, 0.95)
-            fits = searched(evidence, faces, start, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            fits = searched(estimate, faces, start, fix_focal=fixed, count=CANDIDATES, progress=rest)
             return [_enlarged(fit, factor, width, height) for fit in fits], None
         rough = by_points.camera if by_points else _of_size(read_camera(str(self.start)), width, height, focal)
         progress(0.4, "aligning")
         begin = _resized(rough, 1 / factor, small.mask.shape[1], small.mask.shape[0])
         if by_points is None:
-            begin = brought_to_the_object(evidence, faces, begin)
-        fit = _enlarged(refined(evidence, faces, begin, fix_focal=fixed), factor, width, height)
+            begin = brought_to_the_object(estimate, faces, begin)
+        fit = _enlarged(refined(estimate, faces, begin, fix_focal=fixed), factor, width, height)
         if by_points and pairs and _contradicts(fit.camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
-            fit = _enlarged(measured(evidence, faces, begin), factor, width, height)
+            fit = _enlarged(measured(estimate, faces, begin), factor, width, height)
         return [fit], by_points
 
     def _written(
         self,
         capture: "Capture",
+        faces: "MeshFaces",
         fits: "list[Fit]",
         pairs: "tuple[Floats, Floats] | None",
         by_points: "PointFit | None",
@@ -226,7 +227,7 @@ class Align(RunsModel, ReadsPhotos):
             for path, fit in others:
                 write_camera(path, fit.camera)
             if self.overlay:
-                write_image(self.overlay, self._picture(capture, fits, pairs, left_out))
+                write_image(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
         residuals = None if pairs is None else [round(float(one), 2) for one in off_by(best.camera, *pairs)]
         return CameraFound(
@@ -242,18 +243,20 @@ class Align(RunsModel, ReadsPhotos):
         )
 
     def _picture(
-        self, capture: "Capture", fits: "list[Fit]", pairs: "tuple[Floats, Floats] | None", left_out: tuple[int, ...]
+        self,
+        capture: "Capture",
+        faces: "MeshFaces",
+        fits: "list[Fit]",
+        pairs: "tuple[Floats, Floats] | None",
+        left_out: tuple[int, ...],
     ) -> "NDArray[np.float32]":
         import numpy as np
 
-        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.overlay import overlay
-        from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.pictures import sheet
 
-        scene = MeshFaces.of(read_mesh(self.mesh, shape_only=True)).scene
         image = capture.image.astype(np.float32, copy=False)
-        pictures = [overlay(image, capture.mask, scene, fit.camera, pairs, left_out) for fit in fits]
+        pictures = [overlay(image, capture.mask, faces.scene, fit.camera, pairs, left_out) for fit in fits]
         if len(fits) == 1:
             return pictures[0]
         titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]

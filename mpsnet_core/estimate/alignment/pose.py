@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rotations import cross_matrix, quaternion_matrix, rotation_matrices
 from mpsnet_core.scene.camera import Camera
 
 Floats = NDArray[np.float64]
@@ -53,7 +54,7 @@ class Poses:
 
     def moved(self, step: Floats) -> "Poses":
         """After steps (K, 7)."""
-        turn = rotations(step[:, :3])
+        turn = rotation_matrices(step[:, :3])
         return Poses(
             turn @ self.rotation,
             np.einsum("kij,kj->ki", turn, self.translation) + step[:, 3:6],
@@ -90,26 +91,6 @@ def flow(seen: Floats, focal: Floats) -> Floats:
     return result
 
 
-def cross_matrix(vectors: Floats) -> Floats:
-    """(..., 3, 3) that multiplies a vector by vectors (..., 3) from the left, as a cross product."""
-    matrix = np.zeros((*vectors.shape, 3))
-    for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
-        matrix[..., i, j] = sign * vectors[..., k]
-        matrix[..., j, i] = -sign * vectors[..., k]
-    return matrix
-
-
-def rotations(vectors: Floats) -> Floats:
-    """(K, 3, 3) rotations by rotation vectors (K, 3) (Rodrigues)."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    matrix = cross_matrix(vectors)
-    safe = np.where(angle > 1e-12, angle, 1.0)
-    first = np.where(angle > 1e-12, np.sin(angle) / safe, 1.0)
-    second = np.where(angle > 1e-12, (1 - np.cos(angle)) / safe**2, 0.5)
-    found: Floats = np.eye(3) + first * matrix + second * (matrix @ matrix)
-    return found
-
-
 def spread_rotations(count: int) -> Floats:
     """(count, 3, 3) rotations that cover all evenly (Alexa, "Super-Fibonacci Spirals", CVPR 2022)."""
     number = np.arange(count) + 0.5
@@ -117,10 +98,5 @@ def spread_rotations(count: int) -> Floats:
     alpha, beta = 2 * np.pi * number / np.sqrt(2.0), 2 * np.pi * number / 1.533751168755204288118041
     w, x = np.sqrt(share) * np.sin(alpha), np.sqrt(share) * np.cos(alpha)
     y, z = np.sqrt(1 - share) * np.sin(beta), np.sqrt(1 - share) * np.cos(beta)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    found: Floats = np.array(rows).transpose(2, 0, 1)
+    found: Floats = np.array(quaternion_matrix(w, x, y, z)).transpose(2, 0, 1)
     return found

@@ -9,9 +9,11 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, cross_matrix, flow
+from mpsnet_core.arrays.rotations import cross_matrix
+from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
 # The object's longer side in pixels on each scale, and how many steps are taken there at most.
@@ -28,22 +30,6 @@ SMOOTH, WIDE = 1.0, 6.0  # Gaussians in pixels of a scale: of what is compared, 
 SETTLED = 0.02  # pixels of a scale that a step moves the object by: further ones are not worth their time
 FIXED_FOCAL_SCALE = 128  # up to which the focal length stays as it is
 FOCAL_SPREAD = 0.2  # of the focal length's logarithm about its start
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What a photo tells of its camera.
-
-    Parameters
-    ----------
-    normals
-        (H, W, 3) unit normals in camera space, zero outside the mask.
-    mask
-        (H, W) where the object is.
-    """
-
-    normals: NDArray[np.float32]
-    mask: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -92,7 +78,7 @@ class _Scale:
 
 
 def refined(
-    evidence: Evidence,
+    estimate: NormalMap,
     faces: MeshFaces,
     start: Camera,
     *,
@@ -103,7 +89,7 @@ def refined(
 
     Parameters
     ----------
-    evidence
+    estimate
         The photo's normals and mask.
     faces
         The mesh.
@@ -120,12 +106,12 @@ def refined(
     normal (point to line, both ways); normals; and their detail, that is normals less their wide mean, which places the
     surface where estimated normals err smoothly. The derivatives are those of a rigid surface's image.
     """
-    height, width = evidence.mask.shape
+    height, width = estimate.mask.shape
     local = _local(Poses.of(start), faces.scene)
     first = float(np.log(local.focal[0]))
     scale = None
     for longest, steps in scales:
-        scale = _scale(evidence, longest)
+        scale = _scale(estimate, longest)
         # A rough start first turns and shifts: it would be explained by a lens that there is not.
         fixed = fix_focal or longest <= FIXED_FOCAL_SCALE
         for _ in range(steps):
@@ -136,19 +122,19 @@ def refined(
         if scale.factor == 1:
             break
     camera = _world(local, faces.scene).camera(width, height)
-    return measured(evidence, faces, camera)
+    return measured(estimate, faces, camera)
 
 
-def measured(evidence: Evidence, faces: MeshFaces, camera: Camera) -> Fit:
+def measured(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
     """How well the mesh seen by a camera fits the photo."""
     local = _local(Poses.of(camera), faces.scene)
-    scale = _scale(evidence, 256)
-    image = _Image(scale, local, faces)
-    union, both = scale.inside | image.seen, scale.inside & image.seen
+    scale = _scale(estimate, 256)
+    image = _image(scale, local, faces)
+    union, both = scale.inside | image.mask, scale.inside & image.mask
     overlap = int(both.sum()) / max(1, int(union.sum()))
-    cosine = (_smooth(image.normals, image.seen, SMOOTH) * scale.normals).sum(axis=-1)[both]
+    cosine = (_smooth(image.normals, image.mask, SMOOTH) * scale.normals).sum(axis=-1)[both]
     degrees = float(np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1)))) if both.any() else 180.0
-    mine, _ = _outline(image.seen.astype(np.float64))
+    mine, _ = _outline(image.mask.astype(np.float64))
     if len(mine) and len(scale.outline):
         distance = float(np.median(np.linalg.norm(mine - scale.outline[_nearest(mine, scale.outline)], axis=1)))
     else:
@@ -168,14 +154,14 @@ def _world(local: Poses, scene: RayScene) -> Poses:
     )
 
 
-def _scale(evidence: Evidence, longest: int) -> _Scale:
-    rows, columns = bounding_box(evidence.mask)
+def _scale(estimate: NormalMap, longest: int) -> _Scale:
+    rows, columns = bounding_box(estimate.mask)
     side = max(rows.stop - rows.start, columns.stop - columns.start)
     factor = max(1, round(side / longest))
     border = round(MARGIN * side)
     top, left = (max(0, part.start - border) // factor * factor for part in (rows, columns))
     window = slice(top, rows.stop + border), slice(left, columns.stop + border)
-    mask, normals = evidence.mask[window], evidence.normals[window]
+    mask, normals = estimate.mask[window], estimate.vectors[window]
     shares = block_means(mask[..., None].astype(np.float32), factor)[..., 0].astype(np.float64)
     means = block_means(normals, factor).astype(np.float64)
     inside = shares >= 0.5
@@ -193,31 +179,14 @@ def _scale(evidence: Evidence, longest: int) -> _Scale:
     )
 
 
-class _Image:
-    """The mesh as a camera sees it on a scale: seen (h, w), points and normals (h, w, 3) in camera space."""
-
-    def __init__(self, scale: _Scale, local: Poses, faces: MeshFaces) -> None:
-        height, width = scale.inside.shape
-        top, left = scale.place
-        x = left + (np.arange(width) + 0.5) * scale.factor
-        y = top + (np.arange(height) + 0.5) * scale.factor
-        pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
-        camera = _world(local, faces.scene).camera(width * scale.factor + left, height * scale.factor + top)
-        origins, directions = camera.rays(pixels)
-        hits = faces.scene.hits(origins, directions)
-        found = hits.triangle >= 0
-        self.seen = found.reshape(height, width)
-        into_camera = camera.rotation
-        normals = np.zeros((len(pixels), 3))
-        normals[found] = faces.normals[hits.triangle[found]] @ into_camera
-        # A face seen from behind is that of an open or turned mesh.
-        own = directions @ into_camera
-        turned = (normals * own).sum(axis=1) > 0
-        normals[turned] *= -1
-        self.normals = normals.reshape(height, width, 3)
-        points = np.zeros((len(pixels), 3))
-        points[found] = own[found] * (hits.distance[found, None] / faces.scene.size)
-        self.points = points.reshape(height, width, 3)
+def _image(scale: _Scale, local: Poses, faces: MeshFaces) -> SeenFaces:
+    """The mesh as a camera sees it on a scale."""
+    height, width = scale.inside.shape
+    top, left = scale.place
+    x = left + (np.arange(width) + 0.5) * scale.factor
+    y = top + (np.arange(height) + 0.5) * scale.factor
+    camera = _world(local, faces.scene).camera(width * scale.factor + left, height * scale.factor + top)
+    return faces.seen(camera, x, y)
 
 
 def _step(
@@ -228,7 +197,7 @@ def _step(
     fix_focal: bool,
 ) -> Floats:
     """(1, 7) the next step of Gauss-Newton."""
-    image = _Image(scale, local, faces)
+    image = _image(scale, local, faces)
     focal = local.focal[0]
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     for residual, jacobian in (
@@ -250,16 +219,16 @@ def _step(
     return step
 
 
-def _outline_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Floats, Floats]]:
+def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
     """Weighted residuals and their derivatives of both outlines."""
-    mine, across = _outline(image.seen.astype(np.float64))
+    mine, across = _outline(image.mask.astype(np.float64))
     if not len(mine) or not len(scale.outline):
         return []
     # The surface at an outline point is that of the pixel inside.
-    height, width = image.seen.shape
+    height, width = image.mask.shape
     step_in = np.clip(mine - 0.75 * across, 0, (width - 1e-6, height - 1e-6)).astype(int)
     points = image.points[step_in[:, 1], step_in[:, 0]]
-    there = image.seen[step_in[:, 1], step_in[:, 0]]
+    there = image.mask[step_in[:, 1], step_in[:, 0]]
     mine, across, points = mine[there], across[there], points[there]
     if not len(mine):
         return []
@@ -279,19 +248,19 @@ def _outline_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Flo
     return found
 
 
-def _normal_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Floats, Floats]]:
+def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
     """Weighted residuals and their derivatives of normals and of their detail."""
-    both = scale.core & eroded(image.seen, 2)
+    both = scale.core & eroded(image.mask, 2)
     rows, columns = np.nonzero(both)
     if not len(rows):
         return []
     if len(rows) > NORMAL_PIXELS:
         kept = np.linspace(0, len(rows) - 1, NORMAL_PIXELS).astype(int)
         rows, columns = rows[kept], columns[kept]
-    smooth = _smooth(image.normals, image.seen, SMOOTH)
+    smooth = _smooth(image.normals, image.mask, SMOOTH)
     moving = flow(image.points[rows, columns], np.full(len(rows), focal)) / scale.factor
     found = []
-    detail = _detail(smooth, image.seen)
+    detail = _detail(smooth, image.mask)
     for own, other, sigma, count in (
         (smooth, scale.normals, NORMAL_SIGMA, INDEPENDENT),
         (detail, scale.detail, DETAIL_SIGMA, DETAIL_SHARE * len(rows)),

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
-from mpsnet_core.estimate.alignment.refine import Evidence, Fit, measured, refined
+from mpsnet_core.estimate.alignment.refine import Fit, measured, refined
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
 
 DIRECTIONS, ROLLS = 320, 36  # views of the mesh, 11 degrees apart, each turned in the picture by 10 degrees
 SIDE = 48  # pixels of the pictures that are compared
@@ -22,7 +23,7 @@ SAME, NEIGHBOURS = 5.0, 12.0
 
 
 def searched(
-    evidence: Evidence,
+    estimate: NormalMap,
     faces: MeshFaces,
     focal: float,
     *,
@@ -34,7 +35,7 @@ def searched(
 
     Parameters
     ----------
-    evidence
+    estimate
         The photo's normals and mask.
     faces
         As :func:`.refine.refined` takes them.
@@ -47,22 +48,22 @@ def searched(
     progress
         Called with 0 to 1.
     """
-    views = _views(evidence, faces, focal, progress)
+    views = _views(estimate, faces, focal, progress)
     fits = []
     for number, camera in enumerate(views):
         progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
-        fits.append(refined(evidence, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
+        fits.append(refined(estimate, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
     rough = _different(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
     best = []
     for number, fit in enumerate(rough):
         progress(0.7 + 0.2 * number / len(rough), f"best view {number + 1} of {len(rough)}")
-        best.append(refined(evidence, faces, fit.camera, fix_focal=fix_focal))
+        best.append(refined(estimate, faces, fit.camera, fix_focal=fix_focal))
     best = _different(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # From a wrong focal length the way may end at another wrong one.
         for number, factor in enumerate(ZOOMS):
             progress(0.9 + 0.1 * number / len(ZOOMS), f"lens {number + 1} of {len(ZOOMS)}")
-            best.append(refined(evidence, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
+            best.append(refined(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
     return _different(sorted(best, key=lambda fit: fit.cost))[:count]
 
 
@@ -98,10 +99,10 @@ class _Frame:
         return cls(middle, float(np.sqrt(moments.mean())))
 
 
-def _views(evidence: Evidence, faces: MeshFaces, focal: float, progress: Progress) -> list[Camera]:
+def _views(estimate: NormalMap, faces: MeshFaces, focal: float, progress: Progress) -> list[Camera]:
     """The TRIED views that look most like the photo."""
-    frame = _Frame.of(evidence.mask)
-    photo = np.stack([_standard(evidence.normals, evidence.mask, frame, roll) for roll in _rolls()])
+    frame = _Frame.of(estimate.mask)
+    photo = np.stack([_standard(estimate.vectors, estimate.mask, frame, roll) for roll in _rolls()])
     small = _small(faces, frame, focal)
     scores, frames = np.empty((DIRECTIONS, ROLLS)), []
     looks = _looks(DIRECTIONS)
@@ -117,23 +118,23 @@ def _views(evidence: Evidence, faces: MeshFaces, focal: float, progress: Progres
         angle = float(_rolls()[roll])
         if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
-        cameras.append(_placed(evidence.mask, faces, looks[number], focal, frames[number], angle))
+        cameras.append(_placed(estimate.mask, faces, looks[number], focal, frames[number], angle))
         if len(cameras) == TRIED:
             break
     return cameras
 
 
-def brought_to_the_object(evidence: Evidence, faces: MeshFaces, camera: Camera) -> Camera:
+def brought_to_the_object(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
     """The camera, or that from the same side which sees the mesh in the mask's place and size where that fits better.
 
     A rough start, a viewport's view, has the object elsewhere in the picture.
     """
     focal, rotation = float(camera.focal[0]), camera.rotation.T
-    _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(evidence.mask), focal))
+    _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(estimate.mask), focal))
     if not mask.any():  # a sheet seen from its edge
         return camera
-    placed = _placed(evidence.mask, faces, rotation, focal, _Frame.of(mask), 0.0)
-    return max(camera, placed, key=lambda one: measured(evidence, faces, one).overlap)
+    placed = _placed(estimate.mask, faces, rotation, focal, _Frame.of(mask), 0.0)
+    return max(camera, placed, key=lambda one: measured(estimate, faces, one).overlap)
 
 
 def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]:
@@ -205,15 +206,8 @@ def _picture(
     side = 2 * SIDE
     camera = Poses(rotation[None], translation[None], np.array([focal]), np.full(2, SIDE * 1.0)).camera(side, side)
     steps = np.arange(side) + 0.5
-    pixels = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1).reshape(-1, 2)
-    origins, directions = camera.rays(pixels)
-    hits = faces.scene.hits(origins, directions)
-    found = hits.triangle >= 0
-    normals = np.zeros((len(pixels), 3), np.float32)
-    normals[found] = faces.normals[hits.triangle[found]] @ camera.rotation
-    turned = (normals * (directions @ camera.rotation)).sum(axis=1) > 0
-    normals[turned] *= -1
-    return normals.reshape(side, side, 3), found.reshape(side, side)
+    seen = faces.seen(camera, steps, steps)
+    return seen.normals.astype(np.float32), seen.mask
 
 
 def _standard(normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _Frame, roll: float) -> Floats:

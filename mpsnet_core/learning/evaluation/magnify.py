@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
@@ -36,7 +37,7 @@ def estimate_magnified(
     """
     if times == 1:
         return estimator(capture, progress)
-    box = _box(capture.mask)
+    box = bounding_box(capture.mask, MARGIN)
     rows, columns = capture.mask[box].shape
     if times * max(rows, columns) > MAX_SIDE:
         raise SettingsError(
@@ -56,15 +57,6 @@ def estimate_magnified(
     vectors, confidence = np.zeros(capture.image.shape, np.float32), np.zeros(capture.mask.shape, np.float32)
     vectors[box], confidence[box] = estimate.vectors[::times, ::times], estimate.confidence[::times, ::times]
     return NormalMap(vectors, capture.mask, confidence)
-
-
-def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The rectangle around the mask, with a margin."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    return (
-        slice(max(rows[0] - MARGIN, 0), rows[-1] + MARGIN + 1),
-        slice(max(columns[0] - MARGIN, 0), columns[-1] + MARGIN + 1),
-    )
 
 
 def _magnified(values: NDArray[np.floating[Any] | np.bool_], times: int) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.published import FIGURE_6
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, ideal_photograph
 from mpsnet_core.synthesis.drawing import HELD_OUT, draw_recipe
+from mpsnet_core.synthesis.draws import generator
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Material, Pattern
 from mpsnet_core.synthesis.reflectance import material_names
@@ -86,7 +87,7 @@ def _materials(number: int, count: int, merl: str) -> tuple[Material, ...]:
     """Materials of picture `number`: no two of a picture's alike, where they are measured."""
     if merl:
         names = material_names(merl)[::HELD_OUT]
-        rng = np.random.Generator(np.random.PCG64([HELD_OUT_SEED, number]))
+        rng = generator(HELD_OUT_SEED, number)
         chosen = rng.permutation(len(names))[np.arange(count) % len(names)]
         return tuple(Material(kind=names[place][0], source=names[place][1]) for place in chosen)
     job = SampleJob("synthesis", 1, seed=HELD_OUT_SEED)

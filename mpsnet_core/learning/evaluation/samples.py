@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import photograph
 from mpsnet_core.synthesis.capture_model import CaptureModel
+from mpsnet_core.synthesis.draws import generator
 from mpsnet_core.synthesis.sample import read_sample_data
 
 SEED = 0  # of the photographs
@@ -65,7 +64,7 @@ class Samples(Evaluation):
 
 def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case:
     packed, path = samples[index], samples.paths[index]
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([SEED, index])))
+    rng = generator(SEED, index)
     # Draws are the same with and without the white photo.
     capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
     recipe = read_sample_data(path)["recipe"]

@@ -15,6 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.errors import FileError, FormatError
 from mpsnet_core.io.files import ensure_folder, written_whole
 from mpsnet_core.progress import Progress, silent
@@ -125,13 +126,9 @@ def _pack(path: Path) -> None:
 def _record(path: Path) -> NDArray[np.void]:
     """The fields of :class:`Packed`, as one record. Raises FormatError where the sample is damaged or dark."""
     sample = read_sample(path)
-    rows, columns = np.nonzero(sample.mask)
     if not (sample.lights[:, sample.mask] > 0).any():
         raise FormatError(f"sample {path} shows no pixel of its object wholly, or no light reaches it; make it again")
-    box = (
-        slice(max(rows.min() - MARGIN, 0), rows.max() + MARGIN + 1),
-        slice(max(columns.min() - MARGIN, 0), columns.max() + MARGIN + 1),
-    )
+    box = bounding_box(sample.mask, MARGIN)
     mask = sample.mask[box]
     lights = sample.lights[:, *box].transpose(0, 3, 1, 2).reshape(9, *mask.shape)
     fields: dict[str, NDArray[Any]] = {

@@ -27,6 +27,7 @@ from mpsnet_core.learning.training.networks.network import Network, unit
 from mpsnet_core.learning.training.packed import Packed, PackedSamples
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, blur_weights, turned
+from mpsnet_core.synthesis.draws import generator, new_seed
 
 WINDOW = 128  # pixels a side
 Frames = Literal["canonical", "any", "camera"]
@@ -137,13 +138,12 @@ class Photographer:
 
     def batch(self, step: int, size: int) -> list[Scale]:
         """The scales of step `step`'s examples, coarse to fine."""
-        key = [self.seed, 3, step]
-        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
-        generator = torch.Generator(self.device).manual_seed(int(rng.integers(1 << 62)))
+        rng = generator(self.seed, 3, step)
+        noise = torch.Generator(self.device).manual_seed(new_seed(rng))
         examples = [self._example(self.samples[self._index(step * size + k)], rng) for k in range(size)]
         if len(self.finer):
-            return _photographed(examples, self.window, rng, generator)
-        (whole,) = _photographed(examples, _side(examples, self.window), rng, generator)
+            return _photographed(examples, self.window, rng, noise)
+        (whole,) = _photographed(examples, _side(examples, self.window), rng, noise)
         return [_cut(whole, self.window, rng) if self.window else whole]
 
     def _index(self, number: int) -> int:
@@ -151,7 +151,7 @@ class Photographer:
         if not self.shuffled:
             return place
         if self._order[0] != epoch:
-            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, 1, epoch])))
+            rng = generator(self.seed, 1, epoch)
             self._order = (epoch, rng.permutation(len(self.samples)))
         return int(self._order[1][place])
 

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rotations import quaternion_matrix
 from mpsnet_core.errors import FileError, FormatError
 from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.scene.photogrammetry.lens import Lens
@@ -151,14 +152,7 @@ def _posed(name: str, inside: _Intrinsics, pose: NDArray[np.float64]) -> PosedPh
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:
         raise FormatError("its quaternion is no rotation, or its translation not finite; export the model again")
     w, x, y, z = pose[:4] / length
-    camera_from_world = rotation(
-        [
-            *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        ],
-        "the photo",
-    )
+    camera_from_world = rotation(quaternion_matrix(w, x, y, z), "the photo")
     turn = camera_from_world.T
     camera = photogrammetry_camera(inside.width, inside.height, inside.focal, inside.centre, turn, -turn @ pose[4:])
     return PosedPhoto(name, camera, inside.lens)

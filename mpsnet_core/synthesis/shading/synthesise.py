@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.synthesis.draws import generator
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
@@ -62,7 +63,7 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
         for direction, size in zip(recipe.light_directions, recipe.light_sizes, strict=True)
     ]
     lobes = [lobe(reflectance) for reflectance in reflectances]
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([recipe.seed, recipe.number])))
+    rng = generator(recipe.seed, recipe.number)
     turns = rng.integers(TURNS, size=camera.height * camera.width)[pixels]
 
     colouring = _colouring(recipe, points)
