@@ -591,9 +591,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         """What is read, but for the photos, and what is written. Raises InputError where one would overwrite another,
         or has no place."""
         from mpsnet_core.capture.masks import mask_source
-        from mpsnet_core.io.files import check_apart, files_within, writable_path
+        from mpsnet_core.io.files import check_apart, writable_path
         from mpsnet_core.io.frames import files_meant
         from mpsnet_core.io.html_page import page_path
+        from mpsnet_core.scene.view_photos import camera_files
 
         if self.report:
             page_path(self.report)
@@ -602,7 +603,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         outputs = [file for file in (target.output, self.report, self.json) if file]
         mask = None if self.mask == "mesh" else mask_source(self.mask)
         given = (self.rig, *self.mesh, self.onto, mask, self.dark, self.flat)
-        inputs = [*files_within(self.cameras), *files_meant(given)]
+        inputs = [*camera_files(self.cameras), *files_meant(given)]
         check_apart(inputs, outputs)
         return inputs, outputs
 

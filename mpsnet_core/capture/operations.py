@@ -236,7 +236,7 @@ class FindMask(ReadsPhotos):
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, writable_image, written_together
         from mpsnet_core.io.frames import files_meant
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_image, write_picture
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
@@ -249,7 +249,7 @@ class FindMask(ReadsPhotos):
         with written_together():
             write_image(self.output, mask, bits=None if Path(self.output).suffix.lower() == ".exr" else 8)
             if self.overlay:
-                write_image(self.overlay, mask_picture(image.pixels, mask), color_space="sRGB")
+                write_picture(self.overlay, mask_picture(image.pixels, mask))
         progress(1.0, "done")
         share = float(mask.mean())
         text = f"{self.output}: the object covers {share:.1%} of the photo"

@@ -1,6 +1,5 @@
 """Photos that show one light each become one photo: coloured lights are added up, white ones get a channel each."""
 
-import logging
 import os
 from collections.abc import Sequence
 
@@ -10,14 +9,9 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.capture.reading import note_other_exposures
 from mpsnet_core.errors import GeometryError, SettingsError
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import Image, note_saturated
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
-
-log = logging.getLogger(__name__)
-
-# The share of saturated pixels from which a photo gets a warning.
-SPOILT_SHARE = 0.005
 
 
 def superpose(
@@ -97,16 +91,9 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
     for photo, image in zip(photos, images, strict=True):
         check_same_size(str(photo), image.pixels.shape[:2], str(photos[0]), images[0].pixels.shape[:2])
     note_other_exposures(photos, images)
-    _note_clipped(photos, images)
-    return images
-
-
-def _note_clipped(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
-    """Report what the photo of all lights, of floats, does not show any more."""
     for photo, image in zip(photos, images, strict=True):
-        spoilt = image.saturated.any(axis=-1).mean()
-        if spoilt > SPOILT_SHARE:
-            log.warning("%.1f%% of %s is saturated, and wrong; expose it shorter [clipped-photo]", 100 * spoilt, photo)
+        note_saturated(photo, image)  # the photo of all lights, of floats, does not show it any more
+    return images
 
 
 def _alpha(images: Sequence[Image]) -> NDArray[np.float32] | None:

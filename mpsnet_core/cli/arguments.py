@@ -1,6 +1,7 @@
 """How the command line parses its arguments: errors are one sentence."""
 
 import argparse
+import re
 from typing import Any, NoReturn, TypeAlias
 
 from mpsnet_core.errors import SettingsError
@@ -8,6 +9,11 @@ from mpsnet_core.errors import SettingsError
 
 class Parser(argparse.ArgumentParser):
     """Bad arguments are bad input: one sentence instead of argparse's usage text."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        # argparse takes -1 for a value, but -1,2,3 for an option.
+        self._negative_number_matcher = re.compile(r"-[\d.][\d.,eE+-]*$")
 
     def error(self, message: str) -> NoReturn:
         raise SettingsError(f"{message}; see {self.prog} --help")

@@ -69,8 +69,10 @@ class Estimator:
             self._network = OnnxModel(
                 network.path, provider=provider, threads=threads, tile=tile, passes=passes or network.passes
             )
-        elif provider != "cpu":
-            log.info("%s is no network and runs without provider %s", self.name, provider)
+        else:
+            unused = [f"provider {provider}"] * (provider != "cpu") + [f"{passes} passes"] * ((passes or 1) > 1)
+            if unused:
+                log.info("%s is no network and runs without %s", self.name, " and ".join(unused))
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""

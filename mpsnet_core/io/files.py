@@ -431,12 +431,6 @@ def _running(pid: int) -> bool:
     return True
 
 
-def files_within(path: str | os.PathLike[str]) -> list[Path]:
-    """The file itself, or all files in a folder and its subfolders."""
-    path = Path(path)
-    return [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
-
-
 def is_file(path: str | os.PathLike[str]) -> bool:
     """Whether a path is a file; what cannot be a path is none."""
     try:

@@ -1,10 +1,13 @@
 """Image: a photo's linear values and what its file states of them; the sRGB curve."""
 
+import logging
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+log = logging.getLogger(__name__)
 
 # The channels of a photo, and what the lights of a rig are called that lie in them.
 CHANNELS = ("red", "green", "blue")
@@ -17,6 +20,9 @@ HALF_ABOVE = 1 << 24
 
 # Exposure times that differ by less than this share are the same: files round them.
 SAME_EXPOSURE = 0.1
+
+# The share of saturated pixels from which a photo gets a warning.
+SPOILT_SHARE = 0.005
 
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
@@ -53,6 +59,13 @@ class Image:
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is saturated, and so wrong."""
         return self.pixels >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
+
+
+def note_saturated(name: object, image: Image) -> None:
+    """Warn of what is saturated in a photo whose floats, that are written, will not show it."""
+    spoilt = image.saturated.any(axis=-1).mean()
+    if spoilt > SPOILT_SHARE:
+        log.warning("%.1f%% of %s is saturated, and wrong; expose it shorter [clipped-photo]", 100 * spoilt, name)
 
 
 def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import ROWS
 from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import checked_bits, temporary_folder, written_whole
+from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
@@ -58,6 +59,17 @@ def write_image(
         color_space=color_space,
         description=description,
     )
+
+
+def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, description: str | None = None) -> None:
+    """Write a picture of sRGB values (H, W, 3) for people: 8 bits; in an EXR linear floats, as viewers take it.
+
+    description: a line of text in the file. Raises as :func:`write_image` does.
+    """
+    if Path(path).suffix.lower() == ".exr":
+        write_image(path, srgb_to_linear(pixels), color_space="lin_rec709_scene", description=description)
+    else:
+        write_image(path, pixels, bits=8, color_space="sRGB", description=description)
 
 
 def write_bands(

@@ -12,11 +12,14 @@ from typing import IO, Any
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.npz import most_bytes
 
+log = logging.getLogger(__name__)
+
 # Of glTF: how many numbers an item has, and how many bytes a number.
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 FLOAT = 5126
 FAN = 6  # of a primitive's modes
+TRANSFORM = "KHR_texture_transform"
 INSTANCES = "EXT_mesh_gpu_instancing"
 # What is read of a mesh, and the extensions that pack it.
 PLAIN = {"POSITION", "NORMAL", "TEXCOORD_0", "indices"}
@@ -53,6 +56,7 @@ def read_scene(path: Path) -> Iterator[Any]:
                 _check_size(header, most_bytes(path, MAX_BYTES))
                 _check_parts(header)
                 _check_plain(header)
+                _note_other_uvs(header, path)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 file,
@@ -105,6 +109,19 @@ def _check_parts(header: dict[str, Any]) -> None:
         level = list(islice(inner, MAX_PARTS))
     if parts > MAX_PARTS:
         raise FormatError("it has too many objects, or too many in one another; join them first")
+
+
+def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
+    """Warn where a material's normal map lies on other UVs than the first, which are those that are read."""
+    for material in header.get("materials", ()):
+        texture = material.get("normalTexture", {})
+        if texture.get("texCoord", 0) or TRANSFORM in texture.get("extensions", {}):
+            log.warning(
+                "%s: the normal map of material %r lies on other UVs than the first, or is moved on them; textures are "
+                "baked onto the first UVs as they are",
+                path,
+                str(material.get("name", ""))[:99],
+            )
 
 
 def _check_plain(header: dict[str, Any]) -> None:

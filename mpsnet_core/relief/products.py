@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import writable_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
@@ -197,13 +197,13 @@ class RelitPicture(Product):
         if len(tilts) > 1 and len(files) == 1:
             progress(0.0, f"making {files[0].name}")
             sheet = turntable_sheet(surface.normals, slant, tilts, occlusion=occlusion, albedo=albedo)
-            write_image(files[0], sheet, bits=8, color_space="sRGB")
+            write_picture(files[0], sheet)
         else:
             for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
                 progress(number / len(files), f"making {file.name}")
                 direction = direction_from_angles(slant, angle)
                 picture = relit(surface.normals, direction, occlusion=occlusion, albedo=albedo)
-                write_image(file, picture, bits=8, color_space="sRGB")
+                write_picture(file, picture)
         around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
         return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", RelitFacts(tilts))
 

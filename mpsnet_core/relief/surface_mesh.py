@@ -20,8 +20,11 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.normal_map import NormalMap
 
+Floats = NDArray[np.floating[Any]]
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
+# How many times a mesh's size from the origin it is written in more digits: floats of 32 bits have seven.
+FAR = 100
 
 
 class NoFaceError(GeometryError):
@@ -191,42 +194,64 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
     vertices, normals = mesh.vertices, mesh.normals
     if up == "z" and path.suffix.lower() != ".ply":
         vertices, normals = (values[:, [0, 2, 1]] * np.array([1, 1, -1]) for values in (vertices, normals))
+    write = {".obj": _write_obj, ".ply": _write_ply, ".glb": _write_glb}[path.suffix.lower()]
     with written_whole(path) as unfinished:
-        if path.suffix.lower() == ".obj":
-            _write_obj(unfinished, vertices, normals, mesh)
-        else:
-            _write_with_trimesh(unfinished, path.stem, vertices, normals, mesh)
+        write(unfinished, path.stem, vertices, normals, mesh)
 
 
-def _write_obj(
-    path: Path, vertices: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], mesh: SurfaceMesh
-) -> None:
+def _is_far(vertices: Floats) -> bool:
+    """Whether floats of 32 bits are too coarse for positions, as in the coordinates of a survey."""
+    return bool(np.abs(vertices).max() > FAR * np.ptp(vertices, axis=0).max())
+
+
+def _write_obj(path: Path, name: str, vertices: Floats, normals: Floats, mesh: SurfaceMesh) -> None:
     """By hand: trimesh writes 8 decimals, too few for small units, and names a material file that is not there."""
     corners = np.repeat(mesh.triangles + 1, 3, axis=1)
-    blocks = (("v %.9g %.9g %.9g", vertices), ("vt %.7g %.7g", mesh.uvs), ("vn %.5g %.5g %.5g", normals))
+    position = " ".join(["%.15g" if _is_far(vertices) else "%.9g"] * 3)
+    blocks = (
+        (f"v {position}", vertices),
+        ("vt %.7g %.7g", mesh.uvs),
+        ("vn %.5g %.5g %.5g", normals),
+    )
     with path.open("w", encoding="ascii") as file:
         for form, values in (*blocks, ("f" + " %d/%d/%d" * 3, corners)):
             np.savetxt(file, values, form)
 
 
-def _write_with_trimesh(
-    path: Path, name: str, vertices: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], mesh: SurfaceMesh
-) -> None:
-    """name: what the object in the file is called; PLY has no place for it."""
+def _write_ply(path: Path, name: str, vertices: Floats, normals: Floats, mesh: SurfaceMesh) -> None:
+    """By hand: trimesh writes positions as floats of 32 bits."""
+    kind, size = ("double", "<f8") if _is_far(vertices) else ("float", "<f4")
+    others = [(part, "float", "<f4") for part in ("nx", "ny", "nz", "s", "t")]
+    columns = [*((axis, kind, size) for axis in "xyz"), *others]
+    points = np.empty(len(vertices), [(column, size) for column, _, size in columns])
+    for (column, *_), values in zip(columns, np.concatenate([vertices, normals, mesh.uvs], axis=1).T, strict=True):
+        points[column] = values
+    faces = np.empty(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.triangles
+    lines = [
+        *("ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"),
+        *(f"property {kind} {column}" for column, kind, _ in columns),
+        *(f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""),
+    ]
+    path.write_bytes("\n".join(lines).encode() + points.tobytes() + faces.tobytes())
+
+
+def _write_glb(path: Path, name: str, vertices: Floats, normals: Floats, mesh: SurfaceMesh) -> None:
+    """name: what the object in the file is called. Where it is far from the origin, its node is placed there."""
     import trimesh as untyped  # takes a while to load
 
     trimesh: Any = untyped
+    place = np.eye(4)
+    if _is_far(vertices):
+        place[:3, 3] = np.round((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
     material = trimesh.visual.material.PBRMaterial(name="Surface", metallicFactor=0.0, roughnessFactor=0.8)
     made = trimesh.Trimesh(
-        vertices,
+        vertices - place[:3, 3],
         mesh.triangles,
         vertex_normals=normals,
         visual=trimesh.visual.TextureVisuals(uv=mesh.uvs, material=material),
         process=False,
     )
-    if path.suffix.lower() == ".ply":
-        path.write_bytes(trimesh.exchange.ply.export_ply(made, vertex_normal=True))
-    else:
-        scene = trimesh.Scene()
-        scene.add_geometry(made, node_name=name, geom_name=name)
-        path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=True))
+    scene = trimesh.Scene()
+    scene.add_geometry(made, node_name=name, geom_name=name, transform=place)
+    path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=True))

@@ -90,6 +90,7 @@ class WriteCameras(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.io.files import located, written_together
+        from mpsnet_core.io.image import note_saturated
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.camera import write_camera
@@ -98,6 +99,7 @@ class WriteCameras(ReadsPictures):
         assert view.lens is not None
         with located(view.photo):
             image = read_image(view.photo, encoding=self.encoding)
+            note_saturated(view.photo, image)
             pixels = undistorted(image.pixels, view.camera, view.lens)
             shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
             alpha = undistorted_mask(shown, view.camera, view.lens)
@@ -140,7 +142,7 @@ class CompareNormals(Operation):
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the picture where one is requested."""
         from mpsnet_core.io.files import check_apart, writable_image
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
         from mpsnet_core.scene.pictures import scaled_error_picture
@@ -153,8 +155,7 @@ class CompareNormals(Operation):
         errors = normal_errors(estimate, read_true_normals(self.truth, self.camera))
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
-            bits = None if Path(self.output).suffix.lower() == ".exr" else 8
-            write_image(self.output, scaled_error_picture(errors.degrees, errors.mask), bits=bits, color_space="sRGB")
+            write_picture(self.output, scaled_error_picture(errors.degrees, errors.mask))
         progress(1.0, "done")
         share = float(errors.mask.sum() / estimate.mask.sum())
         text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
@@ -193,7 +194,7 @@ class PreviewLights(Operation):
 
         from mpsnet_core.arrays.upsample import reduced_shape
         from mpsnet_core.io.files import check_apart, located, writable_image, writable_path, written_whole
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.light_preview import lit_view
         from mpsnet_core.scene.mesh import read_mesh
@@ -213,7 +214,7 @@ class PreviewLights(Operation):
             with written_whole(output) as unfinished, unfinished.open("wb") as file:
                 np.save(file, view.picture())
         else:
-            write_image(output, view.picture(), bits=8, color_space="sRGB")
+            write_picture(output, view.picture())
         progress(1.0, "done")
         text = f"{self.output}: three lights reach {view.shares[3]:.1%} of what the camera sees"
         return LightsPreviewed(self.output, [round(share, 4) for share in view.shares], text=text)

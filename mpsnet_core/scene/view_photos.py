@@ -19,6 +19,15 @@ log = logging.getLogger(__name__)
 # How many missing photos a warning names.
 NAMED_PHOTOS = 3
 CAMERA_SUFFIX = ".camera.json"
+COLMAP_SUFFIXES = (".bin", ".txt")
+
+
+def camera_files(cameras: str | os.PathLike[str]) -> list[Path]:
+    """The files that :func:`posed_photos` may read cameras from: the file itself, or those of its kinds in a folder."""
+    path = Path(cameras)
+    if not path.is_dir():
+        return [path]
+    return [file for file in path.rglob("*") if file.name.endswith((CAMERA_SUFFIX, *COLMAP_SUFFIXES))]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import CHANNELS, linear_to_srgb
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import encode
@@ -193,4 +193,4 @@ def sheet_line(files: Sequence[Path]) -> str:
 
 def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32], line: str | None = None) -> None:
     """Write a contact sheet as a PNG or TIFF of 8 bits, whole or not at all. line: of :func:`sheet_line`."""
-    write_image(path, picture, bits=8, color_space="sRGB", description=line)
+    write_picture(path, picture, description=line)

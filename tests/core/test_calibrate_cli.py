@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -210,12 +211,12 @@ def test_two_balls_give_a_rig_with_positions(photos: Path, tmp_path: Path, lens:
 
 def test_the_mixing_goes_into_the_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
     rig, overlay = tmp_path / "rig.json", tmp_path / "overlay.png"
-    rig.write_bytes((photos / "rig.json").read_bytes())
+    write_rig(rig, replace(read_rig(photos / "rig.json"), exact=True))
     command = ["calibrate", "mixing", photos / "grey.exr", "--rig", rig, "--overlay", overlay, "-o", rig]
     done = mpsnet(*command, "--progress", "json")
     assert (done.returncode, done.stderr) == (0, "")
     found = read_rig(rig)
-    assert np.abs(found.mixing - CROSSTALK).max() < 0.01
+    assert np.abs(found.mixing - CROSSTALK).max() < 0.01 and not found.exact
     assert degrees_between(found.directions, FACING).max() < 1e-6
     result = result_of(done.stdout)
     assert result["mixing"] == found.mixing.tolist()
@@ -438,6 +439,11 @@ def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path)
         (("lights", "tiny.png"), "a photo of 1 x 1 pixels is too small to show a ball"),
         (("lights", "ball.exr", "--radius", "-1"), "--radius is the ball's radius, a number above 0"),
         (("mixing", "grey.exr", "--rig", "rig.json", "--json", "rig.json"), "would overwrite .*rig.json"),
+        (
+            ("mixing", "grey.exr", "--rig", "rig.json", "--circle", "9,9,4", "--circle", "8,8,4"),
+            "a photo for the mixing shows one ball; give one --circle",
+        ),
+        (("mixing", "grey.exr", "--rig", "rig.json", "--normal", "-.2,.1,1"), "--normal is a card's; add --card"),
         (("mixing", "grey.exr", "--rig", "rig.json", "-o", "rig.lp"), "a rig with its mixing is a .json file"),
     ],
 )

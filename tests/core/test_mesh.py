@@ -345,6 +345,28 @@ def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
     assert sorted(corners_of(read_mesh(path))) == sorted(fan(LEFT))
 
 
+def change_header(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Change the JSON part of a GLB file."""
+    data = path.read_bytes()
+    end = 20 + struct.unpack("<I", data[12:16])[0]
+    header = json.loads(data[20:end])
+    change(header)
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + data[end:]
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+@pytest.mark.parametrize(("texture", "warned"), [({"index": 0}, False), ({"index": 0, "texCoord": 1}, True)])
+def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, texture: dict[str, int], warned: bool
+) -> None:
+    path = glb(tmp_path / "mesh.glb", normals=True)
+    change_header(path, lambda header: header["materials"][0].update(normalTexture=texture))
+    read_mesh(path)
+    assert ("the normal map of material" in caplog.text) == warned
+
+
 def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
     path.write_bytes(path.read_bytes().replace(b'"material": 1}', b'"mode":6     }'))
@@ -354,14 +376,8 @@ def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
 
 def test_glb_with_gpu_instances_is_refused(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
-    data = path.read_bytes()
-    end = 20 + struct.unpack("<I", data[12:16])[0]
-    header = json.loads(data[20:end])
-    header["nodes"][1]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + data[end:]
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    instances = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
+    change_header(path, lambda header: header["nodes"][1].update(extensions=instances))
     with pytest.raises(InputError, match=r"GPU instances, .*export it without them"):
         read_mesh(path)
 

@@ -1,6 +1,7 @@
 """Surfaces as meshes: on the surface, without cracks, fine where it bends; and their files as they come back."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,15 @@ def test_files_come_back(tmp_path: Path, suffix: str, up: str) -> None:
     assert found.vertices[found.triangles] == pytest.approx(mesh.vertices[mesh.triangles] @ turn.T, abs=1e-5)
     assert found.corner_normals == pytest.approx(mesh.normals[mesh.triangles] @ turn.T, abs=1e-4)
     assert found.uvs == pytest.approx(mesh.uvs[mesh.triangles], abs=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".glb", ".obj"])
+def test_the_coordinates_of_a_survey_are_kept(tmp_path: Path, suffix: str) -> None:
+    mesh = of(ball(NEAR, (0.2, 0.1, -5), 1.6), 800)
+    far = replace(mesh, vertices=mesh.vertices + np.array([500000.25, 4100000.75, 321.5]))
+    write_surface_mesh(tmp_path / f"m{suffix}", far, up="y")
+    found = read_mesh(tmp_path / f"m{suffix}")
+    assert found.world_vertices[found.triangles] == pytest.approx(far.vertices[far.triangles], abs=1e-5, rel=0)
 
 
 def test_a_tiny_unit_is_kept_in_obj(tmp_path: Path) -> None:

@@ -202,6 +202,16 @@ def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
 
 
+def test_what_a_run_wrote_beside_its_cameras_does_not_stop_the_next(table: Table) -> None:
+    """COLMAP's own layout has all of a project in one folder."""
+    beside = [table / "cameras" / name for name in ("texture.png", "report.html", "figures.json")]
+    given = [word for option, file in zip(("-o", "--report", "--json"), beside, strict=True) for word in (option, file)]
+    table.run(*given, "--keep", table / "cameras" / "kept")
+    assert "4 kept from before" in table.run(*given, "--keep", table / "cameras" / "kept")
+    with pytest.raises(InputError, match=r"would overwrite .*side0\.camera\.json"):
+        table.run("--json", table / "cameras" / "side0.camera.json")
+
+
 def test_a_kept_file_that_is_not_ours_is_not_overwritten(table: Table) -> None:
     """Nor one by the texture."""
     keep = ("--keep", table / "kept")
@@ -637,6 +647,23 @@ def test_cameras_of_photogrammetry_become_files_of_ours(table: Table) -> None:
         assert (ours.mask == theirs.mask).mean() > 0.999
         lit = ours.mask & theirs.mask & (capture.image > 0.01).all(axis=-1)
         assert degrees_between(ours.vectors, theirs.vectors)[lit].mean() < 0.1
+
+
+def test_saturated_photos_get_a_warning_where_they_become_floats(
+    table: Table, capsys: pytest.CaptureFixture[str]
+) -> None:
+    colmap(table, "SIMPLE_RADIAL 96 96 {f} 48 48 0.01")
+    bright = read_image(table / "photos" / "side1.exr").pixels * 2
+    write_file(table / "photos" / "side1.exr", bright, "float")
+    for number in range(4):  # as files of whole numbers, which clip
+        pixels = read_image(table / "photos" / f"side{number}.exr").pixels
+        (table / "photos" / f"side{number}.exr").unlink()
+        write_file(table / "photos" / f"side{number}.png", np.minimum(pixels, 0.9 + 0.1 * (number == 1)), "uint8")
+    text = (table / "colmap" / "images.txt").read_text()
+    (table / "colmap" / "images.txt").write_text(text.replace(".exr", ".png"))
+    assert main(["cameras", str(table / "colmap"), "--photos", str(table / "photos"), "-o", str(table / "ours")]) == 0
+    said = capsys.readouterr().err
+    assert re.search(r"[\d.]+% of \S+side1\.png is saturated.*\[clipped-photo\]", said) and "side0" not in said
 
 
 def test_cameras_of_photos_that_were_scaled_since_are_refused_before_any_is_written(table: Table) -> None:

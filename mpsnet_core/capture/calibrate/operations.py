@@ -287,7 +287,7 @@ class CalibrateLights(LooksAtBall):
     def _draw(overlay: str, found: "LightsFound", chosen: _Chosen, pictured: Sequence["BallPhotos"]) -> None:
         from mpsnet_core.capture.calibrate.overlay import lights_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.pictures import sheet
 
         labels = chosen.names
@@ -299,7 +299,7 @@ class CalibrateLights(LooksAtBall):
         ]
         titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
         picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
-        write_image(overlay, picture, bits=8, color_space="sRGB")
+        write_picture(overlay, picture)
 
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig of three of an .lp file's lights."""
@@ -377,7 +377,7 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.capture.reading import note_other_exposures
         from mpsnet_core.io.files import written_together
         from mpsnet_core.io.frames import in_order_of_lights
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.rig import read_rig, write_rig
 
         files = in_order_of_lights(self._inputs(self.photo, self.output, self.rig))
@@ -389,14 +389,14 @@ class CalibrateMixing(LooksAtBall):
         note_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
-        calibrated = replace(rig, mixing=found.mixing)
+        calibrated = replace(rig, mixing=found.mixing, exact=False)
         off = None if found.ball is None else equation_2_error(read, found.ball, calibrated)
         result = self._result(found, off)
         with written_together():
             write_rig(self.output, calibrated)
             if self.overlay and found.ball is not None:
                 picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
-                write_image(self.overlay, picture, bits=8, color_space="sRGB")
+                write_picture(self.overlay, picture)
             self._write_json(result)
         progress(1.0, "done")
         return result
@@ -407,6 +407,10 @@ class CalibrateMixing(LooksAtBall):
         if rig.near is not None and not self.card and self.radius is None:
             raise SettingsError(
                 "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"
+            )
+        if len(self.circle) > 1:
+            raise SettingsError(
+                f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one --circle"
             )
         if self.normal and not self.card:
             raise SettingsError("--normal is a card's; add --card, or leave it out")
@@ -515,7 +519,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     """Draw at least the first ball, where its highlights were not found: most often it is none."""
     from mpsnet_core.capture.calibrate.overlay import ball_picture
     from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
-    from mpsnet_core.io.image_writing import write_image
+    from mpsnet_core.io.image_writing import write_picture
 
     if not overlay:
         return False
@@ -524,7 +528,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
         ball = seen_balls(photos, image)[0]
     except InputError:  # there is no ball to draw
         return False
-    write_image(overlay, ball_picture(image, ball, "no lights found"), bits=8, color_space="sRGB")
+    write_picture(overlay, ball_picture(image, ball, "no lights found"))
     return True
 
 

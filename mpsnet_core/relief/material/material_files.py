@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.files import ensure_folder, read_json, write_json, written_together
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
 from mpsnet_core.relief.material.material import Material
 from mpsnet_core.relief.material.resampling import resampled
@@ -105,8 +105,8 @@ def write_material(
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
         write_image(files["height_mm"], material.height)
         write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
-        write_image(files["albedo"], linear_to_srgb(material.albedo), bits=8, color_space="sRGB")
-        write_image(files["preview"], repeated_picture(material), bits=8, color_space="sRGB")
+        write_picture(files["albedo"], linear_to_srgb(material.albedo))
+        write_picture(files["preview"], repeated_picture(material))
     return files
 
 
