@@ -87,6 +87,14 @@ def test_an_estimator_gives_what_the_one_call_gives(sphere: Sphere) -> None:
     assert told == sorted(told) and told[-1] == 1
 
 
+def test_what_equation_2_does_not_use_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    Estimator("lambertian", passes=1)
+    assert not caplog.text
+    Estimator("lambertian", passes=3, provider="cuda")
+    assert "lambertian is no network and runs without provider cuda and 3 passes" in caplog.text
+
+
 def spoiled(sphere: Sphere, what: str) -> Capture:
     """The sphere's capture with its left half spoiled."""
     image, clip = sphere.image.copy(), np.inf
