@@ -21,11 +21,11 @@ from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
+from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
 from .assign_textures import assign_textures, mark_assets
 from .bakes_onto import BakesOnto, bake_target, targets_place, texture_name
 from .coverage import coverage_folder
 from .existing_maps import store_base_map
-from .moving_target import CAMERAS, MESHES, Moving
 from .options import bits, level, sampling
 from .texture_owners import FRAME
 from .texture_sets import AssignedTexture
@@ -127,7 +127,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             context.view_layer.update()
             begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
         else:
-            place = Moving(folder, scene.session_uid, target.session_uid, self.uv_map)
+            place = AnimatedMesh(folder, scene.session_uid, target.session_uid, self.uv_map)
             seen_by = chosen_camera(scene, normals_image)
             if seen_by is None and remembered(normals_image, "camera") is None:
                 seen_by = rig_camera(scene)

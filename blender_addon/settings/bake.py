@@ -7,9 +7,10 @@ from bpy.props import CollectionProperty, PointerProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
+from mpsnet_core.defaults import MARGIN
 
-from .declared import BoolSetting, EnumSetting, FloatSetting, StringSetting, format_setting, from_option, items_of
+from .declared import BoolSetting, EnumSetting, StringSetting, format_setting, from_option, items_of
+from .detail import cut_off, detail_only
 
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
 # What each format can hold.
@@ -113,19 +114,8 @@ class BakeSettings:
         ],
     )
     output: from_option(Bake, "output", name="Texture File", unset="in the output folder")
-    level: BoolSetting(
-        name="Detail Only",
-        description="Take large shapes from the object and only detail from the photo, whatever else the estimate says",
-        default=False,
-    )
-    level_scale: FloatSetting(
-        name="Cut-Off",
-        description="What is smaller than this fraction of the object's size is detail, and taken from the photo",
-        default=LEVEL_SCALE,
-        min=MIN_LEVEL_SCALE,
-        max=MAX_LEVEL_SCALE,
-        precision=3,
-    )
+    level: detail_only(default=False)
+    level_scale: cut_off()
     strength: from_option(Bake, "strength")
     fill: from_option(Bake, "fill", name="Fill Unseen")
     onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")

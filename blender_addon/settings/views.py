@@ -4,9 +4,9 @@ import bpy
 from bpy.props import StringProperty
 
 from mpsnet_core.bake.operations import BakeViews
-from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 
-from .declared import BoolSetting, EnumSetting, FloatSetting, from_option
+from .declared import EnumSetting, from_option
+from .detail import cut_off, detail_only
 
 
 class ViewsSettings:
@@ -30,19 +30,8 @@ class ViewsSettings:
         name="Lights",
         labels={"camera": "Go With the Camera", "world": "Stand Still"},
     )
-    level: BoolSetting(
-        name="Level",
-        description="Take large shapes from the mesh and detail from the photos: seams between views vanish",
-        default=True,
-    )
-    level_scale: FloatSetting(
-        name="Detail Size",
-        description="What is smaller than this fraction of the object's size is detail, and taken from the photos",
-        default=LEVEL_SCALE,
-        min=MIN_LEVEL_SCALE,
-        max=MAX_LEVEL_SCALE,
-        precision=3,
-    )
+    level: detail_only(default=True)
+    level_scale: cut_off()
     keep: from_option(BakeViews, "keep", name="Keep Normals")
     write_report: from_option(BakeViews, "report", switch=True, default=True)
 

@@ -725,11 +725,10 @@ TIPS = {
         "Von jedem Bild der Szene, vom ersten bis zum letzten, ein Foto in einen Ordner aufnehmen. Lichter und "
         "Kamera sollten sich zusammen bewegen, falls sie es tun: die des ersten Bilds gelten für alle"
     ),
-    "Take large shapes from the mesh and detail from the photos: seams between views vanish": (
-        "Große Formen vom Mesh nehmen und das Detail von den Fotos: Nähte zwischen Ansichten verschwinden"
-    ),
-    "Take large shapes from the object and only detail from the photo, whatever else the estimate says": (
-        "Große Formen vom Objekt nehmen und nur das Detail vom Foto, was auch immer die Schätzung sonst sagt"
+    "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
+    "seams between views vanish": (
+        "Große Formen vom Objekt nehmen und nur das Detail von den Fotos, was auch immer die Schätzungen sonst "
+        "sagen: Nähte zwischen Ansichten verschwinden"
     ),
     "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces": (
         "Das Rauschen im Bild jedes Lichts mit OpenImageDenoise entfernen, wo Licht zwischen Oberflächen geht"
@@ -873,11 +872,9 @@ TIPS = {
     "What is bright in the picture that Paint Mask opens, as it is painted now": (
         "Was in dem Bild hell ist, das Maske malen öffnet, so wie es dann gemalt ist"
     ),
-    "What is smaller than this fraction of the object's size is detail, and taken from the photo": (
-        "Was kleiner ist als dieser Bruchteil der Größe des Objekts, ist Detail und kommt vom Foto"
-    ),
-    "What is smaller than this fraction of the object's size is detail, and taken from the photos": (
-        "Was kleiner ist als dieser Bruchteil der Größe des Objekts, ist Detail und kommt von den Fotos"
+    "What is smaller than about twice this fraction of the object's size is detail, and taken from the photos": (
+        "Was kleiner ist als etwa das Doppelte dieses Bruchteils der Größe des Objekts, ist Detail und kommt von den "
+        "Fotos"
     ),
     "What kind of lights the rig has": "Welche Art von Lichtern das Rig hat",
     "What lies beyond the borders of the UV islands, where a texture that is made smaller reaches": (

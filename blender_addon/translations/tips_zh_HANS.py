@@ -572,12 +572,8 @@ TIPS = {
         "Take a photo of each frame of the scene, from its first to its last, into a folder. Lights and camera "
         "should move together if they move: those of the first frame count for all"
     ): ("为场景从首帧到末帧的每一帧拍一张照片，存入文件夹。灯光和摄像机若移动应一起移动：以第一帧为准"),
-    "Take large shapes from the mesh and detail from the photos: seams between views vanish": (
-        "大形状取自网格，细节取自照片：视角之间的接缝消失"
-    ),
-    "Take large shapes from the object and only detail from the photo, whatever else the estimate says": (
-        "大形状取自物体，只有细节取自照片，无论估计结果如何"
-    ),
+    "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
+    "seams between views vanish": ("大形状取自物体，只有细节取自照片，无论估计结果如何：视角之间的接缝消失"),
     "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces": (
         "在光线在表面之间反弹之处，用 OpenImageDenoise 去除每盏灯画面的噪点"
     ),
@@ -696,11 +692,8 @@ TIPS = {
     "What is bright in the picture that Paint Mask opens, as it is painted now": (
         "“绘制遮罩”所打开图片中明亮的部分，以当时所绘为准"
     ),
-    "What is smaller than this fraction of the object's size is detail, and taken from the photo": (
-        "小于物体尺寸这一比例的是细节，取自照片"
-    ),
-    "What is smaller than this fraction of the object's size is detail, and taken from the photos": (
-        "小于物体尺寸这一比例的是细节，取自照片"
+    "What is smaller than about twice this fraction of the object's size is detail, and taken from the photos": (
+        "小于物体尺寸这一比例约两倍的是细节，取自照片"
     ),
     "What kind of lights the rig has": "灯架使用哪种灯光",
     "What lies beyond the borders of the UV islands, where a texture that is made smaller reaches": (

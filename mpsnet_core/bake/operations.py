@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mpsnet_core.scene.view_photos import ViewPhoto
 
 LEVEL = (
-    f"take large shapes from the mesh, and what is smaller than SCALE (a fraction of its size; on: {LEVEL_SCALE:g}) "
-    "from the photos"
+    "take large shapes from the mesh, and only detail, smaller than about twice SCALE (a fraction of the mesh's size; "
+    f"on: {LEVEL_SCALE:g}), from the photos"
 )
 
 

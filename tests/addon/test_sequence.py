@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.moving_target import Moving
+from blender_addon.bake.animated_mesh import AnimatedMesh
 from blender_addon.images import frame_pattern
 from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.errors import InputError
@@ -180,7 +180,7 @@ def waving(scene, tmp_path):
     for number in NUMBERS:
         camera.location.x = number
         camera.keyframe_insert("location", frame=number)
-    return Moving(tmp_path, scene.session_uid, grid.session_uid, "", camera.session_uid, (40, 30))
+    return AnimatedMesh(tmp_path, scene.session_uid, grid.session_uid, "", camera.session_uid, (40, 30))
 
 
 def test_only_the_first_frame_is_read_at_once_and_the_person_sees_none(waving, scene, tmp_path):

@@ -21,7 +21,7 @@ MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 
 @dataclass(frozen=True)
-class Moving:
+class AnimatedMesh:
     """What is read at each frame, by session numbers, into `folder`.
 
     uv_map: as :func:`.mesh_file.begin_mesh` takes it. camera: whose place is written, 0 for none. size: of its picture.
