@@ -26,7 +26,7 @@ from mpsnet_core.capture.calibrate.lights import find_lights
 from mpsnet_core.capture.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.capture.reading import Reading
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.pictures import cropped, normals_picture, photo_picture, sheet
+from mpsnet_core.scene.pictures import contact_sheet, cropped, normals_picture, photo_picture
 from mpsnet_core.scene.rig import angles_of
 
 OUTPUT = Path(__file__).resolve().parent / "output"
@@ -53,10 +53,10 @@ def main() -> None:
     except InputError as error:
         raise SystemExit(f"captures: {error}") from None
     columns = 2 + len(MODELS)
-    write_image(OUTPUT / "captures.png", sheet(tiles, columns), bits=8, color_space="sRGB")
+    write_image(OUTPUT / "captures.png", contact_sheet(tiles, columns), bits=8, color_space="sRGB")
     write_image(
         OUTPUT / "captures_normals.png",
-        sheet(normals_alone, len(normals_alone) // len(OBJECTS)),
+        contact_sheet(normals_alone, len(normals_alone) // len(OBJECTS)),
         bits=8,
         color_space="sRGB",
     )

@@ -19,7 +19,7 @@ from mpsnet_core import NormalMap
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.integration.integrate import METHODS, integrate
-from mpsnet_core.scene.pictures import cropped, legend, normals_picture, sheet
+from mpsnet_core.scene.pictures import contact_sheet, cropped, legend, normals_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 WIDE, THICK = 0.68, 0.28  # the ring's radius and its own; the picture shows -1 to 1
@@ -47,7 +47,7 @@ def main() -> None:
     for picture in pictures[1:]:
         picture[:, column] = (1.0, 0.2, 0.2)
     titles = ["normals", "true heights", *METHODS]
-    pictures = sheet(list(zip(titles, cropped(pictures, mask), strict=True)), 2, tile_height=260)
+    pictures = contact_sheet(list(zip(titles, cropped(pictures, mask), strict=True)), 2, tile_height=260)
     chart = profiles({name: values[mask[:, column], column] for name, values in heights.items()}, pictures.shape[1])
     OUTPUT.mkdir(exist_ok=True)
     write_image(OUTPUT / "integrate.png", np.concatenate([pictures, chart]), bits=8, color_space="sRGB")

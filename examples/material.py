@@ -19,7 +19,7 @@ from mpsnet_core.relief.material.material_files import PREVIEW_LIGHT, repeated_p
 from mpsnet_core.relief.material.seam import measured_seam
 from mpsnet_core.relief.relight import relit
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.pictures import photo_picture, sheet
+from mpsnet_core.scene.pictures import contact_sheet, photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 PIXEL_MM = 0.1
@@ -49,7 +49,7 @@ def main() -> None:
         write_material(folder, name, material)
         tell(name, swatch, capture, normals, material)
         tiles += pictures(name, photo, normals, material)
-    write_image(OUTPUT / "material.png", sheet(tiles, columns=6), bits=8, color_space="sRGB")
+    write_image(OUTPUT / "material.png", contact_sheet(tiles, columns=6), bits=8, color_space="sRGB")
     print(f"contact sheet: {OUTPUT / 'material.png'}")
 
 

@@ -28,7 +28,7 @@ from mpsnet_core.learning.evaluation.measure import Result, measure
 from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS, TABLE_2
 from mpsnet_core.learning.evaluation.rendered import Rendered
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, case_picture
-from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, cropped, error_picture, sheet
+from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, contact_sheet, cropped, error_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 MODELS = ("lambertian", "demultiplexer", "psfcn", "mpsnet", "multiscale")
@@ -86,7 +86,7 @@ def figure_8(root: Path) -> NDArray[np.float32]:
         titles = [f"{one.model} {one.mae_deg:.1f}°{paper.get(one.model, '')}" for one in results]
         tiles += list(zip(titles, cropped(pictures, case.scored), strict=True))
         tiles.append(("degrees", colour_scale(HIGHEST_ERROR, TILE)))
-    return sheet(tiles, len(MODELS) + 1, TILE)
+    return contact_sheet(tiles, len(MODELS) + 1, TILE)
 
 
 def measured(evaluation: Evaluation) -> Iterator[list[Result]]:

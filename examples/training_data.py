@@ -13,7 +13,7 @@ from pathlib import Path
 
 import bpy
 
-from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
+from mpsnet_core.synthesis.contact_sheet import sheet_of_samples, write_sheet
 from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_path
 
@@ -42,5 +42,5 @@ if harvest.failed:
 print(f"synthesised: {synthesised} ({time.monotonic() - started:.0f} s)")
 
 pairs = [sample_path(folder, number) for number in range(COUNT) for folder in (rendered, synthesised)]
-write_sheet(OUTPUT / "training_data.png", contact_sheet(pairs, len(pairs)))
+write_sheet(OUTPUT / "training_data.png", sheet_of_samples(pairs, len(pairs)))
 print(f"the contact sheet is {OUTPUT / 'training_data.png'}")

@@ -29,7 +29,7 @@ def store_owners(worn: Sequence[AssignedTexture]) -> None:
         remember(image, "onto", json.dumps(sorted({one.target.data.name for one in worn if image in one.images})))
 
 
-class _Sheet(NamedTuple):
+class _TextureName(NamedTuple):
     tile: int | None
     material: str | None
     object: str | None
@@ -39,9 +39,9 @@ def files_for(onto: Sequence[BakeTarget], file: Path) -> dict[Path, list[Any]]:
     """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
     parts = [part for part in parts_of(onto, file) if any(_has_faces(one, part) for one in onto)]
     tile = 1001 if TILE in file.name else None  # whichever: the token stays
-    sheets = [_Sheet(tile, material, name) for name, material in parts]
+    texture_sets = [_TextureName(tile, material, name) for name, material in parts]
     found: dict[Path, list[Any]] = {}
-    for pattern, part in zip(tile_patterns(file, sheets), parts, strict=True):
+    for pattern, part in zip(tile_patterns(file, texture_sets), parts, strict=True):
         found.setdefault(pattern, []).extend(
             by_session_uid(bpy.data.objects, one.uid) for one in onto if _has_faces(one, part)
         )

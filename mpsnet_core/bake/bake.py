@@ -18,7 +18,7 @@ from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texel_surface import Place, UnderTexels
 from mpsnet_core.bake.texture import Space, Texture
-from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
@@ -84,7 +84,7 @@ def bake_normals(
         Where `progress` raises it.
     """
     baking = Baking(size, space, margin, padding, samples, feather, strength, fill)
-    ((_, texture),) = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=progress)
+    ((_, texture),) = bake_texture_sets([mesh], views, texture_sets([mesh]), baking, progress=progress)
     return texture
 
 
@@ -105,7 +105,7 @@ def bake_texture_sets(
     views : sequence of View
         As for :func:`bake_normals`.
     chosen : sequence of TextureSet
-        Of :func:`mpsnet_core.bake.texture_sets.sheets`, of the same meshes.
+        Of :func:`mpsnet_core.bake.texture_sets.texture_sets`, of the same meshes.
     baking : Baking
         How the textures are baked.
     progress : Progress
@@ -125,19 +125,19 @@ def bake_texture_sets(
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
     hopeful = any(triangles.any() for triangles in bake.seen)
     any_seen, any_covered, waiting = False, False, list[TextureSet]()
-    for number, sheet in enumerate(chosen):
+    for number, texture_set in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
-        texture = bake.texture(sheet, step)
+        texture = bake.texture(texture_set, step)
         if texture is None:
-            if sheet.named:
-                log.info("%s: no texel lies on its UVs, so there is no texture of it", sheet.named)
+            if texture_set.named:
+                log.info("%s: no texel lies on its UVs, so there is no texture of it", texture_set.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
         if not (any_seen or hopeful):
-            waiting.append(sheet)
+            waiting.append(texture_set)
             continue
         step(0.9, "growing the margin")
-        yield sheet, _finished(texture, baking)
+        yield texture_set, _finished(texture, baking)
         step(1.0, "baked")
     if not any_covered:
         size = baking.size
@@ -149,10 +149,10 @@ def bake_texture_sets(
             "no view sees any of the mesh; check that the cameras and the mesh share one world, and that its normals "
             "point outwards"
         )
-    for sheet in waiting:
-        texture = bake.texture(sheet, part(progress, 1.0, 1.0))
+    for texture_set in waiting:
+        texture = bake.texture(texture_set, part(progress, 1.0, 1.0))
         if texture is not None:
-            yield sheet, _finished(texture, baking)
+            yield texture_set, _finished(texture, baking)
 
 
 def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, progress: Progress) -> "_Bake":
@@ -192,20 +192,20 @@ class _Bake:
     baking: Baking
     islands: Sequence[NDArray[np.int32]] | None
 
-    def texture(self, sheet: TextureSet, progress: Progress) -> Texture | None:
-        """The sheet's texture, without padding; None where no texel lies on it."""
+    def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
+        """The texture set's texture, without padding; None where no texel lies on it."""
         size, samples = self.baking.size, self.baking.samples
         surfaces, seen = [], []
-        for mesh, triangles, seen_of in zip(self.meshes, sheet.parts, self.seen, strict=True):
+        for mesh, triangles, seen_of in zip(self.meshes, texture_set.parts, self.seen, strict=True):
             if triangles is None or len(triangles):
-                surfaces.append(UnderTexels(mesh, triangles, sheet.corner, self.middle, size * samples))
+                surfaces.append(UnderTexels(mesh, triangles, texture_set.corner, self.middle, size * samples))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
         # Where UVs overlap (as mirrored halves do), the triangle that a view sees wins: the last one laid down.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
         under = _Under(surfaces, order, Raster(corners[order], size * samples))
         texture = _blank((size, size), self.baking.space, colours=self.projectors.values > 4)
-        island_of = self._islands(sheet)
+        island_of = self._islands(texture_set)
         filled = (0, 0) if island_of is None else (size, size)
         islands, known = np.full(filled, -1, np.int32), np.zeros(filled, bool)
         # Of a texel's several points a few rows at once. Views that memory does not hold are read again for each time:
@@ -251,12 +251,12 @@ class _Bake:
             )
         return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
 
-    def _islands(self, sheet: TextureSet) -> NDArray[np.int32] | None:
-        """The UV island of each of the sheet's triangles, in the order of :meth:`texture`'s corners."""
+    def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
+        """The UV island of each of the texture set's triangles, in the order of :meth:`texture`'s corners."""
         if self.islands is None:
             return None
         numbers, first = [], 0
-        for triangles, island in zip(sheet.parts, self.islands, strict=True):
+        for triangles, island in zip(texture_set.parts, self.islands, strict=True):
             numbers.append(first + (island if triangles is None else island[triangles]))
             first += int(island.max()) + 1
         together: NDArray[np.int32] = np.concatenate(numbers)

@@ -31,26 +31,28 @@ class MapFile:
 
 
 def maps_beneath(
-    given: str | os.PathLike[str], convention: Convention, sheets: Sequence[TextureSet]
+    given: str | os.PathLike[str], convention: Convention, texture_sets: Sequence[TextureSet]
 ) -> list[MapFile | None]:
-    """The map beneath each of the sheets, None where there is none.
+    """The map beneath each of the texture sets, None where there is none.
 
     given: an image, <UDIM>, <MATERIAL> and <OBJECT> in its name standing for what they do in the textures' names; or a
-    .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that is for a sheet's object
-    and material is taken. convention: of the image, and of the maps for which the list says none.
+    .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that is for a texture set's
+    object and material is taken. convention: of the image, and of the maps for which the list says none.
 
-    Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no sheet has
-    a map.
+    Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no texture set
+    has a map.
     """
-    beneath: list[MapFile | None] = [None] * len(sheets)
+    beneath: list[MapFile | None] = [None] * len(texture_sets)
     is_list = Path(given).suffix.lower() == ".json"
     listed = read_map_list(given) if is_list else [ListedMap(Path(given))]
-    sought: list[Path | None] = [None] * len(sheets)
+    sought: list[Path | None] = [None] * len(texture_sets)
     for entry in listed:
         points = entry.convention or convention
         check_choice("convention", points, CONVENTIONS)
-        for number, (sheet, file) in enumerate(zip(sheets, map_files(entry.file, sheets), strict=True)):
-            meant = entry.object in (None, sheet.object) and entry.material in (None, sheet.material)
+        for number, (texture_set, file) in enumerate(
+            zip(texture_sets, map_files(entry.file, texture_sets), strict=True)
+        ):
+            meant = entry.object in (None, texture_set.object) and entry.material in (None, texture_set.material)
             # Not every object or tile need have a map; one that is named in full and missing fails where it is read.
             if meant and beneath[number] is None:
                 sought[number] = file
@@ -59,10 +61,10 @@ def maps_beneath(
     if not any(beneath):
         check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
         raise FileError(f"{given}: there is no present map for any of the textures; check {check}")
-    for sheet, found, missing in zip(sheets, beneath, sought, strict=True):
+    for texture_set, found, missing in zip(texture_sets, beneath, sought, strict=True):
         if found is None:
             named = f" {missing}" if missing else ""
-            log.info("%s: there is no present map%s, so nothing lies beneath its texture", sheet.named, named)
+            log.info("%s: there is no present map%s, so nothing lies beneath its texture", texture_set.named, named)
     return beneath
 
 
@@ -80,24 +82,30 @@ def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
 class BaseMaps(Sequence[BaseMap]):
     """The present maps of meshes, read when one is requested; the last one stays in memory. All are read once at first.
 
-    Sheets that share a map and a unit square of UV space share one :class:`BaseMap`, whose triangles are those of the
-    meshes joined (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
+    Texture sets that share a map and a unit square of UV space share one :class:`BaseMap`, whose triangles are those of
+    the meshes joined (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
 
-    beneath: of :func:`maps_beneath`, for the sheets.
+    beneath: of :func:`maps_beneath`, for the texture sets.
 
     Raises InputError where a map cannot be read.
     """
 
     def __init__(
-        self, beneath: Sequence[MapFile | None], sheets: Sequence[TextureSet], meshes: Sequence[Mesh], shown: Shown
+        self,
+        beneath: Sequence[MapFile | None],
+        texture_sets: Sequence[TextureSet],
+        meshes: Sequence[Mesh],
+        shown: Shown,
     ) -> None:
         self.shown = shown
         together: dict[tuple[MapFile, tuple[int, int] | None], list[TextureSet]] = {}
-        for sheet, map_file in zip(sheets, beneath, strict=True):
+        for texture_set, map_file in zip(texture_sets, beneath, strict=True):
             if map_file is not None:
-                together.setdefault((map_file, None if sheet.tile is None else sheet.corner), []).append(sheet)
+                together.setdefault((map_file, None if texture_set.tile is None else texture_set.corner), []).append(
+                    texture_set
+                )
         self._maps = [(*key, _triangles(parts, meshes)) for key, parts in together.items()]
-        self._number = {sheet: number for number, parts in enumerate(together.values()) for sheet in parts}
+        self._number = {texture_set: number for number, parts in enumerate(together.values()) for texture_set in parts}
         self._last: tuple[MapFile, NDArray[np.float32]] | None = None
         for map_file in dict.fromkeys(key for key, _ in together):
             self._vectors(map_file)  # a map that cannot be read fails before the work
@@ -109,9 +117,9 @@ class BaseMaps(Sequence[BaseMap]):
         one, corner, triangles = self._maps[number]
         return BaseMap(self._vectors(one), self.shown, triangles, corner)
 
-    def beneath(self, sheet: TextureSet) -> NDArray[np.float32] | None:
-        """(H, W, 3) the vectors of the map beneath a sheet, None where there is none."""
-        number = self._number.get(sheet)
+    def beneath(self, texture_set: TextureSet) -> NDArray[np.float32] | None:
+        """(H, W, 3) the vectors of the map beneath a texture set, None where there is none."""
+        number = self._number.get(texture_set)
         return None if number is None else self._vectors(self._maps[number][0])
 
     def in_photos(self) -> Sequence[BaseMap]:
@@ -125,13 +133,13 @@ class BaseMaps(Sequence[BaseMap]):
         return self._last[1]
 
 
-def _triangles(sheets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
-    """(T,) which of the meshes' triangles lie on one of the sheets; None for all."""
-    if any(all(part is None for part in sheet.parts) for sheet in sheets):
+def _triangles(texture_sets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
+    """(T,) which of the meshes' triangles lie on one of the texture sets; None for all."""
+    if any(all(part is None for part in texture_set.parts) for texture_set in texture_sets):
         return None
     ends = np.cumsum([0] + [len(mesh.triangles) for mesh in meshes])
     worn = np.zeros(ends[-1], bool)
-    for sheet in sheets:
-        for start, end, part in zip(ends[:-1], ends[1:], sheet.parts, strict=True):
+    for texture_set in texture_sets:
+        for start, end, part in zip(ends[:-1], ends[1:], texture_set.parts, strict=True):
             worn[start:end][slice(None) if part is None else part] = True
     return worn

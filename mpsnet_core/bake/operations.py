@@ -366,7 +366,7 @@ class Bake(LaysOnto):
         seen, _ = reader.read(inputs.views, plan.meshes, part(progress, 0.05, 0.15))
         if self.albedo and len(seen) > 1:
             seen = matched_views(seen, plan.meshes, baking.feather)
-        baked = bake_texture_sets(plan.meshes, seen, plan.sheets, baking, progress=part(progress, 0.15, 1.0))
+        baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
         with written_together():
             made = [one for one, _ in write_textures(plan, baked)]
         text = format_textures(made, self.texture_words(target))
@@ -570,7 +570,9 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             note_shares(stored.shares)
             if self.white:
                 stored.gains = colour_gains(agreed.colours)
-            baked = bake_texture_sets(plan.meshes, stored, plan.sheets, baking, progress=part(progress, 0.72, 1.0))
+            baked = bake_texture_sets(
+                plan.meshes, stored, plan.texture_sets, baking, progress=part(progress, 0.72, 1.0)
+            )
             table = agreed.views(stored.gains.tolist() if self.white else None)
             note_doubts(table)
             how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
@@ -666,7 +668,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             for one, texture in write_textures(plan, baked):
                 made.append(one)
                 if self.report:
-                    maps += texture_maps(texture, one.sheet.named)
+                    maps += texture_maps(texture, one.texture_set.named)
                 del texture
             text = format_textures(made, self.texture_words(plan.target))
             result = ViewsBaked(

@@ -11,7 +11,7 @@ from mpsnet_core.bake.inputs import BakeInputs, ViewReader
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.texture_files import TextureTarget
-from mpsnet_core.bake.texture_sets import sheets
+from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
@@ -66,7 +66,7 @@ def bake_sequence(
             if present is not None and shares is None and inputs is not first:
                 _, shares = reader.read(first.views, [read_mesh(first.meshes[0])], part(step, 0.0, 0.0))
             views, shares = reader.read(inputs.views, [mesh], part(step, 0.0, 0.1), shares)
-            baked = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=part(step, 0.1, 1.0))
+            baked = bake_texture_sets([mesh], views, texture_sets([mesh]), baking, progress=part(step, 0.1, 1.0))
             ((_, texture),) = baked
             if present is not None:
                 texture = blend_detail(texture, present.vectors)

@@ -13,7 +13,7 @@ from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
 from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
-from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import check_apart, check_ending, ensure_folder, file_suffix, writable_path
@@ -87,7 +87,7 @@ def texture_target(
 
 @dataclass(frozen=True)
 class Plan:
-    """Textures to bake for meshes: a sheet and a file for each.
+    """Textures to bake for meshes: a texture set and a file for each.
 
     albedos: where the views' colours go, if they have some. patterns: the files with <UDIM> in place of the tile's
     number. base_maps: the maps that go beneath them. coverage: folder for a map of what was seen of each, None for
@@ -96,7 +96,7 @@ class Plan:
 
     target: TextureTarget
     meshes: Sequence[Mesh]
-    sheets: Sequence[TextureSet]
+    texture_sets: Sequence[TextureSet]
     files: Sequence[Path]
     albedos: Sequence[Path]
     patterns: Sequence[Path]
@@ -112,7 +112,7 @@ class Made:
 
     file: Path
     pattern: Path
-    sheet: TextureSet
+    texture_set: TextureSet
     seen: int
     covered: int
     albedo: Path | None = None
@@ -144,7 +144,7 @@ def planned(
         meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, mesh_files, strict=True)]
     if "material" in by and not any(mesh.materials for mesh in meshes):
         raise SettingsError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
-    chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
+    chosen = texture_sets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
     albedos = texture_files(albedo_file(Path(target.output)), chosen)
@@ -168,9 +168,9 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
     Raises InputError where one cannot be baked or written.
     """
     target = plan.target
-    for sheet, texture in baked:
-        place = plan.sheets.index(sheet)
-        beneath = plan.base_maps.beneath(sheet)
+    for texture_set, texture in baked:
+        place = plan.texture_sets.index(texture_set)
+        beneath = plan.base_maps.beneath(texture_set)
         if beneath is not None:
             texture = blend_detail(texture, beneath)
         write_texture(plan.files[place], texture, convention=target.convention, bits=target.bits)
@@ -183,7 +183,10 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
         coverage = plan.coverage / plan.files[place].name if plan.coverage else None
         if coverage is not None:
             write_coverage(coverage, texture)
-        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo, filled, coverage), texture
+        yield (
+            Made(plan.files[place], plan.patterns[place], texture_set, seen, covered, albedo, filled, coverage),
+            texture,
+        )
         del texture
 
 
@@ -209,13 +212,13 @@ class TextureFacts:
 
 def texture_facts(texture: Made) -> TextureFacts:
     """The figures of a texture that was written."""
-    sheet, tiled, albedo = texture.sheet, texture.sheet.tile is not None, texture.albedo
+    texture_set, tiled, albedo = texture.texture_set, texture.texture_set.tile is not None, texture.albedo
     return TextureFacts(
         str(texture.file),
         round(texture.seen / texture.covered, 4),
-        sheet.tile,
-        sheet.material,
-        sheet.object,
+        texture_set.tile,
+        texture_set.material,
+        texture_set.object,
         str(texture.pattern) if tiled else None,
         None if albedo is None else str(albedo),
         str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from mpsnet_core.errors import SettingsError
 
-# The tokens, and what of a sheet they stand for.
+# The tokens, and what of a texture set they stand for.
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
 # Names of more bytes are cut: file systems allow 255, and there is more in a file's name.
 LONGEST_NAME = 80
@@ -16,8 +16,8 @@ LONGEST_NAME = 80
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 
 
-class Parted(Protocol):
-    """What has a texture of its own, as a sheet does: each is None where textures are not parted by it."""
+class NamesTexture(Protocol):
+    """What has a texture of its own, as a texture set does: each is None where textures are not parted by it."""
 
     @property
     def tile(self) -> int | None: ...
@@ -50,14 +50,14 @@ def split_by(pattern: str | os.PathLike[str]) -> set[str]:
     return {TOKENS[token] for token in found}
 
 
-def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
-    """Each sheet's file: the pattern with its tile's number, and its material's and object's names as files can have.
+def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
+    """Each texture set's file: the pattern with its tile's number, and its material's and object's names as files have.
 
     Names that become the same that way, on some system at least, are numbered.
 
-    Raises SettingsError where the pattern has other tokens than the sheets are parted by, or two sheets get one file.
+    Raises SettingsError where the pattern has other tokens than the texture sets are parted by, or two get one file.
     """
-    files = map_files(pattern, sheets)
+    files = map_files(pattern, texture_sets)
     folded = [file.name.casefold() for file in files]
     for file, name in zip(files, folded, strict=True):
         if folded.count(name) > 1:
@@ -78,33 +78,36 @@ def check_one_texture(file: str | os.PathLike[str]) -> None:
             )
 
 
-def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
-    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each sheet.
+def tile_patterns(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
+    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each texture set.
 
     Raises SettingsError where the pattern has a token in a folder's name or one that is not known.
     """
-    return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
+    return _named(pattern, texture_sets, ["<UDIM>"] * len(texture_sets))
 
 
-def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
-    """The same for maps that are read, of which several sheets may share one.
+def map_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
+    """The same for maps that are read, of which several texture sets may share one.
 
-    Raises SettingsError where the pattern has other tokens than the sheets are parted by.
+    Raises SettingsError where the pattern has other tokens than the texture sets are parted by.
     """
-    return _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
+    return _named(pattern, texture_sets, [str(texture_set.tile) for texture_set in texture_sets])
 
 
-def _named(pattern: str | os.PathLike[str], sheets: Sequence[Parted], tiles: Sequence[str]) -> list[Path]:
+def _named(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
     if not path.name:
         raise SettingsError(f"{path} names no file; give one")
     parted = split_by(pattern)
-    names = {what: _file_names([getattr(sheet, what) for sheet in sheets]) for what in ("material", "object")}
+    names = {
+        what: _file_names([getattr(texture_set, what) for texture_set in texture_sets])
+        for what in ("material", "object")
+    }
     files = []
-    for sheet, tile in zip(sheets, tiles, strict=True):
+    for texture_set, tile in zip(texture_sets, tiles, strict=True):
         name = path.name
         for token, what in TOKENS.items():
-            value = getattr(sheet, what)
+            value = getattr(texture_set, what)
             if what in parted and value is None:
                 raise SettingsError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
             name = name.replace(token, tile if what == "tile" else names[what].get(value, ""))

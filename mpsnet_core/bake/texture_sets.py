@@ -1,4 +1,4 @@
-"""Sheets: which parts of which meshes share a texture, by UDIM tiles, materials and objects.
+"""Texture sets: which parts of which meshes share a texture, by UDIM tiles, materials and objects.
 
 UDIM is the numbering of unit squares of UV space that Mari brought: 1001 + u + 10 v, ten squares to a row.
 """
@@ -64,10 +64,10 @@ class TextureSet:
         return ", ".join(f"{what} {name}" for what, name in names.items() if name is not None)
 
 
-def sheets(
+def texture_sets(
     meshes: Sequence[Mesh], *, tiles: bool = False, materials: bool = False, objects: bool = False
 ) -> list[TextureSet]:
-    """The sheets of meshes: one for all, or one for each UDIM tile, material and object, or each of their combinations.
+    """The texture sets of meshes: one for all, or one for each UDIM tile, material and object, or their combinations.
 
     Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
 
@@ -148,10 +148,10 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
         )
     found = []
     for number in sorted(tiles):
-        sheet = TextureSet((), number, group.material, group.object)
+        texture_set = TextureSet((), number, group.material, group.object)
         parts = []
         for (low, high), part in zip(reaches, group.parts, strict=True):
-            within = np.flatnonzero(((low <= sheet.corner) & (high >= sheet.corner)).all(axis=1))
+            within = np.flatnonzero(((low <= texture_set.corner) & (high >= texture_set.corner)).all(axis=1))
             parts.append(within if part is None else part[within])
         found.append(TextureSet(tuple(parts), number, group.material, group.object))
     return found

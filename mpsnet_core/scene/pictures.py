@@ -89,7 +89,7 @@ def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int
     return canvas
 
 
-def sheet(
+def contact_sheet(
     tiles: Sequence[tuple[str, NDArray[np.float32]]], columns: int, tile_height: int = 320
 ) -> NDArray[np.float32]:
     """(H, W, 3) the tiles (title, picture) in rows, each scaled to `tile_height` with its title above."""

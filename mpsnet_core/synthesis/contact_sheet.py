@@ -16,7 +16,7 @@ from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.pictures import BACKGROUND, legend, photo_picture, sheet
+from mpsnet_core.scene.pictures import BACKGROUND, contact_sheet, legend, photo_picture
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
 
 ROWS = 8
@@ -107,7 +107,7 @@ def spread(files: Sequence[Path], count: int) -> list[Path]:
     return [files[round(place)] for place in np.linspace(0, len(files) - 1, count)]
 
 
-def contact_sheet(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float32] | None:
+def sheet_of_samples(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float32] | None:
     """(H, W, 3) display values: up to `count` of the files, evenly spread, a row each; None where none is a sample.
 
     The next whole sample takes the place of a file that is none.
@@ -126,7 +126,7 @@ def contact_sheet(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float3
             break
     if not tiles:
         return None
-    picture = sheet(tiles, len(tiles) // len(shown), TILE_HEIGHT)
+    picture = contact_sheet(tiles, len(tiles) // len(shown), TILE_HEIGHT)
     words = legend(list(zip(LIT_COLOURS[::-1], LIT_WORDS[::-1], strict=True)), picture.shape[1])
     return np.concatenate([picture, words])
 
@@ -136,8 +136,8 @@ def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> 
 
     Raises InputError where a photo cannot be read, or nothing is a whole sample or a photo.
     """
-    rows = [contact_sheet(samples, count)] if samples else []
-    rows += [sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
+    rows = [sheet_of_samples(samples, count)] if samples else []
+    rows += [contact_sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
     pictures = [row for row in rows if row is not None]
     if not pictures:
         raise FileError(f"{samples[0].parent} holds no whole sample; make some anew")

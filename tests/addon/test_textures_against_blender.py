@@ -11,7 +11,7 @@ from mathutils import Matrix, Vector
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import Texture
-from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
@@ -38,7 +38,7 @@ def textures(
 ) -> list[tuple[TextureSet, Texture]]:
     """What is baked of eight renders of an object's normals."""
     views = [normal_view(side, seen, tmp_path / "view.exr", "ORTHO") for side in SIDES]
-    return list(bake_texture_sets(meshes, views, sheets(meshes, **by), Baking(size=SIZE, margin=0)))
+    return list(bake_texture_sets(meshes, views, texture_sets(meshes, **by), Baking(size=SIZE, margin=0)))
 
 
 def image_for(material: "bpy.types.Material", path: Path, tiles: list[int]) -> "bpy.types.Image":
@@ -96,13 +96,13 @@ def test_udim_tiles_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path:
     layer = simple.data.uv_layers.active.data
     layer.foreach_set("uv", 2 * array_of(layer, "uv", 2).ravel())
     made = textures([core_mesh(simple, tmp_path / "mesh.npz")], tmp_path, detailed, tiles=True)
-    assert [sheet.tile for sheet, _ in made] == [1001, 1002, 1011, 1012]
+    assert [texture_set.tile for texture_set, _ in made] == [1001, 1002, 1011, 1012]
     image = image_for(simple.data.materials[0], tmp_path / "t.<UDIM>.exr", [1001, 1002, 1011, 1012])
     blender_bakes(detailed, simple)
     image.save()
-    for sheet, texture in made:
-        found = oiio.ImageBuf(str(tmp_path / f"t.{sheet.tile}.exr")).get_pixels(oiio.FLOAT)
-        judge(texture, normals_of(found), f"tile {sheet.tile}")
+    for texture_set, texture in made:
+        found = oiio.ImageBuf(str(tmp_path / f"t.{texture_set.tile}.exr")).get_pixels(oiio.FLOAT)
+        judge(texture, normals_of(found), f"tile {texture_set.tile}")
 
 
 def test_several_objects_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
@@ -155,8 +155,10 @@ def test_several_materials_agree_with_blenders_bake(scene: "bpy.types.Scene", tm
         image_for(material, tmp_path / f"m{place}.exr", []) for place, material in enumerate(simple.data.materials)
     ]
     blender_bakes(detailed, simple)
-    assert sorted(str(sheet.material) for sheet, _ in made) == ["First", "Other"]
-    for sheet, texture in made:
-        judge(texture, normals_of(pixels_of(images[sheet.material == "Other"])), f"material {sheet.material}")
+    assert sorted(str(texture_set.material) for texture_set, _ in made) == ["First", "Other"]
+    for texture_set, texture in made:
+        judge(
+            texture, normals_of(pixels_of(images[texture_set.material == "Other"])), f"material {texture_set.material}"
+        )
     covered = [texture.covered for _, texture in made]
     assert not (covered[0] & covered[1]).any()

@@ -19,7 +19,6 @@ from mpsnet_core.synthesis.contact_sheet import (
     LIT_COLOURS,
     MATERIAL_COLOURS,
     TILE_HEIGHT,
-    contact_sheet,
     folder_samples,
     sample_row,
     spread,
@@ -100,9 +99,9 @@ def test_samples_are_spread_evenly(count: int, places: list[int]) -> None:
 
 def test_a_broken_file_gives_its_row_to_the_next_whole_one(folder: Path) -> None:
     files = folder_samples(folder)
-    rows = [contact_sheet(files, count) for count in (1, 2, 3, 4, 8)]
+    rows = [sheet_of_samples(files, count) for count in (1, 2, 3, 4, 8)]
     assert [round(row.shape[0] / ROW) for row in rows if row is not None] == [1, 2, 3, 4, 4]
-    assert contact_sheet(files[1:3]) is None
+    assert sheet_of_samples(files[1:3]) is None
 
 
 def test_a_folder_in_numbers(folder: Path, sample: Sample) -> None:

@@ -22,11 +22,11 @@ from mpsnet_core.scene.pictures import (
     GAP,
     TITLE_HEIGHT,
     colour_scale,
+    contact_sheet,
     cropped,
     error_picture,
     normals_picture,
     photo_picture,
-    sheet,
 )
 
 
@@ -71,7 +71,7 @@ def test_normals_and_photos_are_shown_on_a_dark_ground(sphere: Sphere) -> None:
 def test_a_sheet_holds_every_tile_whole() -> None:
     tiles = [(name, np.full((20, width, 3), value, np.float32)) for name, width, value in
              [("a", 20, 0.3), ("b", 40, 0.5), ("c", 10, 0.7)]]  # fmt: skip
-    picture = sheet(tiles, columns=2, tile_height=40)
+    picture = contact_sheet(tiles, columns=2, tile_height=40)
     assert picture.shape == (2 * (40 + TITLE_HEIGHT + GAP) + GAP, 40 + 80 + 3 * GAP, 3)
     for value, area in ((0.3, 40 * 40), (0.5, 40 * 80), (0.7, 40 * 20)):
         assert (np.abs(picture - value) < 1e-3).all(axis=-1).sum() == pytest.approx(area, abs=20)

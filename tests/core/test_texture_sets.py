@@ -10,41 +10,41 @@ from surface_shapes import sphere_mesh
 from uv_squares import squares
 
 from mpsnet_core.bake.texture_names import split_by, texture_files
-from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 
 
 def told(found: list[TextureSet]) -> list[tuple]:
-    parts = [[None if part is None else part.tolist() for part in sheet.parts] for sheet in found]
+    parts = [[None if part is None else part.tolist() for part in texture_set.parts] for texture_set in found]
     return [(s.object, s.material, s.tile, *part) for s, part in zip(found, parts, strict=True)]
 
 
 def test_without_tokens_all_share_one_texture() -> None:
-    assert told(sheets([squares((0, 0)), squares((0.5, 0))])) == [(None, None, None, None, None)]
+    assert told(texture_sets([squares((0, 0)), squares((0.5, 0))])) == [(None, None, None, None, None)]
 
 
 def test_each_triangle_is_in_the_tile_that_its_uvs_lie_in(caplog: pytest.LogCaptureFixture) -> None:
     mesh = squares((0.25, 0.25), (1.25, 0.25), (0.0, 1.5), (9.5, 2.0), (-0.75, 0.0))
     with caplog.at_level("INFO", "mpsnet_core"):
-        found = sheets([mesh], tiles=True)
+        found = texture_sets([mesh], tiles=True)
     expected = {1001: [0, 1], 1002: [2, 3], 1011: [4, 5], 1030: [6, 7]}
     assert told(found) == [(None, None, tile, part) for tile, part in expected.items()]
-    assert [sheet.corner for sheet in found] == [(0, 0), (1, 0), (0, 1), (9, 2)]
+    assert [texture_set.corner for texture_set in found] == [(0, 0), (1, 0), (0, 1), (9, 2)]
     assert [record.getMessage() for record in caplog.records] == [
         "2 of 10 triangles have UVs outside the UDIM tiles, which the texture does not reach"
     ]
     caplog.clear()
     with caplog.at_level("INFO", "mpsnet_core"):
-        sheets([mesh])
+        texture_sets([mesh])
     assert caplog.records[0].getMessage().startswith("8 of 10 triangles have UVs outside 0 to 1")
     assert caplog.records[0].getMessage().endswith("; bake UDIM tiles (<UDIM> in the file's name) to have them too")
 
 
 def test_what_crosses_a_border_is_in_both_tiles_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO", "mpsnet_core"):
-        found = sheets([squares((0.75, 0.25), (2, 0))], tiles=True)
+        found = texture_sets([squares((0.75, 0.25), (2, 0))], tiles=True)
     assert told(found) == [(None, None, tile, part) for tile, part in ((1001, [0, 1]), (1002, [0, 1]), (1003, [2, 3]))]
     assert any("1 UV island lies across the border of two UDIM tiles" in r.getMessage() for r in caplog.records)
 
@@ -52,20 +52,20 @@ def test_what_crosses_a_border_is_in_both_tiles_and_reported(caplog: pytest.LogC
 def test_an_island_crosses_also_where_no_triangle_does(caplog: pytest.LogCaptureFixture) -> None:
     mesh = sphere_mesh(4, 4)
     with caplog.at_level("INFO", "mpsnet_core"):
-        found = sheets([type(mesh)(mesh.vertices, mesh.triangles, mesh.corner_normals, 2 * mesh.uvs)], tiles=True)
-    assert [sheet.tile for sheet in found] == [1001, 1002, 1011, 1012]
-    assert sum(len(sheet.parts[0]) for sheet in found) == len(mesh.triangles)
+        found = texture_sets([type(mesh)(mesh.vertices, mesh.triangles, mesh.corner_normals, 2 * mesh.uvs)], tiles=True)
+    assert [texture_set.tile for texture_set in found] == [1001, 1002, 1011, 1012]
+    assert sum(len(texture_set.parts[0]) for texture_set in found) == len(mesh.triangles)
     assert any("1 UV island lies across" in record.getMessage() for record in caplog.records)
 
 
 def test_materials_of_one_name_are_one_and_objects_of_one_name_are_not() -> None:
     first, second = squares((0, 0), (0, 0), materials="skin cloth"), squares((0, 0), materials="skin")
-    assert told(sheets([first, second], materials=True)) == [
+    assert told(texture_sets([first, second], materials=True)) == [
         (None, "skin", None, [0, 1], [0, 1]),
         (None, "cloth", None, [2, 3], []),
     ]
     first, second = squares((0, 0), (0, 0), objects="a b"), squares((0, 0), objects="a")
-    assert told(sheets([first, second], objects=True)) == [
+    assert told(texture_sets([first, second], objects=True)) == [
         ("a", None, None, [0, 1], []),
         ("b", None, None, [2, 3], []),
         ("a_2", None, None, [], [0, 1]),
@@ -74,7 +74,7 @@ def test_materials_of_one_name_are_one_and_objects_of_one_name_are_not() -> None
 
 def test_objects_materials_and_tiles_together() -> None:
     mesh = squares((0, 0), (1, 0), (0, 0), objects="a a b", materials="skin skin skin")
-    assert told(sheets([mesh], tiles=True, materials=True, objects=True)) == [
+    assert told(texture_sets([mesh], tiles=True, materials=True, objects=True)) == [
         ("a", "skin", 1001, [0, 1]),
         ("a", "skin", 1002, [2, 3]),
         ("b", "skin", 1001, [4, 5]),
@@ -84,7 +84,10 @@ def test_objects_materials_and_tiles_together() -> None:
 def test_triangles_without_a_material_are_reported_apart() -> None:
     mesh = squares((0, 0), (0, 0), materials="skin skin")
     bare = squares((0, 0))
-    assert [sheet.material for sheet in sheets([mesh, bare], materials=True)] == ["skin", "no_material"]
+    assert [texture_set.material for texture_set in texture_sets([mesh, bare], materials=True)] == [
+        "skin",
+        "no_material",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -104,11 +107,11 @@ def test_triangles_without_a_material_are_reported_apart() -> None:
 )
 def test_uvs_that_no_texture_holds_are_refused(mesh, tiles: bool, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        sheets([mesh], tiles=tiles)
+        texture_sets([mesh], tiles=tiles)
 
 
 def names(pattern: str, **found: list) -> list[str]:
-    """The files that a pattern gives for sheets whose tile, material or object are as listed."""
+    """The files that a pattern gives for texture sets whose tile, material or object are as listed."""
     count = len(next(iter(found.values())))
     made = [TextureSet((None,), **{what: values[n] for what, values in found.items()}) for n in range(count)]
     return [path.as_posix() for path in texture_files(pattern, made)]

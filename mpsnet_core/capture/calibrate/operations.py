@@ -288,7 +288,7 @@ class CalibrateLights(LooksAtBall):
         from mpsnet_core.capture.calibrate.overlay import lights_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
         from mpsnet_core.io.image_writing import write_picture
-        from mpsnet_core.scene.pictures import sheet
+        from mpsnet_core.scene.pictures import contact_sheet
 
         labels = chosen.names
         if chosen.files:
@@ -298,7 +298,7 @@ class CalibrateLights(LooksAtBall):
             for photos, sighting in zip(pictured, found.sightings, strict=True)
         ]
         titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
-        picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
+        picture = tiles[0] if len(tiles) == 1 else contact_sheet(titled, 2, tile_height=tiles[0].shape[0])
         write_picture(overlay, picture)
 
     def _choose_of_lp(self) -> LightsCalibrated:

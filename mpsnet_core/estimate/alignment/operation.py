@@ -253,14 +253,14 @@ class Align(RunsModel, ReadsPhotos):
         import numpy as np
 
         from mpsnet_core.estimate.alignment.overlay import overlay
-        from mpsnet_core.scene.pictures import sheet
+        from mpsnet_core.scene.pictures import contact_sheet
 
         image = capture.image.astype(np.float32, copy=False)
         pictures = [overlay(image, capture.mask, faces.scene, fit.camera, pairs, left_out) for fit in fits]
         if len(fits) == 1:
             return pictures[0]
         titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]
-        return sheet(titled, CANDIDATES, 720)
+        return contact_sheet(titled, CANDIDATES, 720)
 
     def _others(self) -> list[Path]:
         """Where the next best views' cameras go."""

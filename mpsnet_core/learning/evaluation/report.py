@@ -20,11 +20,11 @@ from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import (
     BACKGROUND,
     colour_scale,
+    contact_sheet,
     cropped,
     error_picture,
     normals_picture,
     photo_picture,
-    sheet,
 )
 
 HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
@@ -82,7 +82,7 @@ def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
     names = [result.model[-LONGEST_TITLE:] for result in results]
     errors = [f"{result.mae_deg:.2f}°" for result in results]
     empty = np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)
-    return sheet(
+    return contact_sheet(
         [
             *zip(["photo", *names], tiles[: count + 1], strict=True),
             ("", empty),

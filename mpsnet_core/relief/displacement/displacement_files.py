@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
-from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_apart, writable_image, written_together
 from mpsnet_core.io.image_reading import read_size
@@ -95,7 +95,7 @@ def write_displacement(
     tiled = _checked_names(texture, target)
     progress(0.0, "reading the mesh")
     mesh, base_mesh = read_mesh(texture.mesh), read_mesh(base) if base else None
-    chosen = sheets([mesh], tiles=tiled)
+    chosen = texture_sets([mesh], tiles=tiled)
     if tiled:
         chosen = _with_texels(chosen, texture.file, mesh)
     normals, outputs, turned = (
@@ -128,7 +128,7 @@ def write_displacement(
     _warn_of_misfit(found, highest - lowest, mesh, target.unit, baked)
     return HeightsOnUVs(
         [str(file) for file in files],
-        [sheet.tile for sheet in chosen if sheet.tile],
+        [texture_set.tile for texture_set in chosen if texture_set.tile],
         target.unit,
         means.facts(lowest, highest, found.seam_step),
         text=f"{target.file}: heights from {lowest:.4g} to {highest:.4g} {target.unit}; {means}; "
@@ -172,11 +172,15 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
     if shape is None:
         return chosen
 
-    def has_texels(sheet: TextureSet) -> bool:
-        corners = texel_coordinates(mesh.uvs[sheet.parts[0]] - np.array(sheet.corner, float), shape[0])
+    def has_texels(texture_set: TextureSet) -> bool:
+        corners = texel_coordinates(mesh.uvs[texture_set.parts[0]] - np.array(texture_set.corner, float), shape[0])
         return bool((triangle_of_texel(corners, shape[0]) >= 0).any())
 
-    return [sheet for sheet, file in zip(chosen, textures, strict=True) if file.is_file() or has_texels(sheet)]
+    return [
+        texture_set
+        for texture_set, file in zip(chosen, textures, strict=True)
+        if file.is_file() or has_texels(texture_set)
+    ]
 
 
 def _write_heights(parts: Mapping[Path, NDArray[np.float32]], found: Displacement, target: HeightTarget) -> HeightScale:

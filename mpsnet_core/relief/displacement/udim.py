@@ -72,6 +72,6 @@ class Tiles:
         return places
 
 
-def tiles_of(sheets: Sequence[TextureSet]) -> Tiles:
-    """The tiles of :func:`mpsnet_core.bake.texture_sets.sheets`."""
-    return Tiles(np.array([sheet.corner for sheet in sheets], np.int64))
+def tiles_of(texture_sets: Sequence[TextureSet]) -> Tiles:
+    """The tiles of :func:`mpsnet_core.bake.texture_sets.texture_sets`."""
+    return Tiles(np.array([texture_set.corner for texture_set in texture_sets], np.int64))

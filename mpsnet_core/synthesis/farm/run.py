@@ -20,7 +20,7 @@ from mpsnet_core.io.files import resolved, writable_path
 from mpsnet_core.io.image_writing import is_whole
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet
+from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples, write_sheet
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, clear_unfinished
 from mpsnet_core.synthesis.job import (
     CONTACT_SHEET,
@@ -274,7 +274,7 @@ class _GrowingSheet:
         line = sheet_line(files)  # before they are read: one that changes meanwhile makes the sheet out of date
         if is_up_to_date(self._folder / CONTACT_SHEET, line):
             return
-        picture = contact_sheet(files)
+        picture = sheet_of_samples(files)
         if picture is None:
             return
         with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
