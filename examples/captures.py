@@ -25,7 +25,7 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.calibrate.lights import find_lights
 from mpsnet_core.capture.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.capture.reading import Reading
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.pictures import contact_sheet, cropped, normals_picture, photo_picture
 from mpsnet_core.scene.rig import angles_of
 
@@ -53,13 +53,8 @@ def main() -> None:
     except InputError as error:
         raise SystemExit(f"captures: {error}") from None
     columns = 2 + len(MODELS)
-    write_image(OUTPUT / "captures.png", contact_sheet(tiles, columns), bits=8, color_space="sRGB")
-    write_image(
-        OUTPUT / "captures_normals.png",
-        contact_sheet(normals_alone, len(normals_alone) // len(OBJECTS)),
-        bits=8,
-        color_space="sRGB",
-    )
+    write_picture(OUTPUT / "captures.png", contact_sheet(tiles, columns))
+    write_picture(OUTPUT / "captures_normals.png", contact_sheet(normals_alone, len(normals_alone) // len(OBJECTS)))
     print(f"picture sheet: {OUTPUT / 'captures.png'}")
 
 

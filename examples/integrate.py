@@ -17,7 +17,7 @@ import numpy as np
 
 from mpsnet_core import NormalMap
 from mpsnet_core.arrays.mask_regions import dilated
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.relief.integration.integrate import METHODS, integrate
 from mpsnet_core.scene.pictures import contact_sheet, cropped, legend, normals_picture
 
@@ -50,7 +50,7 @@ def main() -> None:
     pictures = contact_sheet(list(zip(titles, cropped(pictures, mask), strict=True)), 2, tile_height=260)
     chart = profiles({name: values[mask[:, column], column] for name, values in heights.items()}, pictures.shape[1])
     OUTPUT.mkdir(exist_ok=True)
-    write_image(OUTPUT / "integrate.png", np.concatenate([pictures, chart]), bits=8, color_space="sRGB")
+    write_picture(OUTPUT / "integrate.png", np.concatenate([pictures, chart]))
     print(f"picture: {OUTPUT / 'integrate.png'}")
 
 

@@ -49,7 +49,7 @@ def main() -> None:
         write_material(folder, name, material)
         tell(name, swatch, capture, normals, material)
         tiles += pictures(name, photo, normals, material)
-    write_image(OUTPUT / "material.png", contact_sheet(tiles, columns=6), bits=8, color_space="sRGB")
+    write_picture(OUTPUT / "material.png", contact_sheet(tiles, columns=6))
     print(f"contact sheet: {OUTPUT / 'material.png'}")
 
 

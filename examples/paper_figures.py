@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core import InputError
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.materials import Materials
@@ -96,7 +96,7 @@ def measured(evaluation: Evaluation) -> Iterator[list[Result]]:
 
 
 def write_picture(name: str, picture: NDArray[np.float32]) -> None:
-    write_image(OUTPUT / name, picture, bits=8, color_space="sRGB")
+    write_picture(OUTPUT / name, picture)
     print(f"wrote {OUTPUT / name}")
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.image_reading import read_data, read_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.pictures import (
     colour_scale,
@@ -93,7 +93,7 @@ def main() -> None:
     tiles = list(zip(titles, pictures, strict=True))
     tiles.insert(4, ("degrees", colour_scale(HIGHEST_ERROR, 320)))
     tiles.insert(5, ("baked texture", read_image(texture, encoding="linear").pixels))
-    write_image(OUTPUT / "quickstart.png", contact_sheet(tiles, columns=5), bits=8, color_space="sRGB")
+    write_picture(OUTPUT / "quickstart.png", contact_sheet(tiles, columns=5))
     print(f"mean angular error: {mean:.2f}° over {mask.sum()} pixels; of equation 2 alone {plain_mean:.2f}°")
     print(f"contact sheet: {OUTPUT / 'quickstart.png'}  ({time.monotonic() - started:.0f} s)")
 

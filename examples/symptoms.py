@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, relit, write_image
+from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, relit
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import BACKGROUND, normals_picture, photo_picture
 
@@ -74,7 +74,7 @@ def main() -> None:
         "steps": (relit_picture(right), relit_picture(steps)),
     }
     for name, (before, after) in pairs.items():
-        write_image(OUTPUT / f"{name}.png", np.concatenate([before, after], axis=1), bits=8, color_space="sRGB")
+        write_picture(OUTPUT / f"{name}.png", np.concatenate([before, after], axis=1))
     print(f"pictures: {OUTPUT}")
 
 

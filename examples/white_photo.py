@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core import estimate_normals, write_image
+from mpsnet_core import estimate_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.learning.evaluation.colour import painted_blob
 from mpsnet_core.scene.pictures import normals_picture, photo_picture
@@ -29,7 +29,7 @@ def main() -> None:
         error = angular_error(normals.vectors, case.truth)[case.scored]
         print(f"{name}: {error.mean():.1f} degrees off")
     OUTPUT.mkdir(exist_ok=True)
-    write_image(OUTPUT / "white_photo.png", np.concatenate(pictures, axis=1), bits=8, color_space="sRGB")
+    write_picture(OUTPUT / "white_photo.png", np.concatenate(pictures, axis=1))
     print(f"picture: {OUTPUT / 'white_photo.png'}")
 
 

@@ -21,6 +21,7 @@ from mpsnet_core.synthesis.contact_sheet import (
     TILE_HEIGHT,
     folder_samples,
     sample_row,
+    sheet_of_samples,
     spread,
     summarise,
 )
