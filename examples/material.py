@@ -14,6 +14,7 @@ from swatches import Swatch, leather, photographed, woven
 
 from mpsnet_core import Capture, NormalMap, angular_error, estimate_normals, published_rig, write_image, write_rig
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.relief.material.material import Material, flat_material
 from mpsnet_core.relief.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
 from mpsnet_core.relief.material.seam import measured_seam

@@ -49,9 +49,9 @@ def main() -> None:
         if given.merl:
             (OUTPUT / "figure_5.svg").write_text(figure_5(given.merl), encoding="utf-8")
         if given.meshes:
-            write_picture("figure_6.png", figure_6(given.meshes, given.merl))
+            save("figure_6.png", figure_6(given.meshes, given.merl))
         if given.diligent:
-            write_picture("figure_8.png", figure_8(given.diligent))
+            save("figure_8.png", figure_8(given.diligent))
     except InputError as error:
         raise SystemExit(f"paper_figures: {error}") from None
 
@@ -95,7 +95,7 @@ def measured(evaluation: Evaluation) -> Iterator[list[Result]]:
         yield results
 
 
-def write_picture(name: str, picture: NDArray[np.float32]) -> None:
+def save(name: str, picture: NDArray[np.float32]) -> None:
     write_picture(OUTPUT / name, picture)
     print(f"wrote {OUTPUT / name}")
 

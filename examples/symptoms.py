@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, relit
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import BACKGROUND, normals_picture, photo_picture
 

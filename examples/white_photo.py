@@ -11,6 +11,7 @@ import numpy as np
 
 from mpsnet_core import estimate_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.learning.evaluation.colour import painted_blob
 from mpsnet_core.scene.pictures import normals_picture, photo_picture
 
