@@ -24,8 +24,8 @@ from ..settings.declared import take_given
 from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
 from .assign_textures import assign_textures, mark_assets
 from .bakes_onto import BakesOnto, bake_target, targets_place, texture_name
+from .base_maps import store_base_map
 from .coverage import coverage_folder
-from .existing_maps import store_base_map
 from .options import bits, level, sampling
 from .texture_owners import FRAME
 from .texture_sets import AssignedTexture

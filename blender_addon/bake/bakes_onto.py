@@ -22,8 +22,8 @@ from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..settings.declared import as_typed
 from .assign_textures import assign_albedo, assign_textures, mark_assets
+from .base_maps import Part, base_map_files, store_base_map, worn_before
 from .coverage import store_coverage
-from .existing_maps import Part, base_maps, present_maps, store_base_map
 from .options import Detail
 from .texture_owners import files_for, refuse_anothers
 from .texture_sets import SPLITS, AssignedTexture, BakeTarget, load_textures, refuse_shared, texture_of, with_tokens
@@ -87,14 +87,14 @@ class BakesOnto(RunsCore):
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
         """The core's options for the photo's detail and the normal maps that it goes on top of."""
         options: Detail = {"strength": as_typed(settings.strength), "fill": settings.fill}
-        self._bases = base_maps(targets, self._bake_targets, self._output)
+        self._bases = worn_before(targets, self._bake_targets, self._output)
         if not settings.onto:
             return options
         options["onto_shown"] = settings.onto_shown.lower()
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
             return {**options, "onto": file, "onto_convention": convention.lower()}
-        maps = present_maps(targets, self._bake_targets, self._output)
+        maps = base_map_files(targets, self._bake_targets, self._output)
         if list(maps) == [(None, None)]:
             one: Any = maps[None, None]
             return {**options, "onto": str(one.file), "onto_convention": one.convention.lower()}

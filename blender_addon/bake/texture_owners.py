@@ -15,7 +15,7 @@ from ..appearance.modifiers import DISPLACE, find_modifier
 from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node
 from ..image_records import from_json, remember, remembered
 from ..scene.objects import by_session_uid
-from .existing_maps import Part, parts_of
+from .base_maps import Part, parts_of
 from .texture_sets import TILE, AssignedTexture, BakeTarget
 
 # Stands for the number in the names of a sequence's frames.

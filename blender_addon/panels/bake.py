@@ -6,7 +6,7 @@ from typing import Any
 from mpsnet_core.errors import InputError
 
 from ..bake.bake import NO_CAMERA
-from ..bake.existing_maps import usable_maps
+from ..bake.base_maps import usable_maps
 from ..bake.texture_sets import BakeTarget, with_tokens
 from ..image_records import remembered
 from ..photo.camera import chosen_camera
@@ -24,7 +24,7 @@ class MPS_PT_bake(Step):
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        return super().lacks(context) or _lacks_view(context.scene) or lacks_targets(context) or lacks_beneath(context)
+        return super().lacks(context) or _lacks_view(context.scene) or lacks_targets(context) or lacks_base_map(context)
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
@@ -79,7 +79,7 @@ def _meshes(context: Any, *, alone: bool = False) -> list[Any]:
     return sorted((obj for obj in chosen if obj is not None and obj.type == "MESH"), key=lambda obj: obj.name)
 
 
-def lacks_beneath(context: Any) -> str:
+def lacks_base_map(context: Any) -> str:
     """Why the detail cannot go on top of the objects' present normal maps; "" where it can, or shall not."""
     bake, meshes = context.scene.mps.bake, _meshes(context)
     if bake.onto and bake.onto_file:

@@ -5,7 +5,7 @@ from typing import Any
 from ..bake.many_views import background
 from ..outputs import may_open
 from ..provenance import made_by
-from .bake import lacks_beneath, lacks_targets
+from .bake import lacks_base_map, lacks_targets
 from .step import Step
 from .what_counts import NO_LIGHTS
 
@@ -30,7 +30,7 @@ class MPS_PT_views(Step):
             return "Give each camera its photo as background image, or choose what a photogrammetry program wrote"
         if not (scene.mps.estimate.rig_file or scene.mps.rig.lights):
             return NO_LIGHTS
-        return lacks_targets(context) or lacks_beneath(context)
+        return lacks_targets(context) or lacks_base_map(context)
 
     def draw(self, context: Any) -> None:
         views = context.scene.mps.views

@@ -87,7 +87,7 @@ def remove_base_details(
 
 
 def remove_base_detail(
-    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, present: BaseMap, share: float | None = None
+    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap, share: float | None = None
 ) -> tuple[NormalMap, float]:
     """A view's normals without the relief of the map that the mesh wears.
 
@@ -101,10 +101,10 @@ def remove_base_detail(
         The mesh.
     scene : RayScene
         The mesh's, in the world.
-    present : BaseMap
+    base_map : BaseMap
         The map that the mesh wears.
     share : float, optional
-        Share of the relief, 0 to 1, that the view shows, where it is known. By default `present.shown` decides; "auto"
+        Share of the relief, 0 to 1, that the view shows, where it is known. By default `base_map.shown` decides; "auto"
         is the least-squares share of the map's relief in the view's, both levelled
         (:mod:`mpsnet_core.bake.low_frequency_correction`), because low frequencies may be wrong in the view.
 
@@ -115,17 +115,17 @@ def remove_base_detail(
     share : float
         The share of the relief that was removed.
     """
-    if share is None and present.shown != "auto":
-        share = float(present.shown == "yes")
+    if share is None and base_map.shown != "auto":
+        share = float(base_map.shown == "yes")
     if share == 0:
         return normals, 0.0
-    mask = _where_worn(normals.mask, camera, mesh, present)
-    worn_map = _as_fine_as_seen(present, mask, camera, mesh, scene)
-    own, worn, seen = _normals_worn(mask, camera, mesh, scene, replace(present, vectors=worn_map))
+    mask = _where_worn(normals.mask, camera, mesh, base_map)
+    worn_map = _as_fine_as_seen(base_map, mask, camera, mesh, scene)
+    own, worn, seen = _normals_worn(mask, camera, mesh, scene, replace(base_map, vectors=worn_map))
     if not seen.any():
         return normals, 0.0
     if share is None:
-        given = normals if present.triangles is None else replace(normals, mask=seen)
+        given = normals if base_map.triangles is None else replace(normals, mask=seen)
         view, relief = (
             correct_low_frequencies(one, camera, mesh, scene).vectors for one in (given, NormalMap(worn, seen))
         )
@@ -152,11 +152,11 @@ def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
     return min(share, 1.0) if share >= LEAST_SHARE else 0.0
 
 
-def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
+def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: BaseMap) -> NDArray[np.bool_]:
     """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
-    if present.triangles is None:
+    if base_map.triangles is None:
         return mask
-    points = mesh.world_vertices[np.unique(mesh.triangles[present.triangles])]
+    points = mesh.world_vertices[np.unique(mesh.triangles[base_map.triangles])]
     x, y, w = camera.projection_rows() @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
     if (w <= 0).any():  # some are behind the camera, and their projections are meaningless
         return mask
@@ -170,17 +170,17 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Ba
     return inside
 
 
-def _wears(seen: MeshSeen, present: BaseMap) -> NDArray[np.bool_]:
+def _wears(seen: MeshSeen, base_map: BaseMap) -> NDArray[np.bool_]:
     """(M,) whether what is seen wears the map."""
-    worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
-    if present.corner is None:
+    worn = np.ones(len(seen.triangle), bool) if base_map.triangles is None else base_map.triangles[seen.triangle]
+    if base_map.corner is None:
         return worn
-    on_tile: NDArray[np.bool_] = np.all(np.floor(seen.at(seen.mesh.uvs)) == present.corner, axis=1)
+    on_tile: NDArray[np.bool_] = np.all(np.floor(seen.at(seen.mesh.uvs)) == base_map.corner, axis=1)
     return worn & on_tile
 
 
 def _normals_worn(
-    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, present: BaseMap
+    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """The mesh's own shading normals (H, W, 3), those with its present map, in camera space, and (H, W) where it is
     seen within the mask and wears the map."""
@@ -192,18 +192,18 @@ def _normals_worn(
         seen = mesh_seen(mesh, camera, scene, np.stack([column, row], axis=1) + 0.5)
         normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
-        right, up = (seen.at(mesh.uvs) - (present.corner or (0, 0))).T
-        height, width = present.vectors.shape[:2]
-        x, y, z = bilinear(present.vectors, right * width, (1 - up) * height).T[..., None]
+        right, up = (seen.at(mesh.uvs) - (base_map.corner or (0, 0))).T
+        height, width = base_map.vectors.shape[:2]
+        x, y, z = bilinear(base_map.vectors, right * width, (1 - up) * height).T[..., None]
         place = row[seen.hit], column[seen.hit]
         own[place] = seen.in_camera(normal)
         worn[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
-        visible[place] = _wears(seen, present) & seen.from_front(own[place])
+        visible[place] = _wears(seen, base_map) & seen.from_front(own[place])
     return own, worn, visible
 
 
 def _as_fine_as_seen(
-    present: BaseMap, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
+    base_map: BaseMap, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
 ) -> NDArray[np.float32]:
     """The map with about as many pixels as the photo has on the surface: finer relief is not seen in it."""
     height, width = mask.shape
@@ -213,8 +213,8 @@ def _as_fine_as_seen(
     first, second = (mesh_seen(mesh, camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
     _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
     together = first.triangle[of_first] == second.triangle[of_second]
-    together &= _wears(first, present)[of_first]
-    vectors = present.vectors
+    together &= _wears(first, base_map)[of_first]
+    vectors = base_map.vectors
     if not together.any():
         return vectors
     steps = (second.at(mesh.uvs)[of_second] - first.at(mesh.uvs)[of_first])[together] * vectors.shape[1::-1]

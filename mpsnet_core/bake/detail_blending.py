@@ -67,14 +67,14 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     return extend_to_nearest(vectors, normals, MARGIN)
 
 
-def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
+def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
     """The texture's normals as detail on those of the present map.
 
     Parameters
     ----------
     texture : Texture
         In tangent space. Where it is flat, the present map stays as it is.
-    present : (H, W, 3) float32 array
+    base_map : (H, W, 3) float32 array
         Unit vectors in tangent space; resampled to the texture's size. Where it is flat, the texture stays as it is.
 
     Returns
@@ -92,11 +92,11 @@ def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
     """
     check_blending(texture.space)
     height, width = texture.vectors.shape[:2]
-    if present.shape[:2] != (height, width):
-        present = resampled(present, height, width)
+    if base_map.shape[:2] != (height, width):
+        base_map = resampled(base_map, height, width)
     vectors = np.empty_like(texture.vectors)
     for rows in bands(height):
-        vectors[rows] = reoriented(texture.vectors[rows], normalised(present[rows]))
+        vectors[rows] = reoriented(texture.vectors[rows], normalised(base_map[rows]))
     return replace(texture, vectors=vectors)
 
 

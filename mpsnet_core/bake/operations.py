@@ -376,7 +376,7 @@ class Bake(LaysOnto):
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
     ) -> FramesBaked:
-        from mpsnet_core.bake.existing_maps import one_base_map
+        from mpsnet_core.bake.base_maps import one_base_map
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.sequence import bake_sequence
         from mpsnet_core.io.files import check_apart, ensure_folder, remove_abandoned

@@ -48,7 +48,7 @@ def bake_sequence(
 
     Raises InputError where a frame cannot be read or baked; those before it are written.
     """
-    present = reader.base_maps[0] if reader.base_maps else None
+    base_map = reader.base_maps[0] if reader.base_maps else None
     mesh_of = lru_cache(maxsize=1)(read_mesh)
     # A share of the present map's relief that was found anew for each frame would flicker: all have the first one's.
     first, shares = next(iter(frames.values())), None
@@ -57,19 +57,19 @@ def bake_sequence(
         ends = number / len(frames), (number + 1) / len(frames)
         step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
         step(0.0, "")
-        sources = [inputs, first] if present is not None and present.shown == "auto" else [inputs]
+        sources = [inputs, first] if base_map is not None and base_map.shown == "auto" else [inputs]
         line = provenance_line("texture", recipe, *(fact for source in sources for fact in source.facts()))
         if is_up_to_date(output, line):
             continue
         mesh = mesh_of(inputs.meshes[0])
         try:
-            if present is not None and shares is None and inputs is not first:
+            if base_map is not None and shares is None and inputs is not first:
                 _, shares = reader.read(first.views, [read_mesh(first.meshes[0])], part(step, 0.0, 0.0))
             views, shares = reader.read(inputs.views, [mesh], part(step, 0.0, 0.1), shares)
             baked = bake_texture_sets([mesh], views, texture_sets([mesh]), baking, progress=part(step, 0.1, 1.0))
             ((_, texture),) = baked
-            if present is not None:
-                texture = blend_detail(texture, present.vectors)
+            if base_map is not None:
+                texture = blend_detail(texture, base_map.vectors)
         except InputError as error:
             if not made:
                 raise

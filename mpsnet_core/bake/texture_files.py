@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.bake.base_detail_removal import Shown
+from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
 from mpsnet_core.bake.coverage import write_coverage
 from mpsnet_core.bake.detail_blending import blend_detail
-from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
 from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
@@ -133,8 +133,8 @@ def planned(
 ) -> Plan:
     """The textures that the target means; meshes are read.
 
-    taken: what no texture may overwrite. onto, onto_convention: as :func:`maps_beneath` takes them. onto_shown: whether
-    the photos show that map. albedo: whether the views' colours are baked as well. coverage: as a Plan has it.
+    taken: what no texture may overwrite. onto, onto_convention: as :func:`base_map_files` takes them. onto_shown:
+    whether the photos show that map. albedo: whether the views' colours are baked as well. coverage: as a Plan has it.
 
     Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
@@ -146,14 +146,14 @@ def planned(
         raise SettingsError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
     chosen = texture_sets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(target.output, chosen)
-    beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
+    base_files = base_map_files(onto, onto_convention, chosen) if onto else [None] * len(chosen)
     albedos = texture_files(albedo_file(Path(target.output)), chosen)
     folder = ensure_folder(coverage, "coverage") if coverage else None
     seen = [folder / file.name for file in files] if folder else ()
     written = map(writable_path, [*files, *(albedos if albedo else ()), *seen])
-    check_apart([*taken, *(present.file for present in beneath if present)], written)
+    check_apart([*taken, *(present.file for present in base_files if present)], written)
     check_apart(files, seen)
-    base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
+    base_maps = BaseMaps(base_files, chosen, meshes, onto_shown)
     return Plan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 
 
@@ -170,9 +170,9 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
     target = plan.target
     for texture_set, texture in baked:
         place = plan.texture_sets.index(texture_set)
-        beneath = plan.base_maps.beneath(texture_set)
-        if beneath is not None:
-            texture = blend_detail(texture, beneath)
+        base_map = plan.base_maps.vectors_for(texture_set)
+        if base_map is not None:
+            texture = blend_detail(texture, base_map)
         write_texture(plan.files[place], texture, convention=target.convention, bits=target.bits)
         albedo = None
         if texture.colours is not None:

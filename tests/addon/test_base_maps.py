@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.existing_maps import present_map, store_base_map
+from blender_addon.bake.base_maps import base_map_file, store_base_map
 from blender_addon.bake.texture_sets import BakeTarget
 from blender_addon.panels.bake import MPS_PT_bake
 from mpsnet_core import read_image
@@ -260,7 +260,7 @@ def test_the_map_is_remembered_whatever_it_is_called_by_then(
     worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path
 ) -> None:
     """Between the beginning of a bake and its end people go on working."""
-    base = present_map(
+    base = base_map_file(
         [estimated], [BakeTarget(0, estimated.name, "UVMap", ("Matte",), frozenset({"Matte"}))], (None, None)
     )
     present = worn.inputs["Color"].links[0].from_node.image

@@ -30,7 +30,7 @@ class MapFile:
     convention: Convention
 
 
-def maps_beneath(
+def base_map_files(
     given: str | os.PathLike[str], convention: Convention, texture_sets: Sequence[TextureSet]
 ) -> list[MapFile | None]:
     """The map beneath each of the texture sets, None where there is none.
@@ -42,7 +42,7 @@ def maps_beneath(
     Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no texture set
     has a map.
     """
-    beneath: list[MapFile | None] = [None] * len(texture_sets)
+    base_files: list[MapFile | None] = [None] * len(texture_sets)
     is_list = Path(given).suffix.lower() == ".json"
     listed = read_map_list(given) if is_list else [ListedMap(Path(given))]
     sought: list[Path | None] = [None] * len(texture_sets)
@@ -54,18 +54,18 @@ def maps_beneath(
         ):
             meant = entry.object in (None, texture_set.object) and entry.material in (None, texture_set.material)
             # Not every object or tile need have a map; one that is named in full and missing fails where it is read.
-            if meant and beneath[number] is None:
+            if meant and base_files[number] is None:
                 sought[number] = file
                 if file == entry.file or file.is_file():
-                    beneath[number] = MapFile(file, points)
-    if not any(beneath):
+                    base_files[number] = MapFile(file, points)
+    if not any(base_files):
         check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
         raise FileError(f"{given}: there is no present map for any of the textures; check {check}")
-    for texture_set, found, missing in zip(texture_sets, beneath, sought, strict=True):
+    for texture_set, found, missing in zip(texture_sets, base_files, sought, strict=True):
         if found is None:
             named = f" {missing}" if missing else ""
             log.info("%s: there is no present map%s, so nothing lies beneath its texture", texture_set.named, named)
-    return beneath
+    return base_files
 
 
 def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
@@ -85,21 +85,21 @@ class BaseMaps(Sequence[BaseMap]):
     Texture sets that share a map and a unit square of UV space share one :class:`BaseMap`, whose triangles are those of
     the meshes joined (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
 
-    beneath: of :func:`maps_beneath`, for the texture sets.
+    beneath: of :func:`base_map_files`, for the texture sets.
 
     Raises InputError where a map cannot be read.
     """
 
     def __init__(
         self,
-        beneath: Sequence[MapFile | None],
+        base_files: Sequence[MapFile | None],
         texture_sets: Sequence[TextureSet],
         meshes: Sequence[Mesh],
         shown: Shown,
     ) -> None:
         self.shown = shown
         together: dict[tuple[MapFile, tuple[int, int] | None], list[TextureSet]] = {}
-        for texture_set, map_file in zip(texture_sets, beneath, strict=True):
+        for texture_set, map_file in zip(texture_sets, base_files, strict=True):
             if map_file is not None:
                 together.setdefault((map_file, None if texture_set.tile is None else texture_set.corner), []).append(
                     texture_set
@@ -117,7 +117,7 @@ class BaseMaps(Sequence[BaseMap]):
         one, corner, triangles = self._maps[number]
         return BaseMap(self._vectors(one), self.shown, triangles, corner)
 
-    def beneath(self, texture_set: TextureSet) -> NDArray[np.float32] | None:
+    def vectors_for(self, texture_set: TextureSet) -> NDArray[np.float32] | None:
         """(H, W, 3) the vectors of the map beneath a texture set, None where there is none."""
         number = self._number.get(texture_set)
         return None if number is None else self._vectors(self._maps[number][0])

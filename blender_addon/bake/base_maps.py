@@ -41,7 +41,7 @@ class WornMap:
 
 
 @dataclass(frozen=True)
-class PresentMap(WornMap):
+class BaseMapFile(WornMap):
     """One with its file; that of UDIM tiles has <UDIM> in its name."""
 
     file: Path
@@ -62,9 +62,9 @@ def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
     return list(dict.fromkeys(parts))
 
 
-def present_map(
+def base_map_file(
     targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, *, tiles: bool = False
-) -> PresentMap | None:
+) -> BaseMapFile | None:
     """The normal map that a part of some objects wears; beneath one that was baked here, the one from before it.
 
     onto: the same objects, with the UV maps that are baked onto. None where nothing of the part wears a normal map.
@@ -77,7 +77,7 @@ def present_map(
         return None
     image, convention = found
     read = tile_files if image.source == "TILED" else image_file
-    return PresentMap(image.session_uid, convention, read(image, "normal map", _BY_FILE))
+    return BaseMapFile(image.session_uid, convention, read(image, "normal map", _BY_FILE))
 
 
 def store_base_map(image: Any, base: WornMap | None) -> None:
@@ -91,8 +91,8 @@ def store_base_map(image: Any, base: WornMap | None) -> None:
         image[_BASE], image[_BASE_CONVENTION] = found, base.convention
 
 
-def base_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
-    """The map that each part wears, as :func:`present_map` finds it, None for those without one; parts whose map
+def worn_before(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
+    """The map that each part wears, as :func:`base_map_file` finds it, None for those without one; parts whose map
     detail cannot go on top of are left out."""
     bases: dict[Part, WornMap | None] = {}
     for part in parts_of(onto, file):
@@ -102,17 +102,17 @@ def base_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) ->
     return bases
 
 
-def present_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, PresentMap]:
+def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, BaseMapFile]:
     """The map beneath each part's texture; the core reports which parts have none.
 
-    Raises InputError where no part has one, or as :func:`present_map` does.
+    Raises InputError where no part has one, or as :func:`base_map_file` does.
     """
-    found = {part: present_map(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
+    found = {part: base_map_file(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
     return _some(targets, {part: one for part, one in found.items() if one is not None})
 
 
 def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[Any]:
-    """The images that :func:`present_maps` would read, whether or not they have a file.
+    """The images that :func:`base_map_files` would read, whether or not they have a file.
 
     Raises InputError as that does, but for their files.
     """
@@ -137,7 +137,7 @@ def _usable_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, 
 
 
 def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:
-    """The image of :func:`present_map` and its convention, whether or not it has a file."""
+    """The image of :func:`base_map_file` and its convention, whether or not it has a file."""
     found: dict[tuple[Any, str], str] = {}
     for target, one in zip(targets, onto, strict=True):
         layers = target.data.uv_layers
