@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, FormatError, InputError
 
@@ -122,6 +123,21 @@ def picture_size(image: bpy.types.Image) -> tuple[int, int]:
     return width, height
 
 
+def pixels_of(image: bpy.types.Image) -> NDArray[np.float32]:
+    """(H, W, C) the image's pixels, the lowest row first."""
+    width, height = image.size
+    pixels = np.empty((height, width, image.channels), np.float32)
+    image.pixels.foreach_get(pixels.ravel())
+    return pixels
+
+
+def paint_grey(image: bpy.types.Image, values: NDArray[Any]) -> None:
+    """Fill an image of four channels with grey values (H, W), the lowest row first, and opaque."""
+    pixels = np.ones((*values.shape, 4), np.float32)
+    pixels[..., :3] = values[..., None]
+    image.pixels.foreach_set(pixels.ravel())
+
+
 def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
     """Draw the image's preview with 512 pixels a side in place of Blender's 128, for a picture of small pictures.
 
@@ -133,8 +149,7 @@ def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
         side = _FINE_PREVIEW
         width, height = (max(1, round(side * length / max(small.size))) for length in small.size)
         small.scale(width, height)
-        pixels = np.empty((height, width, 4), np.float32)
-        small.pixels.foreach_get(pixels.ravel())
+        pixels = pixels_of(small)
     finally:
         bpy.data.images.remove(small)
     if stretched:

@@ -14,7 +14,7 @@ from .preferences import output_folder
 
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
-_FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".exr": "EXR"}
+FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".exr": "EXR"}
 
 
 def output_path(given: str, name: str, file_format: str) -> Path:
@@ -31,7 +31,7 @@ def output_path(given: str, name: str, file_format: str) -> Path:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if folder is not None:
         _leave_to_artists(path)
-    if path.suffix.lower() not in _FORMAT_OF:
+    if path.suffix.lower() not in FORMAT_OF:
         raise SettingsError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
 
@@ -77,7 +77,7 @@ def requested_folder(given: str) -> Path | None:
 
 def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]:
     """A sentence where the file's ending overrules the format that was chosen in a step's settings; else nothing."""
-    written = _FORMAT_OF[path.suffix.lower()]
+    written = FORMAT_OF[path.suffix.lower()]
     if written == settings.file_format or not settings.is_property_set("file_format"):
         return []
     chosen = settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name

@@ -133,6 +133,11 @@ class Result:
         """The answer as plain data, for programs."""
         return _facts(self)
 
+    def figures(self, *names: str) -> dict[str, Any]:
+        """What ``--json`` writes of it: the facts of these names, all but the text where none is named."""
+        facts = self.facts()
+        return {name: facts[name] for name in names or facts if name in facts and name != "text"}
+
 
 def _facts(answer: Any) -> dict[str, Any]:
     values = {one.name: getattr(answer, one.name) for one in dataclasses.fields(answer)}

@@ -22,11 +22,20 @@ from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..settings.declared import as_typed
 from .assign_textures import assign_albedo, assign_textures, mark_assets
-from .base_maps import Part, base_map_files, store_base_map, worn_before
+from .base_maps import base_map_files, store_base_map, worn_before
 from .coverage import store_coverage
 from .options import Detail
 from .texture_owners import files_for, refuse_anothers
-from .texture_sets import SPLITS, AssignedTexture, BakeTarget, load_textures, refuse_shared, texture_of, with_tokens
+from .texture_sets import (
+    SPLITS,
+    AssignedTexture,
+    BakeTarget,
+    Part,
+    load_textures,
+    refuse_shared,
+    texture_of,
+    with_tokens,
+)
 
 
 class BakesOnto(RunsCore):

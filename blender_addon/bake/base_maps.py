@@ -23,7 +23,7 @@ from ..appearance.nodes import (
 )
 from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid
-from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
+from .texture_sets import TILE, BakeTarget, Part, parts_of
 
 Worn = TypeVar("Worn", bound=Sized)
 
@@ -49,17 +49,6 @@ class BaseMapFile(WornMap):
     def listed(self, part: "Part") -> ListedMap:
         """As the map of a part, for the core."""
         return ListedMap(self.file, *part, "directx" if self.convention == "DIRECTX" else "opengl")
-
-
-# For the object and the material that a texture is of, as in the core's result; None stands for all of them.
-Part = tuple[str | None, str | None]
-
-
-def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
-    """What gets a texture of its own, by the tokens in the textures' file's name."""
-    by_object, by_material = OBJECT in file.name, MATERIAL in file.name
-    parts = [(one.name if by_object else None, label if by_material else None) for one in onto for label in one.labels]
-    return list(dict.fromkeys(parts))
 
 
 def base_map_file(

@@ -15,8 +15,7 @@ from ..appearance.modifiers import DISPLACE, find_modifier
 from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node
 from ..image_records import from_json, remember, remembered
 from ..scene.objects import by_session_uid
-from .base_maps import Part, parts_of
-from .texture_sets import TILE, AssignedTexture, BakeTarget
+from .texture_sets import TILE, AssignedTexture, BakeTarget, Part, parts_of
 
 # Stands for the number in the names of a sequence's frames.
 FRAME = "<FRAME>"

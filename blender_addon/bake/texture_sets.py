@@ -21,6 +21,10 @@ OBJECT, MATERIAL, TILE = "<OBJECT>", "<MATERIAL>", "<UDIM>"
 SPLITS = {"ONE": "", "MATERIAL": MATERIAL, "OBJECT": OBJECT}
 
 
+# For the object and the material that a texture is of, as in the core's result; None stands for all of them.
+Part = tuple[str | None, str | None]
+
+
 def with_tokens(path: Path, split: str, tiles: bool) -> Path:
     """The texture's file with the tokens that its name lacks for textures that are parted so."""
     name, token = path.stem, SPLITS[split]
@@ -51,6 +55,13 @@ class BakeTarget:
     used: frozenset[str]
 
 
+def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
+    """What gets a texture of its own, by the tokens in the textures' file's name."""
+    by_object, by_material = OBJECT in file.name, MATERIAL in file.name
+    parts = [(one.name if by_object else None, label if by_material else None) for one in onto for label in one.labels]
+    return list(dict.fromkeys(parts))
+
+
 @dataclass(frozen=True)
 class AssignedTexture:
     """What an object wears: an image for each of its material slots, and the UV map that they lie on."""
@@ -64,14 +75,12 @@ class AssignedTexture:
         return self.images[min(slot, len(self.images) - 1)], self.uv_map
 
 
-def load_textures(
-    outputs: Sequence[Mapping[str, Any]], name: str, colours: str = ""
-) -> dict[tuple[str | None, str | None], Any]:
+def load_textures(outputs: Sequence[Mapping[str, Any]], name: str, colours: str = "") -> dict[Part, Any]:
     """The textures of the core's result as images, by the names of the object and the material that they are for.
 
     None stands for all of them; tiles are one image. colours: what the images are called, where they hold colours.
     """
-    kinds: dict[tuple[str | None, str | None], list[Mapping[str, Any]]] = {}
+    kinds: dict[Part, list[Mapping[str, Any]]] = {}
     for output in outputs:
         kinds.setdefault((output.get("object"), output.get("material")), []).append(output)
     images = {}
@@ -86,9 +95,7 @@ def load_textures(
     return images
 
 
-def texture_of(
-    onto: BakeTarget, target: Any, images: Mapping[tuple[str | None, str | None], Any]
-) -> AssignedTexture | None:
+def texture_of(onto: BakeTarget, target: Any, images: Mapping[Part, Any]) -> AssignedTexture | None:
     """What an object wears of the images; None where there is none for it."""
     found = [
         next((images[key] for key in images if key[0] in (None, onto.name) and key[1] in (None, label)), None)

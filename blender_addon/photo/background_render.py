@@ -44,6 +44,7 @@ from ..child_process.linked_data import (
 from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
 from ..errors import operator_report
+from ..images import pixels_of
 from .studio import RenderKind, RenderProgress, render
 
 REPORT_SECONDS = 0.5
@@ -124,10 +125,8 @@ def _painted(image: bpy.types.Image, folder: Path) -> Path:
     """The image's pixels as they are, in a file: Blender's own way to save an image converts colours beyond 1."""
     if image.source == "TILED":
         raise InputError(f'the tiles of the image "{image.name}" were changed and not saved; save or pack them first')
-    width, height = image.size
-    found = np.empty((height, width, image.channels), np.float32)
-    image.pixels.foreach_get(found.ravel())
-    pixels = np.ones((height, width, 4), np.float32)
+    found = pixels_of(image)
+    pixels = np.ones((*found.shape[:2], 4), np.float32)
     pixels[..., : 4 if image.channels == 4 else 3] = found
     path = folder / f"painted_{image.session_uid}.npy"
     # The copy cannot tell what numbers the file had that is gone.

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 import bpy
-import numpy as np
 
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 from ..image_records import remembered
+from ..images import paint_grey, pixels_of
 from ..preferences import preference
 from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
@@ -161,15 +161,13 @@ def painted_mask(estimate: Any, folder: Path) -> str:
         return ""
     if image.is_dirty:
         image.pack()
-    width, height = image.size
-    pixels = np.empty((height, width, image.channels), np.float32)
-    image.pixels.foreach_get(pixels.ravel())
+    pixels = pixels_of(image)
     bright = pixels[..., : 1 if image.channels < 3 else 3].max(axis=-1) > 0.5
     if image.channels in (2, 4):
         bright &= pixels[..., -1] > 0.5
-    mask = bpy.data.images.new("MPS Mask", width, height, alpha=False, is_data=True)
+    mask = bpy.data.images.new("MPS Mask", *image.size, alpha=False, is_data=True)
     try:
-        mask.pixels.foreach_set(np.dstack([bright] * 3 + [np.ones_like(bright)]).astype(np.float32).ravel())
+        paint_grey(mask, bright)
         mask.filepath_raw, mask.file_format = str(folder / "painted_mask.png"), "PNG"
         mask.save()
     finally:

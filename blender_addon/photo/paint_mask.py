@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import FindMask
 
-from ..images import image_file
+from ..images import image_file, paint_grey, pixels_of
 from ..operators.core_run import RunsCore
 from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at
@@ -54,7 +54,7 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
         image = estimate.painted_mask
         if image is None or tuple(image.size) != mask.shape[::-1]:
             image = bpy.data.images.new("MPS Painted Mask", *mask.shape[::-1], alpha=True, is_data=True)
-        image.pixels.foreach_set(np.dstack([picture] * 3 + [np.ones_like(picture)]).astype(np.float32).ravel())
+        paint_grey(image, picture)
         image.update()
         image.pack()
         estimate.painted_mask, estimate.mask = image, "PAINTED"
@@ -67,9 +67,7 @@ def _values(file: Path) -> NDArray[np.float32]:
     image = bpy.data.images.load(str(file), check_existing=False)
     try:
         image.colorspace_settings.is_data = True  # as the file has them
-        width, height = image.size
-        pixels = np.empty((height, width, 4), np.float32)
-        image.pixels.foreach_get(pixels.ravel())
+        pixels = pixels_of(image)
     finally:
         bpy.data.images.remove(image)
         file.unlink()

@@ -24,6 +24,7 @@ from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import write_rig
 
 from ..child_process.core_process import CoreCrashed, CoreProcess
+from ..errors import system_report
 from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
 from ..scene.camera import scene_camera
@@ -177,7 +178,7 @@ def tick() -> float | None:
         except (InputError, CoreCrashed) as error:
             preview.fail(str(error))
         except OSError as error:
-            preview.fail(f"{error.filename or 'a file'}: {error.strerror or error}; make room on the disk")
+            preview.fail(system_report(error))
         except Cancelled:
             _close()
     return TICK_SECONDS if _open else None

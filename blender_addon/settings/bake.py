@@ -9,10 +9,10 @@ from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.defaults import MARGIN
 
+from ..outputs import FORMAT_OF
 from .declared import BoolSetting, EnumSetting, StringSetting, format_setting, from_option, items_of
 from .detail import cut_off, detail_only
 
-_FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
 # What each format can hold.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
 
@@ -23,7 +23,7 @@ def _take_preset(settings: Any, context: Any) -> None:
         return
     preset = PRESETS[settings.preset.lower()]
     settings.space, settings.convention = "TANGENT", preset.convention.upper()
-    settings.file_format, settings.bits = _FORMAT_OF[preset.suffix], str(preset.bits)
+    settings.file_format, settings.bits = FORMAT_OF[preset.suffix], str(preset.bits)
 
 
 def _take_format(settings: Any, context: Any) -> None:

@@ -684,7 +684,5 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             if self.report:
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
-                figures = result.facts()
-                names = ("views", "seen", "filled", "level", "model")
-                write_json(self.json, {name: figures[name] for name in names if name in figures})
+                write_json(self.json, result.figures("views", "seen", "filled", "level", "model"))
         return result

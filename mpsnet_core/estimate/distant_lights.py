@@ -75,7 +75,7 @@ def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
     if near is None:
         return capture.rig.directions
     assert camera is not None and depth is not None  # a capture with near lights has both
-    return near.light_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
+    return near.lights_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
 
 
 def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

@@ -122,7 +122,7 @@ def _irradiance(
     if rig.near is None:
         arriving = np.broadcast_to(rig.directions @ camera.rotation.T, (len(points), 3, 3))
     else:
-        arriving = rig.near.light_at((points - camera.world_from_camera[:3, 3]) @ camera.rotation) @ camera.rotation.T
+        arriving = rig.near.lights_at((points - camera.world_from_camera[:3, 3]) @ camera.rotation) @ camera.rotation.T
     irradiance: NDArray[np.float64] = np.maximum(np.einsum("nki,ni->nk", arriving, normals), 0)
     for number in range(3):
         facing = np.flatnonzero(irradiance[:, number])

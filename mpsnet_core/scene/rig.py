@@ -93,7 +93,7 @@ class NearLights:
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "target", target)
 
-    def light_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
         """(..., 3, 3) for points (..., 3) in camera space: per row a light's unit direction times its brightness.
 
         The brightness follows the inverse square law and the lobe, and is 1 at the target.
@@ -178,6 +178,11 @@ class LightRig:
         mixing.flags.writeable = False
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "mixing", mixing)
+
+    def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+        """(..., 3, 3) as :meth:`NearLights.lights_at` has them for points (..., 3) in camera space; of distant lights
+        the directions (3, 3), which are the same everywhere."""
+        return self.directions if self.near is None else self.near.lights_at(points)
 
     def unmixed(self, image: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
         """(..., 3) each light's contribution alone: the image times the inverse of the mixing matrix.

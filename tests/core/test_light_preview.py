@@ -86,7 +86,7 @@ def test_a_near_light_is_hidden_by_what_stands_before_it_alone() -> None:
     assert rig.near is not None
     # A wall behind each light, of which none is between a light and the ball.
     walls = [square(PLACE + 40 * np.eye(3)[axis] * sign, 60, axis) for axis in range(3) for sign in (-1, 1)]
-    check(lit_view(camera, rig, join_meshes([ball(), *walls])), normals, rig.near.light_at(points))
+    check(lit_view(camera, rig, join_meshes([ball(), *walls])), normals, rig.near.lights_at(points))
 
 
 def test_the_ball_casts_its_shadow_on_the_floor() -> None:

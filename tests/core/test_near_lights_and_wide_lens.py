@@ -127,9 +127,9 @@ def test_a_rig_file_keeps_near_lights(tmp_path: Path) -> None:
 def test_brightness_is_one_at_the_target_and_falls_with_the_square() -> None:
     near = near_rig([[0, 3, -1], [3, 0, -1], [-3, -3, -1]], [0, 0, -5]).near
     assert near is not None
-    np.testing.assert_allclose(np.linalg.norm(near.light_at(np.array([0, 0, -5.0])), axis=1), 1)
+    np.testing.assert_allclose(np.linalg.norm(near.lights_at(np.array([0, 0, -5.0])), axis=1), 1)
     half_way = np.array([0, 1.5, -3.0])  # from the target to the first light
-    np.testing.assert_allclose(near.light_at(half_way)[0], 4 * np.array([0, 3, 4]) / 5)
+    np.testing.assert_allclose(near.lights_at(half_way)[0], 4 * np.array([0, 3, 4]) / 5)
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

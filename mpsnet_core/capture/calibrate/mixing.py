@@ -248,7 +248,7 @@ def equation_2_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> floa
     if not lit.any():
         return None
     place, normal, _ = surface(ball, points[lit])
-    lights = np.broadcast_to(rig.directions if rig.near is None else rig.near.light_at(place), (len(place), 3, 3))
+    lights = np.broadcast_to(rig.lights_at(place), (len(place), 3, 3))
     found = np.linalg.solve(lights, rig.unmixed(colours[lit])[..., None])[..., 0]
     return float(angular_error(normalised(found), normal).mean())
 
@@ -322,7 +322,7 @@ def _shading(
             "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
         )
     place, normal, _ = surface(ball, points)
-    lights = rig.directions if rig.near is None else rig.near.light_at(place)
+    lights = rig.lights_at(place)
     exponent = 1.0
     if other is not None:
         across = normalised(np.cross(rig.directions, [0.6, 0.8, 0.0]))

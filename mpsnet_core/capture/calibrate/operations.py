@@ -99,7 +99,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         from mpsnet_core.io.files import write_json
 
         if self.json:
-            write_json(self.json, {name: fact for name, fact in result.facts().items() if name != "text"})
+            write_json(self.json, result.figures())
 
 
 # --- lights -----------------------------------------------------------------------------------------------------------

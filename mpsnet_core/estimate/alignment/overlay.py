@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import dilated, eroded
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.pictures import photo_picture
+from mpsnet_core.scene.pictures import OUTLINE_COLOUR, photo_picture
 from mpsnet_core.scene.rays import RayScene
 
-MESH_COLOUR, MASK_COLOUR = (0.15, 1.0, 0.4), (1.0, 0.55, 0.1)
+MESH_COLOUR = (0.15, 1.0, 0.4)
 USED_COLOUR, LEFT_OUT_COLOUR = (0.2, 0.6, 1.0), (1.0, 0.1, 0.1)
 
 
@@ -44,7 +44,7 @@ def overlay(
     picture = 0.7 * photo_picture(image, mask)
     seen = np.isfinite(scene.depths(camera, np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5))
     wide = max(1, round(max(mask.shape) / 700))
-    for region, colour in ((mask, MASK_COLOUR), (seen, MESH_COLOUR)):
+    for region, colour in ((mask, OUTLINE_COLOUR), (seen, MESH_COLOUR)):
         picture[dilated(region, wide) & ~eroded(region, 1)] = colour
     if pairs is not None:
         pixels, points = pairs

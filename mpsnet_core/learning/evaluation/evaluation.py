@@ -98,7 +98,7 @@ def evaluate(
         )
         with written_together():
             if json:
-                write_json(json, measured.data())
+                write_json(json, measured.figures())
             if page:
                 page.write(
                     evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(calibrations)]

@@ -18,7 +18,3 @@ class Measured(Result):
     published: list[dict[str, Any]]
     confidence: list[dict[str, Any]] | None = None
     skipped: list[str] | None = None
-
-    def data(self) -> dict[str, Any]:
-        """All but the text, as ``--json`` writes it."""
-        return {name: value for name, value in self.facts().items() if name != "text"}

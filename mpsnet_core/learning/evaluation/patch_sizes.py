@@ -102,7 +102,7 @@ def evaluate_patch_sizes(
         measured = Measured(rows=[asdict(row) for row in rows], published=published, text=table)
         with written_together():
             if json:
-                write_json(json, measured.data())
+                write_json(json, measured.figures())
             if page:
                 page.write("Patch sizes", table, [], [_chart(rows)])
     return measured
