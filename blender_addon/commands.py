@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -227,7 +228,9 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
 
 def _absolute(path: str) -> str:
     """Relative paths are relative to where the command was given, not to the .blend file as within Blender."""
-    return path if path.startswith("//") else str(Path(path).resolve())
+    if path.startswith("//"):
+        return path
+    return f"{Path(path).resolve()}{'/' * path.endswith(('/', os.sep))}"  # which asks for a folder
 
 
 def _several(choices: Sequence[str]) -> Any:

@@ -172,9 +172,10 @@ def frame_pattern(file: Path) -> Path:
     if not runs:
         raise InputError(f"{file.name} has no number in its name, so it is no frame of a sequence; open it as a photo")
     head, tail = file.stem[: runs[-1].start()], f"{file.stem[runs[-1].end() :]}{file.suffix}"
+    called = [part.replace("#", "?") for part in (head, tail)]  # "#" stands for a digit
     like = re.compile(f"{re.escape(head)}([0-9]+){re.escape(tail)}")
     lengths = {len(found[1]) for found in (like.fullmatch(other.name) for other in file.parent.iterdir()) if found}
-    return file.with_name(f"{head}{'#' * lengths.pop() if len(lengths) == 1 else '*'}{tail}")
+    return file.with_name(f"{called[0]}{'#' * lengths.pop() if len(lengths) == 1 else '*'}{called[1]}")
 
 
 def origin(image: bpy.types.Image) -> Path:

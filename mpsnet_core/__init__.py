@@ -71,7 +71,7 @@ _HOME = {
     "Texture": "bake.texture",
     "TextureSet": "bake.texture_sets",
     "Train": "learning.operations",
-    "View": "bake.bake",
+    "View": "bake.projection",
     "WorldLights": "scene.world_lights",
     "WriteCameras": "scene.operations",
     "albedo_from_white": "estimate.albedo",

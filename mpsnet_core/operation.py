@@ -232,12 +232,16 @@ def _check(setting: Setting, value: Any) -> None:
         return
     low, high, choices = setting.option.low, setting.option.high, setting.option.choices
     name = setting.name.replace("_", " ")
-    if choices:
-        check_choice(name, value, choices)
+    if setting.kind is str and not isinstance(value, str | os.PathLike):
+        raise SettingsError(f"{name} {value!r} is no text")
+    if setting.kind is bool and not isinstance(value, bool):
+        raise SettingsError(f"{name} {value!r} is neither true nor false")
     if setting.kind is float and not isinstance(value, Real):
         raise SettingsError(f"{name} {value!r} is no number")
     if setting.kind is int and not isinstance(value, Integral):
         raise SettingsError(f"{name} {value!r} is no whole number")
+    if choices:
+        check_choice(name, value, choices)
     # "not" takes care of NaN.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         least = _number(-math.inf if low is None else low)

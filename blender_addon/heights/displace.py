@@ -19,7 +19,7 @@ from ..appearance.displacement import (
     show_object_normals,
 )
 from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
-from ..appearance.nodes import TEXTURE_NODE, find_node
+from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node
 from ..bake.bakes_onto import BakesOnto
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
@@ -70,7 +70,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
         depsgraph = context.evaluated_depsgraph_get()
-        begun = begin_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
+        begun = begin_mesh(folder / "mesh.npz", target, depsgraph, _uv_map_of(target) or bake.uv_map, turn)
         self.later(begun.slices)
         self._uv_map = begun.uv_map
         known: dict[str, Any] = {
@@ -176,6 +176,13 @@ def _texture_of(target: Any) -> Any:
     if not worn and _textures(bpy.data.materials):
         raise InputError(f'"{target.name}" wears no baked texture; choose the object that it was baked onto')
     return next(iter(worn), None)
+
+
+def _uv_map_of(target: Any) -> str:
+    """The UV map that the baked texture of an object lies on; "" where it wears none, or that is gone."""
+    trees = [slot.material.node_tree for slot in target.material_slots if slot.material and slot.material.node_tree]
+    worn = (node.uv_map for tree in trees if (node := find_node(tree, NORMAL_NODE)) and find_node(tree, TEXTURE_NODE))
+    return next((name for name in worn if name in target.data.uv_layers), "")
 
 
 def _textures(materials: Iterable[Any]) -> set[Any]:

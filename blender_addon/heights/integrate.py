@@ -103,7 +103,8 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         fine_preview(image, stretched=True)
         scene.mps.heights.image = image
         for what, picture in self._pictures.items():
-            load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
+            shown = load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
+            shown.use_fake_user = True  # nothing else holds it when the file is saved
         if self._mesh is not None:
             estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
         self.report({"INFO"}, f"Heights written to {self._output}")

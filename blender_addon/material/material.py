@@ -7,15 +7,15 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import makeable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
 from ..appearance.modifiers import FACES, remove_modifier, subdivide
 from ..appearance.nodes import ensure_node, new_material
-from ..image_records import remembered
-from ..images import fine_preview, image_file, load_image, picture_size
+from ..image_records import remember, remembered
+from ..images import fine_preview, image_file, load_image, origin, picture_size
 from ..operators.core_run import RunsCore
 from ..outputs import requested_path
 from ..photo.options import network, reading_without_mask, rig_and_camera_options
@@ -31,6 +31,8 @@ _IS_DATA = {"albedo": False, "normal": True, "height": True}
 _SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
 # Stored with a material that this step made: the normals that it shows, by which it is known when they are made again.
 _MADE_OF = "mpsnet_flat_normals"
+# Kept with the normals: the file of the photo that they were made of.
+_PHOTO = "flat_photo"
 
 
 class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
@@ -60,6 +62,8 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         photo = image_file(image, "photo", "render or open one first")
         output = requested_path(self.output) if self.output else output_folder() / f"{photo.stem}_material"
         makeable_folder(output, "material")
+        self._photo = str(photo)
+        _check_own(output, self._photo)
         width, height = picture_size(image)
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:
@@ -103,9 +107,10 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         images = {what: load_image(files[what], f"{name} {what}", is_data=data) for what, data in _IS_DATA.items()}
         millimetre = 0.001 / scene.unit_settings.scale_length
         size = made["width_mm"] * millimetre, made["height_mm"] * millimetre
+        remember(images["normal"], _PHOTO, self._photo)
         material = _material_of(images["normal"], f"MPS {name}")
         plane = settings.plane
-        if plane is None or scene.objects.get(plane.name) != plane or list(plane.data.materials) != [material]:
+        if plane is None or scene not in plane.users_scene or not _is_as_laid(plane.data, material):
             settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
         _lay(plane.data, size, self.repeats)
         black, white = made["height_of_black_mm"] * millimetre, made["height_of_white_mm"] * millimetre
@@ -122,6 +127,20 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
         self.report({"INFO"}, f"Material written to {self._output}: {settings.summary}")
+
+
+def _check_own(folder: Path, photo: str) -> None:
+    """Raises FileError where a folder holds the material of another photo, which has the same name."""
+    for image in bpy.data.images:
+        if image.users and folder in origin(image).parents and remembered(image, _PHOTO) not in (None, photo):
+            raise FileError(f"{folder} holds the material of another photo; name another folder")
+
+
+def _is_as_laid(mesh: Any, material: Any) -> bool:
+    """Whether a mesh is one that :func:`_lay` made, for this material alone, and not an artist's by now."""
+    return (
+        list(mesh.materials) == [material] and mesh.users == 1 and len(mesh.vertices) == 4 and len(mesh.polygons) == 1
+    )
 
 
 def _material_of(normals: Any, name: str) -> Any:

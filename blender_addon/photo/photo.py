@@ -22,7 +22,7 @@ from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
 from ..operators.progress import at_the_pointer
 from ..operators.reporting import ReportingOperator, verb_of
-from ..outputs import output_frames, output_path, render_path
+from ..outputs import beside_the_file, output_frames, output_path, render_path
 from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
 from ..rig.light_rig import light_rig, lights_stand, rig_camera
 from ..rig.several_rigs import result_name, rig_at
@@ -130,7 +130,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
         image = load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
-        if self.sequence:
+        if self.sequence and path.suffix.lower() not in VIDEO_SUFFIXES:
             frame_pattern(path)  # says so where it has no number
             image.source = "SEQUENCE"
         self._made_from = self.provenance(context)
@@ -180,6 +180,8 @@ def _take(rig: Any, image: bpy.types.Image) -> None:
     if rig.photo.image not in (None, image):
         # They are of the other photo.
         rig.estimate.white, rig.estimate.painted_mask = "", None
+        if (checked := rig.records.find("check_photo")) >= 0:
+            rig.records.remove(checked)
         if rig.estimate.mask == "PAINTED":
             rig.estimate.property_unset("mask")
     rig.photo.image = image
@@ -233,7 +235,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its true normals are in {result['output']}"
-        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
+        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = beside_the_file(result["output"])
         self.report({"INFO"}, f"True normals written to {result['output']}")
 
 

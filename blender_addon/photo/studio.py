@@ -1,5 +1,6 @@
 """The studio: what the rig's camera sees of the scene under the rig's lights alone, and its true normals, rendered."""
 
+import glob
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import Superpose
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.io.files import temporary_folder, written_together, written_whole
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
@@ -104,7 +105,8 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
     digits = max(4, len(str(scene.frame_end)))
     numbers = range(scene.frame_start, scene.frame_end + 1)
     files = [folder / f"{folder.name}_{number:0{digits}d}.exr" for number in numbers]
-    rendered = []
+    rendered: list[Rendered] = []
+    empty: list[int] = []
     try:
         for place, (number, file) in enumerate(zip(numbers, files, strict=True)):
             scene.frame_set(number)
@@ -114,10 +116,20 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
 
             try:
                 rendered.append(render_photo(scene, file, of_all))
+            except NoObject as error:
+                empty.append(number)
+                if not rendered and number == numbers[-1]:
+                    raise InputError(f"no frame shows the object; {error}") from None
             except InputError as error:
                 raise InputError(f"frame {number}: {error}") from None
     finally:
         scene.frame_set(current, subframe=subframe)
+    notes = rendered[0].notes
+    if empty:
+        notes.append(f"{len(empty)} frame(s) show nothing and are left out, the first is {empty[0]}")
+    others = {file for file in folder.glob(f"{glob.escape(folder.name)}_*.exr") if file not in files}
+    if others:
+        notes.append(f"{len(others)} frame(s) of an earlier render are in the folder too, and are estimated with these")
     return rendered[0]
 
 
@@ -300,5 +312,8 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
             raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
-        if not (unfinished.is_file() and unfinished.stat().st_size):
+        load_openimageio()  # which Blender need not load as it starts
+        from mpsnet_core.io.image_writing import is_whole
+
+        if not is_whole(unfinished):
             raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

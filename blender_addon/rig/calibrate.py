@@ -11,11 +11,11 @@ from mpsnet_core.errors import InputError
 
 from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import requested_path
+from ..outputs import beside_the_file, file_name, lasting, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import as_typed, take_given
-from .several_rigs import rig_at
+from .several_rigs import result_name, rig_at
 
 _OVERLAY = "MPS Calibration"
 # Words of the tables that stand nowhere else; the panel translates them.
@@ -27,7 +27,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
 
     def _options(self, what: str, balls: int) -> dict[str, Any]:
         """The core's options for the ball and what is written."""
-        rig = self._rig = self._rig_path("mpsnet_rig")
+        rig = self._rig = self._rig_path(file_name(result_name(bpy.context.scene, "rig")))
         self._overlay = rig.with_name(f"{rig.stem}_{what}.png")
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
         circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
@@ -62,7 +62,9 @@ class _Calibrates(RunsCore, CalibrateSettings):
         self.made(image)
         settings.image = image
         settings.summary = "\n".join("|".join(row) for row in table)
-        estimate.rig_file = str(self._rig)
+        estimate.rig_file = beside_the_file(str(self._rig))
+        if not lasting(self._rig.parent):
+            self.note(f"{self._rig} goes when Blender quits; save this file first, or name the rig file")
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 

@@ -5,7 +5,8 @@ at all. Those of the others wait in ``scene.mps.rigs``.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -25,7 +26,10 @@ from ..settings.rig import RigSettings
 from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
 _STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
-_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "paint_mask", "estimate", "error_map")
+_VERBS = (
+    *("add_rig", "render_photo", "open_photo", "superpose", "check_photo"),
+    *("show_mask", "paint_mask", "estimate", "error_map"),
+)
 
 
 class _OnRigs(bpy.types.Operator):
@@ -197,14 +201,19 @@ def rig_at(scene: Any, place: int, result: object) -> Any:
 
 
 def result_name(scene: Any, what: str) -> str:
-    """Name of a file that the chosen rig's step makes: those of several rigs do not write over each other."""
-    names = [one.name for one in scene.mps.rigs]
-    if not names:
-        return f"{scene.name}_{what}"
-    chosen = scene.mps.chosen_rig
-    in_files = [file_name(name).casefold() for name in names]  # on some system at least
-    name = names[chosen] if in_files.count(in_files[chosen]) == 1 else f"{names[chosen]}_{chosen + 1}"
-    return f"{scene.name}_{name}_{what}"
+    """Name of a file that the chosen rig's step makes: those of several .blend files, scenes and rigs do not write over
+    each other."""
+    parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
+    parts.append(_told_apart([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
+    if len(scene.mps.rigs):
+        parts.append(_told_apart([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
+    return "_".join([*parts, what])
+
+
+def _told_apart(names: Sequence[str], number: int) -> str:
+    """One of several names, with its number where it is another one's in a file's name, on some system at least."""
+    in_files = [file_name(name).casefold() for name in names]
+    return names[number] if in_files.count(in_files[number]) == 1 else f"{names[number]}_{number + 1}"
 
 
 def _put_away(scene: Any) -> None:

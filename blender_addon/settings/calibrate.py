@@ -57,7 +57,7 @@ class CalibrateSettings:
     )
     encoding: from_option(CalibrateLights, "encoding")
     output: FileSetting(
-        name="Rig File", description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder"
+        name="Rig File", description="Rig file to write (.json). Empty: a name of its own in the output folder"
     )
 
 

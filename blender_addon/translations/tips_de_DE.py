@@ -649,8 +649,8 @@ TIPS = {
         "Trainingsdaten in einen Ordner rendern, mit mehreren Blendern neben diesem. Was der Ordner schon enthält, "
         "wird nicht noch einmal gerendert: nach einem Halt erneut starten, und es geht weiter"
     ),
-    "Rig file to write (.json). Empty: mpsnet_rig.json in the output folder": (
-        "Zu schreibende Rig-Datei (.json). Leer: mpsnet_rig.json im Ausgabeordner"
+    "Rig file to write (.json). Empty: a name of its own in the output folder": (
+        "Zu schreibende Rig-Datei (.json). Leer: ein eigener Name im Ausgabeordner"
     ),
     "Say whether the photo is exposed and focused well, and what its lights reach, before it is used": (
         "Sagen, ob das Foto gut belichtet und scharf ist und was seine Lichter erreichen, bevor es benutzt wird"

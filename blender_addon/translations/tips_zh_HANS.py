@@ -509,8 +509,8 @@ TIPS = {
         "Render training data into a folder, with several Blenders beside this one. What the folder holds already is "
         "not rendered again: after a stop, run it again and it goes on"
     ): ("用多个与此并行的 Blender 将训练数据渲染到文件夹中。文件夹中已有的不会重新渲染：停止后再次运行即可继续"),
-    "Rig file to write (.json). Empty: mpsnet_rig.json in the output folder": (
-        "要写入的灯架文件 (.json)。留空：输出文件夹中的 mpsnet_rig.json"
+    "Rig file to write (.json). Empty: a name of its own in the output folder": (
+        "要写入的灯架文件 (.json)。留空：输出文件夹中自动命名"
     ),
     "Say whether the photo is exposed and focused well, and what its lights reach, before it is used": (
         "在使用之前说明照片的曝光和对焦是否良好，以及灯光照到了哪里"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.capture.reading import note_other_exposures
-from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.errors import NoObject, SettingsError
 from mpsnet_core.io.image import Image, note_saturated
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
@@ -100,7 +100,7 @@ def _alpha(images: Sequence[Image]) -> NDArray[np.float32] | None:
     alphas = [image.alpha for image in images if image.alpha is not None]
     alpha: NDArray[np.float32] | None = np.max(alphas, axis=0) if alphas else None
     if alpha is not None and not alpha.any():
-        raise GeometryError(
+        raise NoObject(
             "the photo shows nothing, all of it is transparent; show the object in renders, and let the camera see it"
         )
     return alpha

@@ -47,7 +47,7 @@ class Reporter:
                 from tqdm import tqdm
 
                 self.bar = tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed} left {remaining}", leave=False)
-            self.bar.set_description_str(message, refresh=False)
+            self.bar.set_description_str(in_one_line(message), refresh=False)
             self.bar.n = round(100 * fraction)
             self.bar.refresh()
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.even_albedo import estimate_with_second_look
 from mpsnet_core.estimate.features import divided
@@ -62,13 +63,14 @@ class Estimator:
     ) -> None:
         self.name = os.fspath(model)
         self._network = None
+        if passes not in (None, 1, 3) or isinstance(passes, bool):
+            raise SettingsError(f"an estimate takes 1 pass or 3, not {passes!r}")
         if self.name not in BASELINES:
             from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
 
             network = find_network(self.name)
-            self._network = OnnxModel(
-                network.path, provider=provider, threads=threads, tile=tile, passes=passes or network.passes
-            )
+            count = int(passes) if passes else network.passes
+            self._network = OnnxModel(network.path, provider=provider, threads=threads, tile=tile, passes=count)
         else:
             unused = [f"provider {provider}"] * (provider != "cpu") + [f"{passes} passes"] * ((passes or 1) > 1)
             if unused:

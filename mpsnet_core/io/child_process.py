@@ -193,13 +193,14 @@ class ChildProcess:
 def child_environment(*homes: Path, isolated: bool = False) -> dict[str, str]:
     """This process's environment, by which a child finds this package, and those in the folders `homes`.
 
-    isolated: neither the current folder nor the person's own packages and PYTHONPATH have a say in what is imported.
+    The current folder has no say in what is imported: it may hold files of others. isolated: nor have the person's own
+    packages and PYTHONPATH.
     """
-    environment = dict(os.environ)
+    environment = {**os.environ, "PYTHONSAFEPATH": "1"}
     places = [str(home) for home in (Path(__file__).parents[2], *homes)]
     if isolated:
         environment.pop("PYTHONHOME", None)
-        environment["PYTHONSAFEPATH"] = environment["PYTHONNOUSERSITE"] = "1"
+        environment["PYTHONNOUSERSITE"] = "1"
     else:
         places += filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))
     return {**environment, "PYTHONPATH": os.pathsep.join(dict.fromkeys(places)), "PYTHONIOENCODING": "utf-8"}

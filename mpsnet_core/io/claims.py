@@ -31,6 +31,10 @@ else:
         fcntl.lockf(file, fcntl.LOCK_UN, 1, number)
 
 
+# A folder of others may hold a link of that name.
+NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+
+
 class Claims:
     """One process's claims in a folder: number n is byte n of the folder's lock file, which stays empty.
 
@@ -43,7 +47,7 @@ class Claims:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self._path = Path(folder) / LOCK_FILE
         try:
-            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | NO_LINK, 0o666)
         except OSError as error:
             raise FileError(f"cannot write {self._path}: {error.strerror}; choose another folder") from None
 

@@ -1,22 +1,26 @@
 """OpenImageIO's readers, opened for four formats alone and without their words on stderr."""
 
 import os
+import struct
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import OpenImageIO as oiio
 
 from mpsnet_core.errors import FileError, FormatError
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.image import MAX_PIXELS
 
 _Kind = TypeVar("_Kind")
 
 # First bytes of the formats that are read, and OpenImageIO's names of these formats.
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SIGNATURES = (PNG_SIGNATURE, b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
+# More than any JPEG has before its pixels.
+JPEG_SEGMENTS = 10_000
 _FORMATS = ("png", "jpeg", "tiff", "openexr")
 
 
@@ -40,13 +44,14 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
     Files of OpenImageIO's other formats are not opened. :func:`complaint` may return the reason.
 
-    Raises FileError where the file's name is not valid UTF-8.
+    Raises FileError where the file's name is not valid UTF-8, FormatError where a JPEG claims to be larger than what is
+    read: a progressive one is decoded as it is opened.
     """
     try:
         with Path(path).open("rb") as file:
-            known = file.read(8).startswith(_SIGNATURES)
-        if not known:
-            return None
+            if not file.read(8).startswith(_SIGNATURES):
+                return None
+            _check_jpeg(file, path)
         with libraries_silent():
             source = oiio.ImageInput.open(os.fspath(path), *config)
     except (OSError, UnicodeEncodeError):
@@ -57,6 +62,24 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
         source.close()
         return None
     return source
+
+
+def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
+    """Raises FormatError where the frame header of a JPEG claims more than :data:`MAX_PIXELS`."""
+    file.seek(0)
+    if file.read(2) != b"\xff\xd8":
+        return
+    for _ in range(JPEG_SEGMENTS):
+        marker = file.read(4)
+        if len(marker) < 4 or marker[0] != 0xFF or marker[1] == 0xDA:  # the pixels begin
+            return
+        if 0xC0 <= marker[1] <= 0xCF and marker[1] not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack(">xHH", file.read(5).ljust(5, b"\0"))
+            if height * width > MAX_PIXELS:
+                most = f"{MAX_PIXELS // 10**6} megapixels"
+                raise FormatError(f"{path} claims to be {width} x {height}, more than this program reads ({most})")
+            return
+        file.seek(int.from_bytes(marker[2:], "big") - 2, os.SEEK_CUR)
 
 
 @contextmanager

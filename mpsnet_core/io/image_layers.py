@@ -20,6 +20,7 @@ T = TypeVar("T", bound=np.generic)
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
+MAX_TILE = 1 << 24  # pixels; a tile is decoded whole, however much of it the picture has
 MAX_LAYER_VALUES = 4 * MAX_PIXELS  # of all the channels that are read at once
 
 
@@ -85,10 +86,12 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
             max(spec.width * spec.height, spec.full_width * spec.full_height) > MAX_PIXELS
             or spec.nchannels > MAX_CHANNELS
             or spec.depth > 1
+            or spec.tile_width * spec.tile_height > MAX_TILE
         ):
             raise FormatError(
                 f"{path} claims to be {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
-                f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
+                f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes, no tiles above "
+                f"{MAX_TILE // 10**6} megapixels)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
         names = _channel_names(spec, path)

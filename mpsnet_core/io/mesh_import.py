@@ -5,6 +5,7 @@ import logging
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any
@@ -51,15 +52,17 @@ def read_scene(path: Path) -> Iterator[Any]:
 
     try:
         with path.open("rb") as file:  # by a path trimesh would open the files beside it
+            content: IO[bytes] = file
             if path.suffix.lower() == ".glb":
                 header = _glb_header(file)
                 _check_size(header, most_bytes(path, MAX_BYTES))
                 _check_parts(header)
                 _check_plain(header)
                 _note_other_uvs(header, path)
+                content = _without_pictures(file, header)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
-                file,
+                content,
                 file_type=path.suffix.lower().lstrip("."),
                 resolver=Alone({}),
                 process=False,
@@ -78,9 +81,24 @@ def read_scene(path: Path) -> Iterator[Any]:
 def _glb_header(file: IO[bytes]) -> dict[str, Any]:
     """The JSON part of a GLB file."""
     length, _ = struct.unpack("<II", file.read(20)[12:])
-    header: dict[str, Any] = json.loads(file.read(length))
-    file.seek(0)
+    header: dict[str, Any] = json.loads(file.read(length), parse_constant=_no_number)
     return header
+
+
+def _no_number(text: str) -> float:
+    raise FormatError(f"it holds {text} in place of a number; export it again")
+
+
+def _without_pictures(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
+    """A GLB file, open behind its JSON part, without pictures, which nobody looks at and trimesh may decode."""
+    kept = {name: part for name, part in header.items() if name not in ("images", "textures", "samplers")}
+    if "materials" in kept:
+        kept["materials"] = [{"name": str(one.get("name", ""))} if "name" in one else {} for one in kept["materials"]]
+    text = json.dumps(kept).encode()
+    text += b" " * (-len(text) % 4)
+    rest = file.read()
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+    return BytesIO(head + text + rest)
 
 
 def _check_size(header: dict[str, Any], most: int) -> None:
@@ -93,7 +111,7 @@ def _check_size(header: dict[str, Any], most: int) -> None:
     named = [number for one in primitives for number in (*one["attributes"].values(), one.get("indices"))]
     needed = sum(arrays) + sum(abs(view["byteLength"]) for view in header.get("bufferViews", ()))
     needed += sum(arrays[number] for number in named if number is not None)
-    if needed > most:
+    if not needed <= most:
         raise FormatError(f"it unpacks to {needed / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
 
 

@@ -57,6 +57,6 @@ def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
 
 
 def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    if array.dtype.kind not in "biufU":
+    if array.dtype.kind not in "biufU" or not array.dtype.itemsize:  # texts of no letters take no room, in any number
         raise FormatError(f'its "{name}" holds neither numbers nor texts; export it again')
     return array

@@ -76,17 +76,17 @@ def read_ply(path: Path) -> dict[str, Values]:
 
 def _header(text: str) -> tuple[str, dict[str, _Element]]:
     """The order of bytes, "" for text, and the elements by their names."""
-    order, elements = None, dict[str, _Element]()
+    order, elements, last = None, dict[str, _Element](), _Element(0)
     for line in text.splitlines()[1:]:
         match line.split():
             case ["format", kind, _]:
                 order = _ORDERS[kind]
             case ["element", name, count]:
-                elements[name] = _Element(int(count))
+                elements[name] = last = _Element(int(count))
             case ["property", "list", length, kind, name]:
-                list(elements.values())[-1].columns.append((name, _TYPES[kind], _TYPES[length]))
+                last.columns.append((name, _TYPES[kind], _TYPES[length]))
             case ["property", kind, name]:
-                list(elements.values())[-1].columns.append((name, _TYPES[kind], ""))
+                last.columns.append((name, _TYPES[kind], ""))
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.errors import FileError, FormatError, InputError
+from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.files import (
     MAX_TEXT_BYTES,
     checked_bits,
@@ -177,6 +177,10 @@ def write_height(
     bits = checked_bits(path, bits)
     inside = heights.values[heights.mask]
     span = float(inside.min()), float(inside.max())
+    if ends is not None and not (np.isfinite(ends).all() and ends[0] < ends[1]):
+        raise SettingsError(
+            f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give a lower and a higher one"
+        )
     scale = _scale(heights, (0.0, 1.0) if bits == 32 else ends or span, unit)
     data = _scale_data(scale, heights, *span)
     data["mask"] = None if heights.mask.all() else mask_file.name

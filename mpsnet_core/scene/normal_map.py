@@ -41,7 +41,7 @@ class NormalMap:
     Raises
     ------
     GeometryError
-        If the shapes do not agree or the mask is empty.
+        If the shapes do not agree, the mask is empty, or a value inside it is not finite.
 
     Examples
     --------
@@ -72,8 +72,11 @@ class NormalMap:
         confidence = np.broadcast_to(confidence, mask.shape)
 
         def write(rows: slice) -> None:
-            unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows].astype(np.float32)), 0)
+            with np.errstate(invalid="ignore"):  # of infinite vectors, which are refused below
+                unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows].astype(np.float32)), 0)
             trust[rows] = np.where(mask[rows], np.clip(confidence[rows], 0, 1), 0)
+            if not (np.isfinite(unit[rows]).all() and np.isfinite(trust[rows]).all()):
+                raise GeometryError("normals or their confidence are not finite somewhere inside the mask")
 
         on_all_cores(write, bands(len(mask)))
         object.__setattr__(self, "vectors", unit)

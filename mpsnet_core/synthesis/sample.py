@@ -215,7 +215,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
             raise FormatError(
                 f"{path} is no sample: it has not a sample's layers; give a file that mpsnet synthesize or Blender made"
             )
-        if max(spec.width, spec.height) > MAX_SIDE or spec.depth > 1:
+        if max(spec.width, spec.height, spec.tile_width, spec.tile_height) > MAX_SIDE or spec.depth > 1:
             raise FormatError(
                 f"sample {path} states a size of {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; "
                 "make it again, smaller"

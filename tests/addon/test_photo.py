@@ -148,7 +148,7 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
 
 
 def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(sphere, scene, tmp_path):
-    """The object is hidden from renders, or the camera looks past it; in an animation, from the second frame on."""
+    """The object is hidden from renders, or the camera looks past it; in an animation, in all frames."""
     bpy.ops.mps.add_rig()
     given = {"width": 16, "height": 16, "samples": 1, "output": str(tmp_path / "photo.exr")}
     bpy.ops.mps.render_photo(**given)
@@ -167,9 +167,12 @@ def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(
     sphere.location.x = 0
     sphere.keyframe_insert("location", frame=1)
     scene.frame_end = 3
-    with pytest.raises(RuntimeError, match=f"frame 2: {sentence}"):
-        bpy.ops.mps.render_photo(**{**given, "output": str(tmp_path / "shots"), "animation": True})
+    bpy.ops.mps.render_photo(**{**given, "output": str(tmp_path / "shots"), "animation": True})
     assert [file.name for file in (tmp_path / "shots").glob("*.exr")] == ["shots_0001.exr"]
+    assert "2 frame(s) show nothing and are left out, the first is 2" in notes_of(scene, "render_photo")
+    scene.frame_start = 2
+    with pytest.raises(RuntimeError, match=f"no frame shows the object; {sentence}"):
+        bpy.ops.mps.render_photo(animation=True)
 
 
 def test_a_photo_appears_with_its_rig_and_camera_or_not_at_all(sphere, scene, tmp_path):

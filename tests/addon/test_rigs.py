@@ -78,7 +78,7 @@ def test_results_of_several_rigs_do_not_write_over_each_other(two_rigs, scene, t
     for number in (0, 1):
         bpy.ops.mps.choose_rig(index=number)
         bpy.ops.mps.estimate(output="")
-    assert {"Scene_Rig_1_normals.png", "Scene_Rig_2_normals.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"two_Scene_Rig_1_normals.png", "two_Scene_Rig_2_normals.png"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_an_error_stays_with_its_rig(estimated, scene):

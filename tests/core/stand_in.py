@@ -14,6 +14,8 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))  # which its parent leaves out
 from synthetic import write_file
 
 from mpsnet_core.errors import InputError

@@ -452,6 +452,24 @@ def latin_named(b: Bench) -> Path:
     return b.photo("photo.png", kind="uint8").rename(b / os.fsdecode(b"gr\xf6sse.png"))
 
 
+def huge_tiles(b: Bench) -> Path:
+    """A small EXR whose tiles claim to be larger."""
+    spec = oiio.ImageSpec(16, 16, 3, "half")
+    spec.tile_width = spec.tile_height = 64
+    target = oiio.ImageOutput.create(str(b / "tiles.exr"))
+    assert target.open(str(b / "tiles.exr"), spec) and target.write_image(np.zeros((16, 16, 3), np.float32))
+    target.close()
+    data = bytearray((b / "tiles.exr").read_bytes())
+    struct.pack_into("<II", data, data.index(b"tiledesc\0") + 13, 16384, 16384)
+    return b.bytes("tiles.exr", bytes(data))
+
+
+def huge_jpeg(b: Bench) -> Path:
+    """The head of a progressive JPEG, behind a comment."""
+    frame = struct.pack(">HHBHHB", 0xFFC2, 17, 8, 40_000, 40_000, 3) + bytes((1, 17, 0, 2, 17, 0, 3, 17, 0))
+    return b.bytes("p.jpg", b"\xff\xd8" + struct.pack(">HH", 0xFFFE, 5) + b"abc" + frame)
+
+
 def huge_png(width: int, height: int) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     parts = png_chunk(b"IHDR", header) + png_chunk(b"IDAT", zlib.compress(b"")) + png_chunk(b"IEND", b"")
@@ -582,6 +600,12 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             "more pixels than the limit",
             lambda b: within("MAX_PIXELS", 255, lambda: read_image(b.photo())),
             "photo.exr claims to be 16 x 16…more than this program reads",
+        ),
+        ("tiles of 268 megapixels", lambda b: read_image(huge_tiles(b)), "tiles.exr claims…no tiles above"),
+        (
+            "a progressive JPEG of 1600 megapixels",
+            lambda b: read_image(huge_jpeg(b)),
+            "p.jpg claims to be 40000 x 40000",
         ),
         ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),
         (

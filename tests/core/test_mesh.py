@@ -375,6 +375,32 @@ def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
         read_mesh(path)
 
 
+def test_pictures_in_a_glb_are_not_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pillow, by which trimesh decodes them, starts Ghostscript for some."""
+    pictures = pytest.importorskip("PIL.Image")
+    opened = []
+    monkeypatch.setattr(pictures, "open", opened.append)
+    path = glb(tmp_path / "mesh.glb", normals=True)
+
+    def dress(header: dict[str, Any]) -> None:
+        header["images"] = [{"mimeType": "image/png", "bufferView": 0}]
+        header["textures"] = [{"source": 0}]
+        header["materials"][0]["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0}}
+
+    before = read_mesh(path)
+    change_header(path, dress)
+    found = read_mesh(path)
+    assert corners_of(found) == corners_of(before) and not opened
+    assert found.materials.names == before.materials.names
+
+
+def test_glb_with_a_number_that_is_none_is_refused(tmp_path: Path) -> None:
+    path = glb(tmp_path / "mesh.glb", normals=True)
+    change_header(path, lambda header: header["bufferViews"].append({"buffer": 0, "byteLength": float("nan")}))
+    with pytest.raises(InputError, match="holds NaN in place of a number"):
+        read_mesh(path)
+
+
 def test_glb_with_gpu_instances_is_refused(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
     instances = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
@@ -460,6 +486,14 @@ def glb_beside_a_pipe(b: Bench) -> Path:
 def bomb(b: Bench) -> Path:
     """An .npz of a few kilobytes for each megabyte of zeros."""
     np.savez_compressed(b / "mesh.npz", vertices=np.zeros((3 << 22, 3)))
+    return b / "mesh.npz"
+
+
+def texts_without_letters(b: Bench) -> Path:
+    """An .npz of half a billion texts that take no room."""
+    with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive, archive.open("materials.npy", "w") as file:
+        head = {"descr": "<U0", "fortran_order": False, "shape": (500_000_000,)}
+        np.lib.format.write_array_header_1_0(file, head)
     return b / "mesh.npz"
 
 
@@ -580,6 +614,11 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             "a broken PLY",
             lambda b: read_mesh(b.text("mesh.ply", "ply\nformat ascii 1.0\nelement vertex 3\n")),
             "mesh.ply",
+        ),
+        (
+            "texts without letters",
+            lambda b: read_mesh(texts_without_letters(b)),
+            '"materials" holds neither numbers nor',
         ),
         ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
         *(

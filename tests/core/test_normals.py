@@ -9,6 +9,7 @@ from bad_input import SPHERE, gets_one_clear_sentence
 from synthetic import Sphere, degrees_between, write_file
 
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap, decode, encode, read_normals, write_normals
 
@@ -50,6 +51,18 @@ def test_outside_the_mask_there_is_nothing(sphere: Sphere) -> None:
     assert (normals.vectors[~sphere.mask] == 0).all() and (normals.confidence[~sphere.mask] == 0).all()
     assert normals.vectors[sphere.mask] == pytest.approx(3**-0.5)
     assert (normals.confidence[sphere.mask] == 1).all()
+
+
+@pytest.mark.parametrize("spoilt", [np.nan, np.inf])
+def test_what_is_not_finite_inside_the_mask_is_refused(spoilt: float) -> None:
+    vectors, confidence, mask = np.ones((4, 4, 3)), np.ones((4, 4)), np.ones((4, 4), bool)
+    with pytest.raises(GeometryError, match="not finite"):
+        NormalMap(vectors, mask, np.where(np.eye(4) > 0, np.nan, confidence))
+    vectors[1, 2, 0] = spoilt
+    with pytest.raises(GeometryError, match="not finite"):
+        NormalMap(vectors, mask)
+    mask[1, 2] = False
+    assert np.isfinite(NormalMap(vectors, mask).vectors).all()
 
 
 # Rounding an n-bit colour turns a vector by at most sqrt(3) / (2^n - 1) radians.

@@ -82,6 +82,9 @@ def test_what_is_added_removed_or_made_anew_is_found(folder: Path) -> None:
     assert sizes(PackedSamples([folder])) == [24, 40, 16]
     write_sample(sample_path(folder, 0), sphere_sample(48))
     assert sizes(PackedSamples([folder])) == [48, 40, 16]
+    write_sample(sample_path(folder, 0), sphere_sample(20))
+    os.utime(sample_path(folder, 0), (1, 1))  # as a copy that keeps its time
+    assert sizes(PackedSamples([folder])) == [20, 40, 16]
 
 
 @pytest.mark.parametrize("left", [1, 50, 5000, -1])

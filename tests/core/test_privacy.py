@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mpsnet_core.io.child_process import child_environment
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import published_rig, write_rig
 
@@ -30,3 +31,9 @@ def test_an_estimate_with_a_network_leaves_nothing_in_home_or_the_temporary_fold
     )
     assert (tmp_path / "normals.png").is_file()
     assert not [*home.rglob("*"), *temporary.rglob("*")]
+
+
+def test_files_in_the_current_folder_are_not_imported_by_child_processes(tmp_path: Path) -> None:
+    (tmp_path / "numpy.py").write_text("open('ran', 'w')\n")
+    subprocess.run([sys.executable, "-c", "import numpy"], cwd=tmp_path, env=child_environment(), check=True)
+    assert not (tmp_path / "ran").exists()

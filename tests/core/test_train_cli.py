@@ -295,6 +295,11 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
             ),
             ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged or not one of ours"),
             (
+                "checkpoint behind something else",
+                lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())),
+                "checkpoint…c is damaged or not one of ours",
+            ),
+            (
                 "spoilt checkpoint",
                 lambda b: resume(b, spoilt(checkpoint(b))),
                 "checkpoint…c is damaged or not one of ours",

@@ -61,7 +61,7 @@ class MeasuresModels(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Run the test, and write rows and report where they are requested."""
-        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.files import check_apart, writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
@@ -70,6 +70,7 @@ class MeasuresModels(Operation):
             writable_path(self.json)
         if self.output:
             page_path(self.output)
+        check_apart([], [file for file in (self.json, self.output) if file])
         return evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
 
 

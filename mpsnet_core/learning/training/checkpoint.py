@@ -69,8 +69,11 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     if path.stat().st_size > MAX_BYTES:
         raise FormatError(f"checkpoint {path} is larger than 4 GiB; it is not one of ours")
     try:
-        with zipfile.ZipFile(path) as archive:  # PyTorch does not look at the checksums
-            whole = archive.testzip() is None
+        with path.open("rb") as file:  # PyTorch reads other formats, too, and zipfile a ZIP behind anything
+            whole = file.read(4) == b"PK\3\4"
+        with zipfile.ZipFile(path) as archive:  # PyTorch does not look at the checksums, and writes nothing packed
+            whole &= all(entry.compress_type == zipfile.ZIP_STORED for entry in archive.infolist())
+            whole = whole and archive.testzip() is None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about damaged files
             data = torch.load(path, map_location="cpu", weights_only=True) if whole else None

@@ -116,6 +116,8 @@ def train(
                 f"{places.resume} has had {run.step} steps already, which --stop-after counts too; give it more"
             )
         end = min(recipe.steps, stop_after or recipe.steps)
+        if anneal and learning_rate(recipe, run.step) <= 0:
+            raise SettingsError(f"the learning rate of {places.resume} is zero already; anneal from before its decay")
         if anneal:
             run.anneal, end = (run.step, anneal), run.step + anneal
         if anneal or processes.rank:  # of several processes the first one writes
@@ -130,7 +132,7 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
     writer = None if places.logs is None else SummaryWriter(str(places.logs))
     model = run.network if processes.count == 1 else DistributedDataParallel(run.network)
     between = run.recipe.steps // VALIDATIONS or 1
-    figures, before, started = None, run.seconds, time.monotonic()
+    figures, begun, before, started = None, run.step, run.seconds, time.monotonic()
     saved = started
     try:
         while run.step < end:
@@ -138,7 +140,7 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
             run.seconds = before + time.monotonic() - started
             if run.step % LOGGED_EVERY == 0 and first:
                 angle = math.degrees(float(loss.angle))
-                progress(run.step / run.recipe.steps, f"step {run.step}, {angle:.1f}°")
+                progress((run.step - begun) / (end - begun), f"step {run.step}, {angle:.1f}°")
                 if writer is not None:
                     writer.add_scalar("training/angle_deg", angle, run.step)
                     writer.add_scalar("training/expected_error", float(loss.expected), run.step)

@@ -104,12 +104,12 @@ def _packed_path(path: Path) -> Path:
 
 def _is_packed(path: Path) -> bool:
     packed = _packed_path(path)
-    return packed.exists() and packed.stat().st_mtime_ns >= path.stat().st_mtime_ns
+    return packed.exists() and packed.stat().st_mtime_ns == path.stat().st_mtime_ns
 
 
 def _pack(path: Path) -> None:
     """Pack a sample; the packed file of one that is damaged or dark is empty."""
-    remade = path.stat().st_mtime_ns  # one that is remade meanwhile is newer than what is packed here
+    remade = path.stat().st_mtime_ns  # by which the pack is known to be of this sample
     packed = _packed_path(path)
     ensure_folder(packed.parent, "packed samples")
     with written_whole(packed) as unfinished:

@@ -1,6 +1,7 @@
 """Training recipe: all settings of a training run but for its files. One TOML file per shipped model."""
 
 import os
+import reprlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -83,22 +84,24 @@ class TrainingRecipe:
         for name in ("name", "title", "network"):
             value = getattr(self, name)
             if not isinstance(value, str) or not value:
-                raise SettingsError(f"the recipe's {name} must be a text, not {value!r}")
+                raise SettingsError(f"the recipe's {name} must be a text, not {reprlib.repr(value)}")
         capture_model(self.capture)
         if not isinstance(self.options, Mapping):
-            raise SettingsError(f"the recipe's options must be a table, not {self.options!r}")
+            raise SettingsError(f"the recipe's options must be a table, not {reprlib.repr(self.options)}")
         if not all(isinstance(line, str) for line in self.samples):
             raise SettingsError("the recipe's samples must be a list of texts")
         if self.optimiser not in OPTIMISERS:
-            raise SettingsError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
+            raise SettingsError(
+                f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {reprlib.repr(self.optimiser)}"
+            )
         for name in ("augment", "frozen_norms"):
             value = getattr(self, name)
             if not isinstance(value, bool):
-                raise SettingsError(f"the recipe's {name} must be true or false, not {value!r}")
+                raise SettingsError(f"the recipe's {name} must be true or false, not {reprlib.repr(value)}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
-                raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {value!r}")
+                raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {reprlib.repr(value)}")
         if self.warm_up + self.decay > self.steps:
             raise SettingsError(
                 f"the recipe's warm_up and decay take {self.warm_up + self.decay} steps of {self.steps}; give it more"
@@ -130,7 +133,7 @@ def capture_model(changes: Any) -> CaptureModel:
         )
         if not fits or not all(type(entry) in (int, float) and 0 <= entry <= MOST_CAPTURE for entry in entries):
             wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
-            raise SettingsError(f"the recipe's capture needs {wanted} as {name}, not {value!r}")
+            raise SettingsError(f"the recipe's capture needs {wanted} as {name}, not {reprlib.repr(value)}")
         values[name] = tuple(entries) if isinstance(default, tuple) else value
     return replace(own, **values)
 

@@ -9,6 +9,7 @@ The camera model is that of the user manual's appendix "Camera models", frame ca
 import logging
 import os
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -76,6 +77,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
     sensors = {sensor.get("id"): sensor for sensor in chunk.iterfind("sensors/sensor")}
     whole = chunk.find("transform")
     components = {part.get("id"): part.find("transform") for part in chunk.iterfind("components/component")}
+    similarity, calibration = cache(_similarity), cache(_calibration)  # of many cameras each
     system = (chunk.findtext("reference") or "LOCAL_CS").strip()
     if not system.startswith("LOCAL_CS"):
         log.warning(
@@ -93,17 +95,21 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
             if sensor is None:
                 raise FormatError(f"its sensor {camera.get('sensor_id')} is not in the file; {EXPORT}")
             transform = components.get(camera.get("component_id"))
-            world = _similarity(whole if transform is None else transform)
-            photos.append(_posed(name, sensor, _numbers(pose.text, 16, "its transform").reshape(4, 4), world))
+            world = similarity(whole if transform is None else transform)
+            photos.append(
+                _posed(name, calibration(sensor), _numbers(pose.text, 16, "its transform").reshape(4, 4), world)
+            )
     return photos
 
 
-def _posed(name: str, sensor: Element, pose: NDArray[np.float64], world: _Similarity) -> PosedPhoto:
-    """pose: (4, 4) camera to chunk, x right, y down, z forward."""
+def _posed(
+    name: str, calibration: tuple[int, int, dict[str, float]], pose: NDArray[np.float64], world: _Similarity
+) -> PosedPhoto:
+    """calibration: of :func:`_calibration`. pose: (4, 4) camera to chunk, x right, y down, z forward."""
     turn = world.turn @ rotation(pose[:3, :3], "the camera")
     with np.errstate(over="ignore", invalid="ignore"):  # the camera refuses what is not finite
         position = world.scale * (world.turn @ pose[:3, 3]) + world.shift
-    width, height, values = _calibration(sensor)
+    width, height, values = calibration
     get = values.get
     focal = (values["f"] + get("b1", 0.0), values["f"])
     centre = (width / 2 + get("cx", 0.0), height / 2 + get("cy", 0.0))

@@ -4,6 +4,7 @@ import itertools
 import logging
 import os
 import queue
+import shutil
 import threading
 import time
 from collections import deque
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.arrays.row_bands import usable_cores
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import resolved, writable_path
@@ -61,6 +62,11 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
     addon: module of the extension in that Blender, which is enabled where the saved preferences do not do so.
     """
     if blender:
+        found = shutil.which(blender)
+        if (
+            found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
+        ):  # Windows looks there
+            raise SettingsError(f"{blender} is in this folder, which may hold files of others; give its path in full")
         return blender, "-b", *(("--addons", addon) if addon else ()), "--command", "mpsnet", "work"
     return THIS_PYTHON, "-m", "blender_addon", "work"
 
