@@ -177,7 +177,7 @@ def write_height(
     bits = checked_bits(path, bits)
     inside = heights.values[heights.mask]
     span = float(inside.min()), float(inside.max())
-    if ends is not None and not (np.isfinite(ends).all() and ends[0] < ends[1]):
+    if ends is not None and not (np.isfinite(ends).all() and ends[0] <= ends[1]):
         raise SettingsError(
             f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give a lower and a higher one"
         )
