@@ -96,7 +96,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "613d98f001787b2f6e0328a0a35379b1431a275e4bcd973c38b04780318750b9",
+        "6fc7124815e38db5249b641aad64e04b3799c680523f2377e1c34707b5667e46",
     ),
     _rival(
         "demultiplexer",
