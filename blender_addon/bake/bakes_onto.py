@@ -198,10 +198,12 @@ def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
 
 
 def targets_place(settings: Any) -> Provenance:
-    """Where the target stands, as an ingredient of a bake; none where it is not chosen in the panel."""
-    if settings.target is None or settings.objects != "ACTIVE":
+    """Which mesh the target has and where it stands, as ingredients of a bake; none where it is not chosen in the
+    panel."""
+    target = settings.target
+    if target is None or target.data is None or settings.objects != "ACTIVE":
         return {}
-    return {"Target's place": rounded(settings.target.matrix_world, 4)}
+    return {"Target": target.data.name, "Target's place": rounded(target.matrix_world, 4)}
 
 
 def texture_name(settings: Any, name: str) -> str:

@@ -16,6 +16,7 @@ from mpsnet_core.scene.rig import read_rig
 
 from .conftest import matte
 from .test_photo import pixels
+from .test_steps import Kind, MPS_PT_bake, stands
 
 SMALL = {"width": 24, "height": 24, "samples": 1}
 
@@ -121,6 +122,19 @@ def test_a_deleted_target_or_surface_is_not_taken_for_one(estimated, scene, tmp_
     scene.mps.estimate.surface = low
     with pytest.raises(RuntimeError, match='the surface "Cube" was deleted, or is in another scene; choose one'):
         bpy.ops.mps.estimate(output=str(tmp_path / "near.png"))
+
+
+def test_another_target_puts_the_bake_out_of_date(estimated, scene, tmp_path):
+    scene.mps.bake.target = estimated
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    assert stands(MPS_PT_bake) == (Kind.DONE, "")
+    other = bpy.data.objects.new("Other", estimated.data.copy())
+    scene.collection.objects.link(other)
+    scene.mps.bake.target = other
+    assert stands(MPS_PT_bake) == (Kind.OUT_OF_DATE, "Changed since: Target")
+    estimated.name = "Renamed"
+    scene.mps.bake.target = estimated
+    assert stands(MPS_PT_bake) == (Kind.DONE, "")
 
 
 # --- the photo is of the scene as it is -------------------------------------------------------------------------------
