@@ -111,12 +111,6 @@ def may_open(given: str | Path) -> bool:
         return False
 
 
-def beside_the_file(path: str) -> str:
-    """A path as it lies from the .blend file, where it is beside or below it: such a project can be moved."""
-    folder = Path(bpy.data.filepath).parent
-    return bpy.path.relpath(path) if bpy.data.filepath and folder in Path(path).parents else path
-
-
 def lasting(folder: Path) -> bool:
     """Whether a folder outlives this run of Blender."""
     return Path(bpy.app.tempdir) not in folder.parents

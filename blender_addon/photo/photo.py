@@ -22,7 +22,7 @@ from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
 from ..operators.progress import at_the_pointer
 from ..operators.reporting import ReportingOperator, verb_of
-from ..outputs import beside_the_file, output_frames, output_path, render_path
+from ..outputs import output_frames, output_path, render_path
 from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
 from ..rig.light_rig import light_rig, lights_stand, rig_camera
 from ..rig.several_rigs import result_name, rig_at
@@ -235,7 +235,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its true normals are in {result['output']}"
-        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = beside_the_file(result["output"])
+        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
         self.report({"INFO"}, f"True normals written to {result['output']}")
 
 
