@@ -19,8 +19,8 @@ _Kind = TypeVar("_Kind")
 # First bytes of the formats that are read, and OpenImageIO's names of these formats.
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SIGNATURES = (PNG_SIGNATURE, b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
-# More than any JPEG has before its pixels.
-JPEG_SEGMENTS = 10_000
+# More markers, and bytes that are none, than any JPEG has before its size.
+JPEG_MARKERS = 100_000
 _FORMATS = ("png", "jpeg", "tiff", "openexr")
 
 
@@ -69,17 +69,29 @@ def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
     file.seek(0)
     if file.read(2) != b"\xff\xd8":
         return
-    for _ in range(JPEG_SEGMENTS):
-        marker = file.read(4)
-        if len(marker) < 4 or marker[0] != 0xFF or marker[1] == 0xDA:  # the pixels begin
+    for _ in range(JPEG_MARKERS):
+        # libjpeg passes over whatever stands before a marker, and over any number of its first byte.
+        byte = file.read(1)
+        if byte != b"\xff":
+            if byte:
+                continue
             return
-        if 0xC0 <= marker[1] <= 0xCF and marker[1] not in (0xC4, 0xC8, 0xCC):
+        while byte == b"\xff":
+            byte = file.read(1)
+        kind = int.from_bytes(byte, "big")
+        if kind in (0, 1, *range(0xD0, 0xDA)):  # no segment follows
+            continue
+        if kind == 0xDA:  # the pixels begin
+            return
+        length = int.from_bytes(file.read(2), "big")
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             height, width = struct.unpack(">xHH", file.read(5).ljust(5, b"\0"))
             if height * width > MAX_PIXELS:
                 most = f"{MAX_PIXELS // 10**6} megapixels"
                 raise FormatError(f"{path} claims to be {width} x {height}, more than this program reads ({most})")
             return
-        file.seek(int.from_bytes(marker[2:], "big") - 2, os.SEEK_CUR)
+        file.seek(max(length - 2, 0), os.SEEK_CUR)
+    raise FormatError(f"{path} is damaged: its size stands nowhere before its pixels; export it again")
 
 
 @contextmanager

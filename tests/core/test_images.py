@@ -464,10 +464,10 @@ def huge_tiles(b: Bench) -> Path:
     return b.bytes("tiles.exr", bytes(data))
 
 
-def huge_jpeg(b: Bench) -> Path:
-    """The head of a progressive JPEG, behind a comment."""
+def huge_jpeg(b: Bench, before: bytes = b"") -> Path:
+    """The head of a progressive JPEG, behind a comment and other bytes that libjpeg passes over."""
     frame = struct.pack(">HHBHHB", 0xFFC2, 17, 8, 40_000, 40_000, 3) + bytes((1, 17, 0, 2, 17, 0, 3, 17, 0))
-    return b.bytes("p.jpg", b"\xff\xd8" + struct.pack(">HH", 0xFFFE, 5) + b"abc" + frame)
+    return b.bytes("p.jpg", b"\xff\xd8" + struct.pack(">HH", 0xFFFE, 5) + b"abc" + before + frame)
 
 
 def huge_png(width: int, height: int) -> bytes:
@@ -602,10 +602,15 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             "photo.exr claims to be 16 x 16…more than this program reads",
         ),
         ("tiles of 268 megapixels", lambda b: read_image(huge_tiles(b)), "tiles.exr claims…no tiles above"),
-        (
-            "a progressive JPEG of 1600 megapixels",
-            lambda b: read_image(huge_jpeg(b)),
-            "p.jpg claims to be 40000 x 40000",
+        *(
+            (f"a progressive JPEG of 1600 megapixels{name}", lambda b, what=what: read_image(huge_jpeg(b, what)), said)
+            for name, what, said in (
+                ("", b"", "p.jpg claims to be 40000 x 40000"),
+                (", fill bytes", b"\xff\xff", "p.jpg claims to be 40000 x 40000"),
+                (", bytes that are no marker", b"abc", "p.jpg claims to be 40000 x 40000"),
+                (", a marker without a segment", b"\xff\xd0", "p.jpg claims to be 40000 x 40000"),
+                (", far behind", bytes(200_000), "p.jpg is damaged"),
+            )
         ),
         ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),
         (
