@@ -47,6 +47,11 @@ def with_nodes(material: Any) -> Any:
     return material
 
 
+def trees_of(obj: Any) -> list[Any]:
+    """The node trees of an object's materials, slot by slot; of a slot without material or nodes none."""
+    return [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
+
+
 def shaders(tree: Any) -> list[Any]:
     """A tree's shaders that take a normal."""
     return [node for node in tree.nodes if "Normal" in node.inputs and any(o.type == "SHADER" for o in node.outputs)]

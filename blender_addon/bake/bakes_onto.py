@@ -74,8 +74,7 @@ class BakesOnto(RunsCore):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         check_in_scene(context.scene, target, "target")
-        _check_takes_normals(target)
-        _refuse_linked(target)
+        _check_can_wear(target)
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
@@ -88,8 +87,7 @@ class BakesOnto(RunsCore):
         if not targets:
             raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
         for target in targets:
-            _refuse_linked(target)
-            _check_takes_normals(target)
+            _check_can_wear(target)
         refuse_shared(targets, settings.split)
         return targets
 
@@ -231,9 +229,10 @@ def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
     ]
 
 
-def _check_takes_normals(target: Any) -> None:
-    """Raises InputError, before the work, where no material of an object can wear a normal map; those that are missing
-    are made."""
+def _check_can_wear(target: Any) -> None:
+    """Raises InputError, before the work, where an object is another file's or none of its materials can wear a normal
+    map; those that are missing are made."""
+    _refuse_linked(target)
     trees = [slot.material.node_tree if slot.material else None for slot in target.material_slots]
     if trees and all(tree is not None and not shaders(tree) for tree in trees):
         raise InputError(

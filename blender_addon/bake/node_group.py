@@ -15,6 +15,7 @@ from ..appearance.nodes import (
     UV_NODE,
     ensure_node,
     find_node,
+    trees_of,
 )
 from ..operators.reporting import ReportingOperator
 from ..scene.objects import target_of
@@ -38,8 +39,7 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
 
     def act(self, context: Any) -> None:
         target = target_of(context)
-        slots = target.material_slots if target is not None else ()
-        trees = {slot.material.node_tree for slot in slots if slot.material and slot.material.node_tree}
+        trees = set(trees_of(target)) if target is not None else set()
         # Materials may share a texture and with it the group.
         groups = {surface_group(tree) for tree in trees if find_node(tree, NORMAL_NODE) and _shown(tree) is not None}
         if not groups:

@@ -12,7 +12,7 @@ from mpsnet_core.bake.texture_names import tile_patterns
 from mpsnet_core.errors import FileError
 
 from ..appearance.modifiers import DISPLACE, find_modifier
-from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node
+from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node, trees_of
 from ..image_records import from_json, remember, remembered
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, AssignedTexture, BakeTarget, Part, parts_of
@@ -103,7 +103,7 @@ def _holds(file: Path, path: Path, image: Any) -> bool:
 
 def _images_on(obj: Any) -> Iterator[Any]:
     """What an object wears of bakes and displacements."""
-    trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
+    trees = trees_of(obj)
     names = (TEXTURE_NODE, ALBEDO_NODE, HEIGHT_NODE)
     yield from (node.image for tree in trees for name in names if (node := find_node(tree, name)))
     modifier = find_modifier(obj, DISPLACE)

@@ -19,7 +19,7 @@ from ..appearance.displacement import (
     show_object_normals,
 )
 from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
-from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node
+from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
 from ..bake.bakes_onto import BakesOnto
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
@@ -180,7 +180,7 @@ def _texture_of(target: Any) -> Any:
 
 def _uv_map_of(target: Any) -> str:
     """The UV map that the baked texture of an object lies on; "" where it wears none, or that is gone."""
-    trees = [slot.material.node_tree for slot in target.material_slots if slot.material and slot.material.node_tree]
+    trees = trees_of(target)
     worn = (node.uv_map for tree in trees if (node := find_node(tree, NORMAL_NODE)) and find_node(tree, TEXTURE_NODE))
     return next((name for name in worn if name in target.data.uv_layers), "")
 

@@ -22,7 +22,7 @@ from ..errors import operator_report
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import literally, render_path
-from ..rig.light_rig import drawn_rig, light_rig, rig_camera, rig_parts
+from ..rig.light_rig import drawn_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import surfaces
@@ -68,7 +68,6 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
     """
     render_path(path)
-    light_rig(scene)  # what is wrong with it is reported before the renders
     photo, (camera, _, lights) = scene.mps.photo, rig_parts(scene)
     with _studio(scene) as studio, temporary_folder() as folder:
         depsgraph = studio.view_layers[0].depsgraph
@@ -106,7 +105,7 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
     numbers = range(scene.frame_start, scene.frame_end + 1)
     files = [folder / f"{folder.name}_{number:0{digits}d}.exr" for number in numbers]
     rendered: list[Rendered] = []
-    empty: list[int] = []
+    empty: dict[int, str] = {}
     try:
         for place, (number, file) in enumerate(zip(numbers, files, strict=True)):
             scene.frame_set(number)
@@ -117,16 +116,16 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
             try:
                 rendered.append(render_photo(scene, file, of_all))
             except NoObject as error:
-                empty.append(number)
-                if not rendered and number == numbers[-1]:
-                    raise InputError(f"no frame shows the object; {error}") from None
+                empty[number] = str(error)
             except InputError as error:
                 raise InputError(f"frame {number}: {error}") from None
     finally:
         scene.frame_set(current, subframe=subframe)
+    if not rendered:
+        raise InputError(f"no frame shows the object; {empty[numbers[0]]}")
     notes = rendered[0].notes
     if empty:
-        notes.append(f"{len(empty)} frame(s) show nothing and are left out, the first is {empty[0]}")
+        notes.append(f"{len(empty)} frame(s) show nothing and are left out, the first is {min(empty)}")
     others = {file for file in folder.glob(f"{glob.escape(folder.name)}_*.exr") if file not in files}
     if others:
         notes.append(f"{len(others)} frame(s) of an earlier render are in the folder too, and are estimated with these")

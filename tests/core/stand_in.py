@@ -15,11 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # which its parent leaves out
-from synthetic import write_file
-
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
 from mpsnet_core.synthesis.job import SampleJob, samples_there
 
@@ -68,7 +66,7 @@ def make(job: SampleJob, number: int, path: Path) -> None:
         if template.exists():
             unfinished.write_bytes(template.read_bytes())
         else:
-            write_file(unfinished, np.zeros((1, 1, 1)), "half")
+            write_image(unfinished, np.zeros((1, 1, 1)), bits=16)
             with unfinished.open("ab") as file:
                 file.write(f" {job.seed} {number} ".encode() + END)
     if (folder / f"die_late_{number}").exists():
