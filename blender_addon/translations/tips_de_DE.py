@@ -278,13 +278,11 @@ TIPS = {
     "Heights as the photo's camera sees them": "Höhen, wie die Kamera des Fotos sie sieht",
     "Heights on the object's UVs": "Höhen auf den UVs des Objekts",
     (
-        "How broad bumps of heights on UVs are at most, as a fraction of the object's size: wider ones are left to "
-        "the mesh, as estimated normals err smoothly, which bends the whole; where no view saw, the relief fades. 0 "
-        "keeps all"
+        "How broad bumps of heights on UVs may be, as a fraction of the object's size: broader ones are left to the "
+        "mesh, as errors of estimated normals are broad. 0 keeps all"
     ): (
-        "Wie breit Wölbungen der Höhen auf UVs höchstens sind, als Bruchteil der Größe des Objekts: breitere bleiben "
-        "dem Mesh überlassen, weil geschätzte Normalen weich irren und das Ganze verbiegen; wo keine Ansicht etwas "
-        "sah, läuft das Relief aus. 0 behält alle"
+        "Wie breit Wölbungen der Höhen auf UVs sein dürfen, als Bruchteil der Größe des Objekts: breitere bleiben dem "
+        "Mesh überlassen, weil die Fehler geschätzter Normalen breit sind. 0 behält alle"
     ),
     "How far the aligned mesh's point is from the place in the photo, in pixels. -1: not aligned yet": (
         "Wie weit der Punkt des ausgerichteten Meshs von der Stelle im Foto entfernt ist, in Pixeln. -1: noch nicht "
@@ -304,9 +302,8 @@ TIPS = {
         "weit wie das Ziel des Rigs, oder nach der Oberfläche"
     ),
     (
-        "Mean distance from the camera to the visible surface, in the unit that the heights are in: a perspective "
-        "camera takes its scale from it, for an orthographic one it is where the mesh stands. 0: as far as the "
-        "target is in this scene"
+        "Mean distance from the camera to the visible surface, in the unit of the heights: it sets a perspective "
+        "camera's scale, and where an orthographic camera's mesh stands. 0: as far as the target is in this scene"
     ): (
         "Wie weit das Objekt im Mittel von der Kamera entfernt ist, in der Einheit der Höhen: eine perspektivische "
         "Kamera nimmt daraus ihren Maßstab, für eine orthografische steht dort das Mesh. 0: so weit wie das Ziel in "

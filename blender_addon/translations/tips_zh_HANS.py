@@ -226,13 +226,9 @@ TIPS = {
     "Heights as the photo's camera sees them": "照片的摄像机所见的高度",
     "Heights on the object's UVs": "物体 UV 上的高度",
     (
-        "How broad bumps of heights on UVs are at most, as a fraction of the object's size: wider ones are left to "
-        "the mesh, as estimated normals err smoothly, which bends the whole; where no view saw, the relief fades. 0 "
-        "keeps all"
-    ): (
-        "UV 上高度起伏的最大宽度，以物体尺寸的比例计：更宽的交给网格，因为估计的法线误差是平滑的，会使整体弯曲；没有"
-        "视角看到的地方浮雕渐隐。0 保留全部"
-    ),
+        "How broad bumps of heights on UVs may be, as a fraction of the object's size: broader ones are left to the "
+        "mesh, as errors of estimated normals are broad. 0 keeps all"
+    ): ("UV 上高度起伏的最大宽度，以物体尺寸的比例计：更宽的交给网格，因为估计的法线误差变化缓慢。0 保留全部"),
     "How far the aligned mesh's point is from the place in the photo, in pixels. -1: not aligned yet": (
         "对齐后网格上的点距照片中的位置多少像素。-1：尚未对齐"
     ),
@@ -247,9 +243,8 @@ TIPS = {
         "target, or by the surface"
     ): ("物体离摄像机多远，单位与近距灯光的灯架文件相同。0：与灯架目标的距离，或按表面"),
     (
-        "Mean distance from the camera to the visible surface, in the unit that the heights are in: a perspective "
-        "camera takes its scale from it, for an orthographic one it is where the mesh stands. 0: as far as the "
-        "target is in this scene"
+        "Mean distance from the camera to the visible surface, in the unit of the heights: it sets a perspective "
+        "camera's scale, and where an orthographic camera's mesh stands. 0: as far as the target is in this scene"
     ): (
         "物体到摄像机的平均距离，单位与高度相同：透视摄像机由此确定比例，正交摄像机则由此确定网格的位置。0：与此场景"
         "中目标的距离"

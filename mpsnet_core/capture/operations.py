@@ -224,9 +224,9 @@ class FindMask(ReadsPhotos):
     image: str = option(positional=True, help="photo")
     mask: str = option(
         default="alpha-or-auto",
-        help="alpha; auto: before a dark or plain background; alpha-or-auto: auto where the photo has no alpha; "
-        "background:FILE, a photo of the scene without the object; threshold:0.05, or a mask file to look at; "
-        "alpha-or-all is what `estimate` does without --mask",
+        help="how to find the object: alpha, auto (before a dark or plain background), alpha-or-auto (auto where the "
+        "photo has no alpha), alpha-or-all (as `estimate` without --mask), background:FILE (a photo without the "
+        "object), threshold:0.05, or a mask file to look at",
     )
     overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
     output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")

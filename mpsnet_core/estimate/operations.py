@@ -124,9 +124,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     mask: str | None = option(
         default=None,
-        help="mask file, alpha, none, auto, alpha-or-auto (auto where the photo has no alpha), background:FILE (the "
-        "scene without the object) or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
-        "without it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
+        help="where the object is: a mask file, alpha, none, auto, alpha-or-auto, background:FILE or threshold:0.05, "
+        "as `mpsnet mask` explains and shows; for frames also a folder or pattern of masks",
+        unset="alpha, where the photo has it, else the whole photo",
         provenance="none",  # in each frame's own line
     )
     passes: Literal[1, 3] | None = option(

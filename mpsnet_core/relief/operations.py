@@ -81,18 +81,18 @@ class HasScale(Operation):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        help="in place of a camera file, the 35 mm equivalent focal length in millimetres",
+        help="35 mm equivalent focal length in millimetres, in place of a camera file",
     )
     pixel_size: float | None = option(
-        default=None, metavar="S", help="in place of a camera file, the size of a pixel, seen from afar", unset="1"
+        default=None, metavar="S", help="size of a pixel, seen from afar, in place of a camera file", unset="1"
     )
     distance: float | None = option(
         default=None,
-        help="mean distance from the camera to the visible surface, in the unit that the heights are in: a perspective "
-        "camera takes its scale from it, for an orthographic one it is where the mesh stands",
+        help="mean distance from the camera to the visible surface, in the unit of the heights: it sets a perspective "
+        "camera's scale, and where an orthographic camera's mesh stands",
         unset="1 for a perspective camera",
     )
-    unit: str | None = option(default=None, help="what the unit of all these is called: mm, m, ...")
+    unit: str | None = option(default=None, help="name of the unit of all these: mm, m, ...")
 
 
 @dataclass(frozen=True)
@@ -104,10 +104,10 @@ class MakesProducts(Operation):
     height: str | None = option(
         default=None,
         metavar="FILE",
-        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json states what they mean",
+        help=".exr with float heights, or .png or .tif with 16 bits; FILE.json says what black and white mean",
         provenance="none",
     )
-    height_bits: int | None = option(default=None, metavar="BITS", help="32 for float heights in .tif")
+    height_bits: int | None = option(default=None, metavar="BITS", help="32 writes float heights into .tif")
     mesh: str | None = option(
         default=None,
         metavar=".ply|.glb|.obj",
@@ -121,7 +121,7 @@ class MakesProducts(Operation):
         help="how many faces the mesh may have; small ones where the surface bends",
     )
     open: float | None = option(
-        default=None, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
+        default=None, metavar="ANGLE", help="leave out faces that are steeper than this to the line of sight, as 85"
     )
     up: Literal["y", "z"] | None = option(
         default=None,
@@ -137,7 +137,7 @@ class MakesProducts(Operation):
     )
     curvature_radius: int = option(default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows")
     curvature_range: float | None = option(
-        default=None, metavar="C", help="the curvature, per unit, that is white; .exr holds the sum of both, 1 / unit"
+        default=None, metavar="C", help="curvature, per unit, that is white; .exr holds the sum of both"
     )
     occlusion: str | None = option(
         default=None,
@@ -159,7 +159,7 @@ class MakesProducts(Operation):
     turntable: int | None = option(
         default=None,
         metavar="N",
-        help="the light goes around in N steps: one picture of all, or frames where FILE has ####",
+        help="move the light around in N steps: on one sheet, or as frames where FILE has ####",
     )
 
 
@@ -167,30 +167,29 @@ class MakesProducts(Operation):
 class DisplacesMesh(Operation):
     """How the heights of a texture on a mesh's UVs are made."""
 
-    heading: ClassVar[str] = "heights on a mesh's UVs, from the normal texture that was baked onto them"
+    heading: ClassVar[str] = "heights on a mesh's UVs, from a baked normal texture"
 
     uvs: str | None = option(
         default=None,
         metavar="MESH",
-        help="the mesh with UVs that the texture was baked onto; needs --height; <UDIM> in both names for UDIM tiles",
+        help="mesh that the texture was baked onto; needs --height. <UDIM> in the names of both is for tiles",
         provenance="content",
     )
     space: Literal["tangent", "object"] = option(
         default="tangent",
         choices={"tangent": "to the surface, by MikkTSpace", "object": "to the object"},
-        help="with --uvs, what the texture's normals are relative to",
+        help="what the texture's normals are relative to",
     )
     base: str | None = option(
         default=None,
         metavar="MESH",
-        help="with --uvs, what is to be displaced, where that is the same mesh subdivided",
+        help="mesh that will be displaced, where it is the same one subdivided",
         provenance="content",
     )
     object_space: str | None = option(
         default=None,
         metavar="FILE",
-        help="with --uvs, write the texture in object space as well: it shades the displaced surface as the one in "
-        "tangent space shades the mesh",
+        help="also write the texture in object space, which shades the displaced surface",
         path="file",
         provenance="none",
     )
@@ -198,16 +197,15 @@ class DisplacesMesh(Operation):
         default=0.0,
         low=0,
         high=MAX_BUMPS,
-        help="how broad bumps of heights on UVs are at most, as a fraction of the object's size: wider ones are left "
-        "to the mesh, as estimated normals err smoothly, which bends the whole; where no view saw, the relief fades. "
-        "0 keeps all",
+        help="how broad bumps of heights on UVs may be, as a fraction of the object's size: broader ones are left to "
+        "the mesh, as errors of estimated normals are broad. 0 keeps all",
     )
-    mean: float | None = option(default=None, help="with --uvs, of the heights", unset="the surface stays where it is")
+    mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
     margin: int = option(
         default=MARGIN,
         low=0,
         high=MAX_TEXTURE_SIZE,
-        help="with --uvs, pixels by which the heights are continued beyond the borders of the UV islands",
+        help="pixels by which the heights are continued beyond the borders of the UV islands",
     )
 
 
