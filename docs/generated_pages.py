@@ -94,20 +94,26 @@ def _flag(setting: Setting) -> str:
 def _described(setting: Setting) -> str:
     """What an option does, its choices and bounds, and what applies where it is not given, in sentences."""
     one = setting.option
-    text = one.help[:1].upper() + one.help[1:]
+    text = _with_placeholders(one.help[:1].upper() + one.help[1:])
     if one.choices:
         choices = [f"`{value}`" + (f" ({meaning})" if meaning else "") for value, meaning in one.choices.items()]
         text += ": " + ", ".join(choices)
     text += "."
     if one.low is not None or one.high is not None:
-        least, most = (None if bound is None else f"{bound:g}" for bound in (one.low, one.high))
+        least, most = (None if bound is None else f"{bound:,}".removesuffix(".0") for bound in (one.low, one.high))
         text += f" From {least} on." if most is None else f" Up to {most}." if least is None else f" {least} to {most}."
     if setting.several and not one.positional:
         text += " You can repeat it."
     if setting.required:
         return text + " **Required.**"
-    default = one.unset or ("" if setting.default in (None, (), False) else f"`{setting.default}`")
+    values = setting.default if isinstance(setting.default, tuple) else (setting.default,)
+    default = one.unset or ", ".join(f"`{value}`" for value in values if value not in (None, False, ""))
     return text + (f" Default: {default}." if default else "")
+
+
+def _with_placeholders(text: str) -> str:
+    """A text with <UDIM> as code: Markdown takes it for a tag, and a browser shows nothing."""
+    return re.sub(r"<[A-Z]+>", r"`\g<0>`", text)
 
 
 def python() -> Iterator[str]:
@@ -181,7 +187,7 @@ def _property(one: Any, anchor: str = "") -> Iterator[str]:
     words = [f"**{one.name}.**", *([f"{one.description}."] if one.description else [])]
     if one.type == "ENUM" and 0 < len(one.enum_items) < 20:
         words.append("One of " + ", ".join(f"`{item.identifier}`" for item in one.enum_items) + ".")
-    yield ": " + " ".join(" ".join(words).split())
+    yield ": " + _with_placeholders(" ".join(" ".join(words).split()))
 
 
 if __name__ == "__main__":

@@ -92,7 +92,7 @@ class HasScale(Operation):
         "camera's scale, and where an orthographic camera's mesh stands",
         unset="1 for a perspective camera",
     )
-    unit: str | None = option(default=None, help="name of the unit of all these: mm, m, ...")
+    unit: str | None = option(default=None, help="name of the unit of all these, such as mm")
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class DisplacesMesh(Operation):
     uvs: str | None = option(
         default=None,
         metavar="MESH",
-        help="mesh that the texture was baked onto; needs --height. <UDIM> in the names of both is for tiles",
+        help="mesh that the texture was baked onto; needs --height. For tiles, both names hold <UDIM>",
         provenance="content",
     )
     space: Literal["tangent", "object"] = option(

@@ -83,6 +83,14 @@ def test_the_reference_has_the_options_below_the_headings_of_help(capsys):
         assert [(heading.lower(), flag) for heading, flag in shown] == own
 
 
+def test_the_reference_shows_placeholders_of_names():
+    """Markdown takes a bare <UDIM> for a tag, and a browser shows nothing there."""
+    pages = runpy.run_path(str(PROJECT / "docs" / "generated_pages.py"))
+    page = "\n".join(pages["command_line"]())
+    assert "`<UDIM>`" in page
+    assert not re.search(r"(?<!`)<[A-Z]+>", page)
+
+
 @pytest.mark.long
 def test_the_site_builds_without_a_warning(tmp_path):
     pytest.importorskip("furo", reason="needs the extra docs")
