@@ -164,6 +164,22 @@ def test_drivers_on_the_scenes_properties_and_frame_rate_hold_in_the_photo(spher
     assert seen.min() > 7 and seen.max() == 23
 
 
+def test_time_is_remapped_in_the_photo_as_in_the_scene(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    for frame, place in ((1, 0.0), (10, 0.9)):
+        sphere.location.x = place
+        sphere.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 4, 5
+    scene.render.frame_map_old, scene.render.frame_map_new = 200, 100  # frame 5 is the tenth of the animation
+    scene.frame_set(5)
+    assert sphere.matrix_world.translation.x == pytest.approx(0.9)
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / "frames"))
+    for file in ("photo.exr", "frames/frames_0005.exr"):
+        seen = np.nonzero(pixels(tmp_path / file)[..., 3].any(axis=0))[0]
+        assert seen.min() > 7 and seen.max() == 23
+
+
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="adaptive subdivision is no longer experimental")
 def test_adaptive_subdivision_is_in_the_photo(sphere, scene, tmp_path):
     scene.render.engine, scene.cycles.feature_set = "CYCLES", "EXPERIMENTAL"
