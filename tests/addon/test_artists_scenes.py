@@ -315,3 +315,29 @@ def test_a_muted_light_in_a_material_does_not_glow(sphere, scene, tmp_path):
         bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
     next(node for node in material.node_tree.nodes if node.type == "EMISSION").mute = True
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
+
+
+@pytest.mark.parametrize(("method", "levels"), [("MATERIAL", 0), ("MODIFIER", 1)])
+def test_displacing_one_of_two_linked_duplicates_leaves_the_other_as_it_is(estimated, scene, tmp_path, method, levels):
+    twins = [estimated, estimated.copy(), estimated.copy()]
+    for twin in twins[1:]:
+        scene.collection.objects.link(twin)
+    bpy.ops.mps.bake(target=estimated.name, size=16, output=str(tmp_path / "texture.png"))
+
+    def look(obj: "bpy.types.Object") -> tuple[str, bool, list[str]]:
+        (material,) = [slot.material for slot in obj.material_slots]
+        output, shader = (material.node_tree.nodes[name] for name in ("Material Output", "Principled BSDF"))
+        normal = [link.from_node.name for link in shader.inputs["Normal"].links]
+        return "".join(normal), output.inputs["Displacement"].is_linked, [one.name for one in obj.modifiers]
+
+    before = [look(twin) for twin in twins]
+    assert before[0] == before[1] == before[2] == ("MPS Normal", False, [])
+    settings = {"method": method, "levels": levels, "keep_normals": False}
+    bpy.ops.mps.displace(target=twins[0].name, **settings, output=str(tmp_path / "height.png"))
+    displaced = look(twins[0])
+    assert displaced != before[0] and [look(twin) for twin in twins[1:]] == before[1:]
+    other = {"MATERIAL": "MODIFIER", "MODIFIER": "MATERIAL"}[method]
+    bpy.ops.mps.displace(target=twins[1].name, **{**settings, "method": other}, output=str(tmp_path / "height.png"))
+    assert look(twins[0]) == displaced and look(twins[2]) == before[2]
+    bpy.ops.mps.bake(target=twins[0].name, output=str(tmp_path / "texture.png"))
+    assert look(twins[0]) == look(twins[2]) == before[2]
