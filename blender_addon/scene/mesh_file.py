@@ -222,7 +222,8 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
 
     polygons: (T,) that of each triangle. Arrays for the triangles are pairs or views, for :func:`_written`.
     """
-    labels = [_label(material, obj) for material in mesh.materials] or [_label(None, obj)]
+    held = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
+    labels = [_label(held.get(number, one), obj) for number, one in enumerate(mesh.materials)] or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)

@@ -317,6 +317,16 @@ def test_a_muted_light_in_a_material_does_not_glow(sphere, scene, tmp_path):
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
 
 
+def test_a_material_that_the_object_holds_and_not_its_mesh_gets_its_texture(estimated, scene, tmp_path):
+    (slot,) = estimated.material_slots
+    slot.link = "OBJECT"
+    slot.material = matte()
+    slot.material.name = "Own"
+    bpy.ops.mps.bake(size=16, split="MATERIAL", output=str(tmp_path / "<MATERIAL>.png"))
+    assert "Own" not in notes_of(scene, "bake") and "modifier" not in notes_of(scene, "bake")
+    assert (tmp_path / "Own.png").is_file() and "MPS Texture" in slot.material.node_tree.nodes
+
+
 @pytest.mark.parametrize(("method", "levels"), [("MATERIAL", 0), ("MODIFIER", 1)])
 def test_displacing_one_of_two_linked_duplicates_leaves_the_other_as_it_is(estimated, scene, tmp_path, method, levels):
     twins = [estimated, estimated.copy(), estimated.copy()]
