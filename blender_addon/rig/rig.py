@@ -14,6 +14,7 @@ from mpsnet_core.scene.camera import FULL_FRAME
 from mpsnet_core.scene.rig import direction_from_angles
 
 from ..operators.reporting import ReportingOperator
+from ..scene.objects import refuse_unselectable
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings
@@ -82,6 +83,8 @@ def add_rig(context: Any) -> None:
     old = set(rig_objects(scene))
     selected = [obj for obj in context.view_layer.objects.selected if obj not in old]
     if not selected:
+        if context.view_layer.objects.active is not None:  # a hidden one becomes that by a click in the outliner
+            refuse_unselectable(context.view_layer.objects.active)
         raise InputError("nothing is selected; select the object that the rig shall stand around")
     orientation = _orientation(context, settings.view)
     points = surface_points(context.evaluated_depsgraph_get(), selected)

@@ -27,6 +27,12 @@ def check_in_scene(scene: Any, obj: Any, what: str) -> None:
         raise InputError(f'the {what} "{obj.name}" was deleted, or is in another scene; choose one of this scene')
 
 
+def refuse_unselectable(obj: Any) -> None:
+    """Raises InputError where Blender does not let an object be selected."""
+    if obj.hide_select or not obj.visible_get():
+        raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
+
+
 def target_of(context: Any) -> Any:
     """The object that is worked on: the target of the step Bake, else the active one; None where there is none."""
     return context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
