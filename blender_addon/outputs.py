@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -58,6 +59,12 @@ def file_name(name: str) -> str:
     Dots do not: what follows one would be the file's ending.
     """
     return _NOT_IN_NAMES.sub("_", name)
+
+
+def told_apart(names: Sequence[str], number: int) -> str:
+    """One of several names, with its number where it is another one's in a file's name, on some system at least."""
+    in_files = [file_name(name).casefold() for name in names]
+    return names[number] if in_files.count(in_files[number]) == 1 else f"{names[number]}_{number + 1}"
 
 
 def requested_folder(given: str) -> Path | None:
