@@ -112,6 +112,11 @@ def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance)
         _written[origin(image)] = made
 
 
+def written_in_this_session(file: Path) -> bool:
+    """Whether a result was written there since Blender was started, even where that was undone."""
+    return file in _written
+
+
 def made_by(image: bpy.types.Image) -> str:
     """The operator that made an image; "" where none is known."""
     return remembered(image, MADE_BY) or ""
