@@ -13,6 +13,7 @@ from mpsnet_core.relief.operations import Integrate
 from ..appearance.displacement import (
     assign_displacement,
     leave_normals_uncorrected,
+    output_of,
     remove_heights,
     remove_object_normals,
     show_normals,
@@ -145,7 +146,9 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         keep_materials_to_itself(target)
         normals_off = False
         for material in own_materials(worn):
-            if by_material:
+            if by_material and output_of(material) is None:
+                self.note(f'Material "{material.name}" has no Material Output and is not displaced')
+            elif by_material:
                 for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
                     self.report({"INFO"}, f'The heights took the place of "{name}" in material "{material.name}"')
             else:
