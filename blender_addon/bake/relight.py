@@ -66,6 +66,7 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
         obj.hide_render = True
         scene.collection.objects.link(obj)
     layer = context.view_layer
+    settings.view_layer = layer.name
     for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
         if light is not None and light.name in layer.objects and not light.hide_get():
             light.hide_set(True)
@@ -85,9 +86,10 @@ def _end(context: Any) -> None:
             bpy.data.objects.remove(obj)
             if data is not None and not data.users:
                 bpy.data.lights.remove(data)
+    layer = context.scene.view_layers.get(settings.view_layer, context.view_layer)
     for light in (light.object for light in settings.hidden):
-        if light is not None and light.name in context.view_layer.objects:
-            light.hide_set(False)
+        if light is not None and light.name in layer.objects:
+            light.hide_set(False, view_layer=layer)
     settings.hidden.clear()
     # Whichever viewport it is ended in, the one that it was begun in is the one that still looks so.
     for shading in _all_shadings() if settings.shading else ():
