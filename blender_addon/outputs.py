@@ -10,7 +10,7 @@ import bpy
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, ensure_folder, writable_path
 
-from .image_records import is_own
+from .image_records import images_of, is_own
 from .preferences import output_folder
 
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
@@ -38,8 +38,8 @@ def output_path(given: str, name: str, file_format: str) -> Path:
 
 
 def _leave_to_artists(path: Path) -> None:
-    for image in bpy.data.images:
-        if image.users and not is_own(image) and Path(bpy.path.abspath(image.filepath)) == path:
+    for image in images_of([path]):
+        if not is_own(image):
             raise FileError(f'the result would overwrite {path}, the image "{image.name}"; choose another output')
 
 

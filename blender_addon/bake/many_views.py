@@ -15,8 +15,8 @@ from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
-from ..image_records import remembered
-from ..images import image_file, origin
+from ..image_records import origin, remembered
+from ..images import image_file
 from ..openimageio import load_openimageio
 from ..outputs import file_name, requested_path, told_apart
 from ..photo.camera import chosen_camera, lens_stamp

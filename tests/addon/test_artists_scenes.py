@@ -54,6 +54,24 @@ def test_an_artists_image_is_not_written_over(estimated, scene, tmp_path, verb, 
     assert (tmp_path / name).read_bytes() == before and image.name == name
 
 
+def test_an_artists_image_is_known_by_the_file_that_it_is_of(estimated, scene, tmp_path):
+    """Not by how its path is written: through a link to its folder, or relative to the library that it comes from."""
+    (tmp_path / "library").mkdir()
+    image = painted(tmp_path / "library" / "Sphere_normal.png", 0.5)
+    image.filepath = "//Sphere_normal.png"
+    bpy.data.libraries.write(str(tmp_path / "library" / "library.blend"), {image})
+    bpy.data.images.remove(image)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "project.blend"))
+    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, wanted):
+        wanted.images = ["Sphere_normal.png"]
+    estimated["uses"] = wanted.images[0]
+    bpy.ops.mps.bake(size=16)
+    assert (tmp_path / "Sphere_normal.png").is_file()
+    (tmp_path / "link").symlink_to(tmp_path / "library")
+    with pytest.raises(RuntimeError, match=r'would overwrite .*, the image "Sphere_normal.png"; choose another'):
+        bpy.ops.mps.bake(output=f"{tmp_path}/link/")
+
+
 def test_an_artists_image_stays_as_it_is_when_its_file_is_opened_as_the_photo(scene, tmp_path):
     for number, change in enumerate((brighten, lambda image: (brighten(image), image.pack()))):
         image = painted(tmp_path / f"{number}.png", 0.5)
