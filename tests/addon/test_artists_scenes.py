@@ -272,6 +272,31 @@ def test_a_sculpted_multiresolution_is_asked_to_leave_sculpt_mode(scene, tmp_pat
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+def test_a_collection_instance_as_target_says_what_to_bake_onto(estimated, scene, tmp_path):
+    collection = bpy.data.collections.new("Props")
+    collection.objects.link(estimated)
+    bpy.ops.object.collection_instance_add(collection="Props")
+    instance = bpy.context.object
+    with pytest.raises(RuntimeError, match=f'"{instance.name}" is an instance of the collection "Props"; choose'):
+        bpy.ops.mps.bake(target=instance.name, size=16, output=str(tmp_path / "texture.png"))
+
+
+@pytest.mark.parametrize(("realized", "lack"), [(False, "no faces"), (True, "no UV map")])
+def test_what_modifiers_take_off_a_mesh_is_blamed_on_them(estimated, scene, tmp_path, realized, lack):
+    """Instances are no mesh of the object's, and not all nodes keep UVs."""
+    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    grid, scatter, end = map(
+        group.nodes.new, ("GeometryNodeMeshGrid", "GeometryNodeInstanceOnPoints", "NodeGroupOutput")
+    )
+    group.links.new(grid.outputs["Mesh"], scatter.inputs["Points"])
+    group.links.new(grid.outputs["Mesh"], scatter.inputs["Instance"])
+    group.links.new((grid if realized else scatter).outputs[0], end.inputs[0])
+    estimated.modifiers.new("Scatter", "NODES").node_group = group
+    with pytest.raises(RuntimeError, match=f'the modifiers of "Sphere" leave {lack}; .* Realize Instances'):
+        bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+
+
 def glowing() -> "bpy.types.Material":
     """A material whose shader takes no normal."""
     material = matte()
