@@ -44,7 +44,7 @@ def view_layer(scene: Any) -> Any:
 
 
 def rendered(layer: Any, special: str = "") -> Iterator[Any]:
-    """Objects of a view layer that its render shows, lights apart.
+    """Objects of a view layer that its render shows, apart from lights and from strokes, which take no light.
 
     special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
     """
@@ -54,7 +54,7 @@ def rendered(layer: Any, special: str = "") -> Iterator[Any]:
         special = layer.collection.name
     # A collection within an excluded one may be included again.
     for obj in () if layer.exclude else layer.collection.objects:
-        if obj.type == "LIGHT" or obj.hide_render:
+        if obj.type in {"LIGHT", "GREASEPENCIL"} or obj.hide_render:
             continue
         if special:
             raise InputError(

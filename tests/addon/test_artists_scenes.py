@@ -198,6 +198,14 @@ def test_time_is_remapped_in_the_photo_as_in_the_scene(sphere, scene, tmp_path):
         assert seen.min() > 7 and seen.max() == 23
 
 
+def test_strokes_which_take_no_light_are_not_in_the_photo(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "without.exr"))
+    bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0, -2, 0))
+    bpy.ops.mps.render_photo(output=str(tmp_path / "with.exr"))
+    assert np.array_equal(pixels(tmp_path / "with.exr"), pixels(tmp_path / "without.exr"))
+
+
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="adaptive subdivision is no longer experimental")
 def test_adaptive_subdivision_is_in_the_photo(sphere, scene, tmp_path):
     scene.render.engine, scene.cycles.feature_set = "CYCLES", "EXPERIMENTAL"
