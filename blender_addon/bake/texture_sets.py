@@ -131,8 +131,9 @@ def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]
 
 
 def keep_materials_to_itself(target: Any) -> None:
-    """Have an object that shares its mesh hold its materials itself, so that the others of that mesh keep theirs."""
-    if any(other.data == target.data for other in bpy.data.objects if other != target):
+    """Have an object whose mesh holds materials of others too hold its own, so that the others keep theirs."""
+    slots = (slot for other in bpy.data.objects if other != target for slot in other.material_slots)
+    if target.data in {_wearer(slot) for slot in slots}:
         for slot in target.material_slots:
             material, slot.link = slot.material, "OBJECT"
             slot.material = material

@@ -368,6 +368,13 @@ def test_a_muted_light_in_a_material_does_not_glow(sphere, scene, tmp_path):
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
 
 
+def test_the_copies_that_show_coverage_are_no_linked_duplicates(estimated, scene, tmp_path):
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    bpy.ops.mps.show_coverage()
+    bpy.ops.mps.displace(target=estimated.name, output=str(tmp_path / "height.png"))
+    assert [slot.link for slot in estimated.material_slots] == ["DATA"]
+
+
 def test_a_material_that_the_object_holds_and_not_its_mesh_gets_its_texture(estimated, scene, tmp_path):
     (slot,) = estimated.material_slots
     slot.link = "OBJECT"
