@@ -14,6 +14,7 @@ from mathutils import Euler, Matrix, Vector
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
 from ..rig.several_rigs import all_rigs
+from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
 
 TICK_SECONDS = 1 / 30
@@ -39,6 +40,7 @@ class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
     def act(self, context: Any) -> None:
         begin = context.scene.mps.relight.lamp is None
         if begin:
+            refuse_linked_scene(context.scene)
             centre, radius = _what_is_shown(context)
         _end(context)  # also what is left of a lamp that was deleted by hand
         if begin:

@@ -14,7 +14,7 @@ from mpsnet_core.scene.camera import FULL_FRAME
 from mpsnet_core.scene.rig import direction_from_angles
 
 from ..operators.reporting import ReportingOperator
-from ..scene.objects import refuse_unselectable
+from ..scene.objects import refuse_linked_scene, refuse_unselectable
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings
@@ -80,6 +80,7 @@ def add_rig(context: Any) -> None:
     Raises InputError where nothing with a surface is selected.
     """
     scene, settings = context.scene, context.scene.mps.rig
+    refuse_linked_scene(scene)
     old = set(rig_objects(scene))
     selected = [obj for obj in context.view_layer.objects.selected if obj not in old]
     if not selected:

@@ -27,6 +27,12 @@ def check_in_scene(scene: Any, obj: Any, what: str) -> None:
         raise InputError(f'the {what} "{obj.name}" was deleted, or is in another scene; choose one of this scene')
 
 
+def refuse_linked_scene(scene: Any) -> None:
+    """Raises InputError where a scene is another file's, which cannot be given objects."""
+    if scene.library is not None:
+        raise InputError(f'the scene "{scene.name}" is linked from {scene.library.filepath}; make it local first')
+
+
 def refuse_unselectable(obj: Any) -> None:
     """Raises InputError where Blender does not let an object be selected."""
     if obj.hide_select or not obj.visible_get():

@@ -127,6 +127,21 @@ def test_a_rig_in_a_copy_of_the_scene_leaves_the_first_ones_alone(sphere, scene,
     np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
 
 
+@pytest.mark.parametrize("verb", ["add_rig", "relight", "show_coverage"])
+def test_a_scene_of_another_file_cannot_take_objects(estimated, scene, tmp_path, verb):
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "shot.blend"), link=True) as (_, wanted):
+        wanted.scenes = ["Scene"]
+    (linked,) = wanted.scenes
+    bpy.context.window.scene = linked
+    before = set(linked.objects)
+    with pytest.raises(RuntimeError, match=r'the scene "Scene" is linked from .*shot\.blend; make it local first'):
+        getattr(bpy.ops.mps, verb)()
+    assert set(linked.objects) == before == set(bpy.data.objects)
+
+
 def test_a_deleted_target_or_surface_is_not_taken_for_one(estimated, scene, tmp_path):
     """Settings keep deleted objects alive."""
     bpy.ops.mesh.primitive_cube_add()
