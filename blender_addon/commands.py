@@ -20,6 +20,7 @@ from .estimate.decode_video import decode_video
 from .openimageio import load_openimageio
 from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
+from .scene.objects import find_object, refuse_unselectable
 from .training.training_data import samples_folder, samples_status
 
 COMMAND = "mpsnet"
@@ -169,9 +170,11 @@ def _select(names: Sequence[str]) -> None:
     if not names:
         return
     layer = bpy.context.view_layer
-    missing = [name for name in names if name not in layer.objects]
-    if missing:
-        raise InputError(f'there is no object "{missing[0]}" in the scene; check its name')
+    for name in names:
+        if find_object(bpy.context.scene, name) not in set(layer.objects):
+            raise InputError(f'"{name}" is in no collection of this view layer; include one of its collections')
+        if len(names) > 1:  # one that is hidden may still be the active one
+            refuse_unselectable(layer.objects[name])
     for obj in layer.objects:
         obj.select_set(obj.name in names)
     layer.objects.active = layer.objects[names[-1]]

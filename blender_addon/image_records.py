@@ -1,6 +1,7 @@
 """What an image remembers of its photo: rig, camera and lens, in files beside it and in the .blend file."""
 
 import json
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -51,6 +52,20 @@ def remembered(image: bpy.types.Image, what: str) -> str | None:
 def is_own(image: bpy.types.Image) -> bool:
     """Whether the add-on made or loaded an image. All others are people's, and stay as they are."""
     return any(remembered(image, what) for what in (LOADED, MADE_BY))
+
+
+def origin(image: bpy.types.Image) -> Path:
+    """The file that an image shows: its own, or the camera raw file that its own was made of."""
+    source = remembered(image, "source")
+    if source is not None and Path(source).is_absolute():
+        return Path(source)
+    return Path(bpy.path.abspath(image.filepath, library=image.library))
+
+
+def images_of(files: Iterable[Path]) -> Iterator[bpy.types.Image]:
+    """The images in use that show one of these files, however its path is written."""
+    resolved = {file.resolve() for file in files}
+    return (image for image in bpy.data.images if image.users and origin(image).resolve() in resolved)
 
 
 def from_json(text: str | None, kind: type[Stored]) -> Stored:

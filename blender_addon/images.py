@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, FormatError, InputError
 
-from .image_records import LOADED, is_own, read_sidecar, remember, remembered
+from .image_records import LOADED, is_own, origin, read_sidecar, remember, remembered
 from .outputs import file_name
 
 _FINE_PREVIEW = 512
@@ -176,14 +176,6 @@ def frame_pattern(file: Path) -> Path:
     like = re.compile(f"{re.escape(head)}([0-9]+){re.escape(tail)}")
     lengths = {len(found[1]) for found in (like.fullmatch(other.name) for other in file.parent.iterdir()) if found}
     return file.with_name(f"{called[0]}{'#' * lengths.pop() if len(lengths) == 1 else '*'}{called[1]}")
-
-
-def origin(image: bpy.types.Image) -> Path:
-    """The file that an image shows: its own, or the camera raw file that its own was made of."""
-    source = remembered(image, "source")
-    if source is not None and Path(source).is_absolute():
-        return Path(source)
-    return Path(bpy.path.abspath(image.filepath, library=image.library))
 
 
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -9,7 +10,7 @@ import bpy
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, ensure_folder, writable_path
 
-from .image_records import is_own
+from .image_records import images_of, is_own
 from .preferences import output_folder
 
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
@@ -37,8 +38,8 @@ def output_path(given: str, name: str, file_format: str) -> Path:
 
 
 def _leave_to_artists(path: Path) -> None:
-    for image in bpy.data.images:
-        if image.users and not is_own(image) and Path(bpy.path.abspath(image.filepath)) == path:
+    for image in images_of([path]):
+        if not is_own(image):
             raise FileError(f'the result would overwrite {path}, the image "{image.name}"; choose another output')
 
 
@@ -58,6 +59,12 @@ def file_name(name: str) -> str:
     Dots do not: what follows one would be the file's ending.
     """
     return _NOT_IN_NAMES.sub("_", name)
+
+
+def told_apart(names: Sequence[str], number: int) -> str:
+    """One of several names, with its number where it is another one's in a file's name, on some system at least."""
+    in_files = [file_name(name).casefold() for name in names]
+    return names[number] if in_files.count(in_files[number]) == 1 else f"{names[number]}_{number + 1}"
 
 
 def requested_folder(given: str) -> Path | None:

@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike
 
 from mpsnet_core.errors import FileError
 
-from .image_records import MADE_BY, from_json, remember, remembered
-from .images import origin
+from .image_records import MADE_BY, from_json, images_of, origin, remember, remembered
 
 Provenance = dict[str, str]
 
@@ -112,6 +111,11 @@ def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance)
         _written[origin(image)] = made
 
 
+def written_in_this_session(file: Path) -> bool:
+    """Whether a result was written there since Blender was started, even where that was undone."""
+    return file in _written
+
+
 def made_by(image: bpy.types.Image) -> str:
     """The operator that made an image; "" where none is known."""
     return remembered(image, MADE_BY) or ""
@@ -122,13 +126,10 @@ def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
 
     Each may be made anew in its place.
     """
-    files = {path.resolve() for path in outputs}
-    for image in bpy.data.images:
+    for image in images_of(outputs):
         what = _TAKEN_ON.get(made_by(image), "")
-        if not image.users or what in ("", _TAKEN_ON.get(verb)):
-            continue
-        path = origin(image)
-        if path.resolve() in files:
+        if what not in ("", _TAKEN_ON.get(verb)):
+            path = origin(image)
             raise FileError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 
 

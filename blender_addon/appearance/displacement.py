@@ -2,8 +2,6 @@
 
 from typing import Any
 
-from mpsnet_core.errors import InputError
-
 from .modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier, remove_modifier
 from .nodes import (
     BEFORE_NODE,
@@ -25,17 +23,13 @@ _CORRECTION_BEFORE = "mpsnet_bump_map_correction"
 
 
 def assign_displacement(material: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> list[str]:
-    """Give a material the heights as its displacement, in the object's own units; nodes of an earlier run are used
-    again.
+    """Give a material that has an output the heights as its displacement, in the object's own units; nodes of a run
+    before are used again.
 
     Returns the name of the node that displaced it until now, an earlier run's apart; :func:`remove_heights` restores
     it.
-
-    Raises InputError where the material has no output.
     """
-    tree, output = material.node_tree, _output_of(material)
-    if output is None:
-        raise InputError(f'material "{material.name}" has no Material Output; add one to it')
+    tree, output = material.node_tree, output_of(material)
     left, top = output.location.x, output.location.y - 700
 
     def node(name: str, kind: str, steps: int) -> Any:
@@ -62,7 +56,7 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
 
 def remove_heights(material: Any) -> list[str]:
     """Take the heights off a material, and restore what displaced it before; returns that node's name."""
-    tree, output = material.node_tree, _output_of(material)
+    tree, output = material.node_tree, output_of(material)
     for node in [find_node(tree, name) for name in (DISPLACEMENT_NODE, HEIGHT_NODE)]:
         if node is not None:
             tree.nodes.remove(node)
@@ -79,7 +73,8 @@ def remove_heights(material: Any) -> list[str]:
     return [socket.node.name for socket in before]
 
 
-def _output_of(material: Any) -> Any:
+def output_of(material: Any) -> Any:
+    """The node that a render takes a material from, None where there is none."""
     return material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
 
 

@@ -142,10 +142,14 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
 
     def _other_rigs(self, scene: Any) -> list[Any]:
-        """The scene's rigs that are not chosen and have normals."""
+        """The scene's rigs that are not chosen and have normals; a note names those that have none."""
         if self._frames:
             raise SettingsError("sequences are baked for one rig at a time; switch All Rigs off")
-        others = [one for one in all_rigs(scene) if one != scene.mps and one.estimate.image is not None]
+        others = [one for one in all_rigs(scene) if one != scene.mps]
+        without = ", ".join(f'"{one.name}"' for one in others if one.estimate.image is None)
+        if without:
+            self._notes = [*self._notes, f"Rigs without normals are left out: {without}"]
+        others = [one for one in others if one.estimate.image is not None]
         if any(one.estimate.image.source == "SEQUENCE" for one in others):
             raise SettingsError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
         return others

@@ -25,7 +25,7 @@ from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, store_base_map, worn_before
 from .coverage import store_coverage
 from .options import Detail
-from .texture_owners import files_for, refuse_anothers
+from .texture_owners import files_for, refuse_another_files, refuse_anothers
 from .texture_sets import (
     SPLITS,
     AssignedTexture,
@@ -54,7 +54,10 @@ class BakesOnto(RunsCore):
         before = settings.target
         try:
             prepared = super()._prepared(context, folder)
-            refuse_anothers(self.result_owners())
+            owners = self.result_owners()
+            refuse_anothers(owners)
+            if not bpy.app.background:  # a script that runs again means its results to be written again
+                refuse_another_files(owners)
             return prepared
         except BaseException:
             settings.target = before  # one that is refused would be refused ever after

@@ -12,6 +12,7 @@ from mpsnet_core.errors import InputError
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
+from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
 
 NAME = "MPS Coverage"
@@ -58,6 +59,7 @@ def store_coverage(texture: Any, coverage: Any) -> None:
 
 def _begin(context: Any) -> None:
     scene = context.scene
+    refuse_linked_scene(scene)
     shown = [obj for obj in scene.objects if _worn(obj) and obj.visible_get()]
     if not shown:
         raise InputError("no object that wears a baked texture is visible; show one")

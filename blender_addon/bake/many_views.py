@@ -15,10 +15,10 @@ from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
-from ..image_records import remembered
-from ..images import image_file, origin
+from ..image_records import origin, remembered
+from ..images import image_file
 from ..openimageio import load_openimageio
-from ..outputs import file_name, requested_path
+from ..outputs import file_name, requested_path, told_apart
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
@@ -111,13 +111,14 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
         from mpsnet_core.scene.photogrammetry.lens import Lens
 
-        views = []
-        for obj, image in _with_photos(scene):
+        views, found = [], _with_photos(scene)
+        names = [obj.name for obj, _ in found]
+        for number, (obj, image) in enumerate(found):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
             posed = PosedPhoto(str(photo), scene_camera(obj, scene, tuple(image.size)), Lens())
             if remembered(image, "source") is None:  # Blender shows it as it is stored
                 posed = as_displayed(posed, photo)
-            views.append((file_name(obj.name), photo, posed.camera))
+            views.append((file_name(told_apart(names, number)), photo, posed.camera))
         if not views:
             raise InputError(
                 "no camera of this scene has a background image; give each its photo in its Object Data, or choose the "

@@ -14,6 +14,7 @@ from mathutils import Euler, Matrix, Vector
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
 from ..rig.several_rigs import all_rigs
+from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
 
 TICK_SECONDS = 1 / 30
@@ -39,6 +40,7 @@ class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
     def act(self, context: Any) -> None:
         begin = context.scene.mps.relight.lamp is None
         if begin:
+            refuse_linked_scene(context.scene)
             centre, radius = _what_is_shown(context)
         _end(context)  # also what is left of a lamp that was deleted by hand
         if begin:
@@ -66,6 +68,7 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
         obj.hide_render = True
         scene.collection.objects.link(obj)
     layer = context.view_layer
+    settings.view_layer = layer.name
     for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
         if light is not None and light.name in layer.objects and not light.hide_get():
             light.hide_set(True)
@@ -85,9 +88,10 @@ def _end(context: Any) -> None:
             bpy.data.objects.remove(obj)
             if data is not None and not data.users:
                 bpy.data.lights.remove(data)
+    layer = context.scene.view_layers.get(settings.view_layer, context.view_layer)
     for light in (light.object for light in settings.hidden):
-        if light is not None and light.name in context.view_layer.objects:
-            light.hide_set(False)
+        if light is not None and light.name in layer.objects:
+            light.hide_set(False, view_layer=layer)
     settings.hidden.clear()
     # Whichever viewport it is ended in, the one that it was begun in is the one that still looks so.
     for shading in _all_shadings() if settings.shading else ():

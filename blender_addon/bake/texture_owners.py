@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from glob import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from mpsnet_core.errors import FileError
 from ..appearance.modifiers import DISPLACE, find_modifier
 from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node, trees_of
 from ..image_records import from_json, remember, remembered
+from ..provenance import written_in_this_session
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, AssignedTexture, BakeTarget, Part, parts_of
 
@@ -78,6 +80,27 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
             raise FileError(
                 f'the result would overwrite {path}, which is for "{name}"{too}; {mend}choose another file, or take it '
                 f'off "{name}" first'
+            )
+
+
+def refuse_another_files(files: Iterable[Path]) -> None:
+    """Raises InputError where a result would be written over one that another .blend file in its folder may have made:
+    it is there, this session has not written it, and no image of the open file shows it.
+
+    files: what will be written, named as for :func:`refuse_anothers`.
+    """
+    own = Path(bpy.data.filepath)
+    for file in files:
+        others = [other for other in sorted(file.parent.glob("*.blend")) if other.name != own.name]
+        there = any(file.parent.glob(escape(file.name).replace("<UDIM>", "[1-9]???")))
+        known = written_in_this_session(file) or any(
+            image.filepath and _holds(file, Path(bpy.path.abspath(image.filepath, library=image.library)), image)
+            for image in bpy.data.images
+        )
+        if there and others and not known:
+            raise FileError(
+                f"{file} is there already, and no image of this file shows it: it may be that of {others[0].name}; "
+                "choose another file, or delete it"
             )
 
 

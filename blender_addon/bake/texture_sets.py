@@ -108,12 +108,13 @@ def texture_of(onto: BakeTarget, target: Any, images: Mapping[Part, Any]) -> Ass
 def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]:
     """The objects' materials and what each shall show. Made where there are none; copied where they are another file's,
     or others wear them who do not show the same."""
-    wearing = {one.target.data: one for one in worn}
-    copies: dict[tuple[Any, Any, str], Any] = {}
-    materials: dict[Any, tuple[Any, str]] = {}
     for one in worn:
         if not one.target.material_slots:
             one.target.data.materials.append(None)
+    wearing = {_wearer(slot): one for one in worn for slot in one.target.material_slots}
+    copies: dict[tuple[Any, Any, str], Any] = {}
+    materials: dict[Any, tuple[Any, str]] = {}
+    for one in worn:
         for number, slot in enumerate(one.target.material_slots):
             look = one.look(number)
             if slot.material is None:
@@ -129,9 +130,23 @@ def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]
     return materials
 
 
+def keep_materials_to_itself(target: Any) -> None:
+    """Have an object whose mesh holds materials of others too hold its own, so that the others keep theirs."""
+    slots = (slot for other in bpy.data.objects if other != target for slot in other.material_slots)
+    if target.data in {_wearer(slot) for slot in slots}:
+        for slot in target.material_slots:
+            material, slot.link = slot.material, "OBJECT"
+            slot.material = material
+
+
+def _wearer(slot: Any) -> Any:
+    """What holds a slot's material: the object, or the mesh, which several may share."""
+    return slot.id_data if slot.link == "OBJECT" else slot.id_data.data
+
+
 def _shown_otherwise(material: Any, look: tuple[Any, str], wearing: Mapping[Any, AssignedTexture]) -> bool:
     return any(
-        slot.material == material and (other.data not in wearing or wearing[other.data].look(number) != look)
+        slot.material == material and (_wearer(slot) not in wearing or wearing[_wearer(slot)].look(number) != look)
         for other in bpy.data.objects
         for number, slot in enumerate(other.material_slots)
     )

@@ -13,6 +13,7 @@ from mpsnet_core.relief.operations import Integrate
 from ..appearance.displacement import (
     assign_displacement,
     leave_normals_uncorrected,
+    output_of,
     remove_heights,
     remove_object_normals,
     show_normals,
@@ -22,7 +23,7 @@ from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, 
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
 from ..bake.bakes_onto import BakesOnto
 from ..bake.texture_owners import store_owners
-from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
+from ..bake.texture_sets import AssignedTexture, keep_materials_to_itself, own_materials, with_tokens
 from ..image_records import remembered
 from ..images import fine_preview, image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
@@ -142,9 +143,12 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             move_by_modifier(target, image, self._uv_map, strength, midlevel)
         worn = [AssignedTexture(target, (image,), self._uv_map)]
         store_owners(worn)
+        keep_materials_to_itself(target)
         normals_off = False
         for material in own_materials(worn):
-            if by_material:
+            if by_material and output_of(material) is None:
+                self.note(f'Material "{material.name}" has no Material Output and is not displaced')
+            elif by_material:
                 for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
                     self.report({"INFO"}, f'The heights took the place of "{name}" in material "{material.name}"')
             else:

@@ -14,8 +14,8 @@ from mpsnet_core.scene.camera import read_camera
 
 from ..appearance.modifiers import FACES, remove_modifier, subdivide
 from ..appearance.nodes import ensure_node, new_material
-from ..image_records import remember, remembered
-from ..images import fine_preview, image_file, load_image, origin, picture_size
+from ..image_records import origin, remember, remembered
+from ..images import fine_preview, image_file, load_image, picture_size
 from ..operators.core_run import RunsCore
 from ..outputs import requested_path
 from ..photo.options import network, reading_without_mask, rig_and_camera_options

@@ -13,8 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import is_several
 from mpsnet_core.scene.rig import LightRig, read_rig
 
-from ..image_records import remembered
-from ..images import origin
+from ..image_records import origin, remembered
 from ..photo.camera import chosen_camera, is_real
 from ..photo.options import rig_file_for
 from ..provenance import is_there

@@ -190,10 +190,10 @@ def _studio(scene: Any) -> Iterator[Any]:
 
 
 def _take_time_and_subdivision(studio: Any, scene: Any) -> None:
-    """Give the studio what modifiers and drivers read of the scene: its frame rate, adaptive subdivision, properties of
-    its own."""
+    """Give the studio what animation, modifiers and drivers read of the scene: its frames' times, adaptive subdivision,
+    properties of its own."""
     for settings, ours, names in (
-        (scene.render, studio.render, ("fps", "fps_base")),
+        (scene.render, studio.render, ("fps", "fps_base", "frame_map_old", "frame_map_new")),
         (scene.cycles, studio.cycles, ("feature_set", *_SUBDIVISION)),
     ):
         for name in names:

@@ -14,6 +14,7 @@ from mpsnet_core.scene.camera import FULL_FRAME
 from mpsnet_core.scene.rig import direction_from_angles
 
 from ..operators.reporting import ReportingOperator
+from ..scene.objects import refuse_linked_scene, refuse_unselectable
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings
@@ -79,9 +80,12 @@ def add_rig(context: Any) -> None:
     Raises InputError where nothing with a surface is selected.
     """
     scene, settings = context.scene, context.scene.mps.rig
+    refuse_linked_scene(scene)
     old = set(rig_objects(scene))
     selected = [obj for obj in context.view_layer.objects.selected if obj not in old]
     if not selected:
+        if context.view_layer.objects.active is not None:  # a hidden one becomes that by a click in the outliner
+            refuse_unselectable(context.view_layer.objects.active)
         raise InputError("nothing is selected; select the object that the rig shall stand around")
     orientation = _orientation(context, settings.view)
     points = surface_points(context.evaluated_depsgraph_get(), selected)

@@ -5,7 +5,7 @@ at all. Those of the others wait in ``scene.mps.rigs``.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from mpsnet_core.errors import InputError
 
 from ..operators.core_run import idle
 from ..operators.reporting import ReportingOperator
-from ..outputs import file_name
+from ..outputs import told_apart
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import GIVEN
 from ..settings.estimate import EstimateSettings
@@ -204,16 +204,10 @@ def result_name(scene: Any, what: str) -> str:
     """Name of a file that the chosen rig's step makes: those of several .blend files, scenes and rigs do not write over
     each other."""
     parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
-    parts.append(_told_apart([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
+    parts.append(told_apart([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
     if len(scene.mps.rigs):
-        parts.append(_told_apart([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
+        parts.append(told_apart([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
     return "_".join([*parts, what])
-
-
-def _told_apart(names: Sequence[str], number: int) -> str:
-    """One of several names, with its number where it is another one's in a file's name, on some system at least."""
-    in_files = [file_name(name).casefold() for name in names]
-    return names[number] if in_files.count(in_files[number]) == 1 else f"{names[number]}_{number + 1}"
 
 
 def _put_away(scene: Any) -> None:

@@ -63,6 +63,11 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
 
     Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
+    if obj.type == "EMPTY" and obj.instance_collection is not None:
+        raise GeometryError(
+            f'"{obj.name}" is an instance of the collection "{obj.instance_collection.name}"; choose an object of it '
+            "that is in the scene itself, or make the instance real (Object > Apply)"
+        )
     if obj.type != "MESH":
         raise GeometryError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
     if obj.mode == "SCULPT" and any(modifier.type == "MULTIRES" for modifier in obj.modifiers):
@@ -81,10 +86,10 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         # One more mesh in bpy.data would have the viewports drawn anew.
         mesh = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
         try:
+            if not mesh.polygons:
+                raise GeometryError(_lacking(obj, "no faces", "choose an object with a surface", obj.data.polygons))
             if uv_map is not None:
                 uv_map = _uv_map(obj, mesh, uv_map)
-            if not mesh.polygons:
-                raise GeometryError(f'"{obj.name}" has no faces; choose an object with a surface')
             polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
             names = _material_arrays(mesh, obj, polygons)
             vertices, of_corner, normals, corners = _shape(mesh)
@@ -222,7 +227,8 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
 
     polygons: (T,) that of each triangle. Arrays for the triangles are pairs or views, for :func:`_written`.
     """
-    labels = [_label(material, obj) for material in mesh.materials] or [_label(None, obj)]
+    held = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
+    labels = [_label(held.get(number, one), obj) for number, one in enumerate(mesh.materials)] or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
@@ -244,9 +250,16 @@ def _label(material: Any, obj: Any) -> str:
     return material.name_full if material else f"MPS {obj.name}"
 
 
+def _lacking(obj: Any, what: str, mend: str, before: Any) -> str:
+    """A sentence for what an object has not as a render sees it. before: that of the object without its modifiers."""
+    if before:
+        return f'the modifiers of "{obj.name}" leave {what}; Geometry Nodes need Realize Instances and a UV map'
+    return f'"{obj.name}" has {what}; {mend}'
+
+
 def _uv_map(obj: Any, mesh: Any, name: str) -> str:
     if not mesh.uv_layers:
-        raise GeometryError(f'"{obj.name}" has no UV map; unwrap it first')
+        raise GeometryError(_lacking(obj, "no UV map", "unwrap it first", obj.data.uv_layers))
     if not name:
         return next((layer.name for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers[0].name)
     if name not in mesh.uv_layers:

@@ -27,6 +27,18 @@ def check_in_scene(scene: Any, obj: Any, what: str) -> None:
         raise InputError(f'the {what} "{obj.name}" was deleted, or is in another scene; choose one of this scene')
 
 
+def refuse_linked_scene(scene: Any) -> None:
+    """Raises InputError where a scene is another file's, which cannot be given objects."""
+    if scene.library is not None:
+        raise InputError(f'the scene "{scene.name}" is linked from {scene.library.filepath}; make it local first')
+
+
+def refuse_unselectable(obj: Any) -> None:
+    """Raises InputError where Blender does not let an object be selected."""
+    if obj.hide_select or not obj.visible_get():
+        raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
+
+
 def target_of(context: Any) -> Any:
     """The object that is worked on: the target of the step Bake, else the active one; None where there is none."""
     return context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
@@ -38,7 +50,7 @@ def view_layer(scene: Any) -> Any:
 
 
 def rendered(layer: Any, special: str = "") -> Iterator[Any]:
-    """Objects of a view layer that its render shows, lights apart.
+    """Objects of a view layer that its render shows, apart from lights and from strokes, which take no light.
 
     special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
     """
@@ -48,7 +60,7 @@ def rendered(layer: Any, special: str = "") -> Iterator[Any]:
         special = layer.collection.name
     # A collection within an excluded one may be included again.
     for obj in () if layer.exclude else layer.collection.objects:
-        if obj.type == "LIGHT" or obj.hide_render:
+        if obj.type in {"LIGHT", "GREASEPENCIL"} or obj.hide_render:
             continue
         if special:
             raise InputError(

@@ -300,6 +300,7 @@ TABLE = {
     "UV Map": "UV-Map",
     "View": "Ansicht",
     "Viewport": "Ansichtsfenster",
+    "View Layer": "View-Layer",
     "Views": "Ansichten",
     "White Light": "Weißes Licht",
     "White Photo": "Weißlichtfoto",

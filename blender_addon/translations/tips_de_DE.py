@@ -723,6 +723,7 @@ TIPS = {
         "Kamera sollten sich zusammen bewegen, falls sie es tun: die des ersten Bilds gelten für alle"
     ),
     "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
+    "Where it hid them": "Wo sie sie verbarg",
     "seams between views vanish": (
         "Große Formen vom Objekt nehmen und nur das Detail von den Fotos, was auch immer die Schätzungen sonst "
         "sagen: Nähte zwischen Ansichten verschwinden"

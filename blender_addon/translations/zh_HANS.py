@@ -300,6 +300,7 @@ TABLE = {
     "UV Map": "UV 贴图",
     "View": "视图",
     "Viewport": "视图",
+    "View Layer": "视图层",
     "Views": "视图",
     "White Light": "白光",
     "White Photo": "白光照片",

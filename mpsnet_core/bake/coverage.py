@@ -6,7 +6,7 @@ import numpy as np
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.texture import Texture
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.image_writing import write_mask
 
 # What the picture holds where a texel was filled; 1 where a view saw it, 0 elsewhere.
 FILLED = 0.5
@@ -18,4 +18,4 @@ def write_coverage(path: Path, texture: Texture) -> None:
     if texture.filled is not None:
         seen[texture.filled] = FILLED
     around = extend_to_nearest(seen[..., None], texture.covered, 1)[..., 0]
-    write_image(path, around, bits=None if path.suffix.lower() == ".exr" else 8)
+    write_mask(path, around)

@@ -236,7 +236,7 @@ class FindMask(ReadsPhotos):
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, writable_image, written_together
         from mpsnet_core.io.frames import files_meant
-        from mpsnet_core.io.image_writing import write_image, write_picture
+        from mpsnet_core.io.image_writing import write_mask, write_picture
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
@@ -247,7 +247,7 @@ class FindMask(ReadsPhotos):
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.8, f"writing {Path(self.output).name}")
         with written_together():
-            write_image(self.output, mask, bits=None if Path(self.output).suffix.lower() == ".exr" else 8)
+            write_mask(self.output, mask)
             if self.overlay:
                 write_picture(self.overlay, mask_picture(image.pixels, mask))
         progress(1.0, "done")

@@ -72,6 +72,14 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
         write_image(path, pixels, bits=8, color_space="sRGB", description=description)
 
 
+def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
+    """Write a mask, or values (H, W) from 0 to 1 of a few levels: 8 bits; in an EXR floats.
+
+    Raises as :func:`write_image` does.
+    """
+    write_image(path, mask, bits=None if Path(path).suffix.lower() == ".exr" else 8)
+
+
 def write_bands(
     path: str | os.PathLike[str],
     shape: tuple[int, int, int],

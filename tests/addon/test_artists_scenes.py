@@ -54,6 +54,24 @@ def test_an_artists_image_is_not_written_over(estimated, scene, tmp_path, verb, 
     assert (tmp_path / name).read_bytes() == before and image.name == name
 
 
+def test_an_artists_image_is_known_by_the_file_that_it_is_of(estimated, scene, tmp_path):
+    """Not by how its path is written: through a link to its folder, or relative to the library that it comes from."""
+    (tmp_path / "library").mkdir()
+    image = painted(tmp_path / "library" / "Sphere_normal.png", 0.5)
+    image.filepath = "//Sphere_normal.png"
+    bpy.data.libraries.write(str(tmp_path / "library" / "library.blend"), {image})
+    bpy.data.images.remove(image)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "project.blend"))
+    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, wanted):
+        wanted.images = ["Sphere_normal.png"]
+    estimated["uses"] = wanted.images[0]
+    bpy.ops.mps.bake(size=16)
+    assert (tmp_path / "Sphere_normal.png").is_file()
+    (tmp_path / "link").symlink_to(tmp_path / "library")
+    with pytest.raises(RuntimeError, match=r'would overwrite .*, the image "Sphere_normal.png"; choose another'):
+        bpy.ops.mps.bake(output=f"{tmp_path}/link/")
+
+
 def test_an_artists_image_stays_as_it_is_when_its_file_is_opened_as_the_photo(scene, tmp_path):
     for number, change in enumerate((brighten, lambda image: (brighten(image), image.pack()))):
         image = painted(tmp_path / f"{number}.png", 0.5)
@@ -109,6 +127,21 @@ def test_a_rig_in_a_copy_of_the_scene_leaves_the_first_ones_alone(sphere, scene,
     np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
 
 
+@pytest.mark.parametrize("verb", ["add_rig", "relight", "show_coverage"])
+def test_a_scene_of_another_file_cannot_take_objects(estimated, scene, tmp_path, verb):
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "shot.blend"), link=True) as (_, wanted):
+        wanted.scenes = ["Scene"]
+    (linked,) = wanted.scenes
+    bpy.context.window.scene = linked
+    before = set(linked.objects)
+    with pytest.raises(RuntimeError, match=r'the scene "Scene" is linked from .*shot\.blend; make it local first'):
+        getattr(bpy.ops.mps, verb)()
+    assert set(linked.objects) == before == set(bpy.data.objects)
+
+
 def test_a_deleted_target_or_surface_is_not_taken_for_one(estimated, scene, tmp_path):
     """Settings keep deleted objects alive."""
     bpy.ops.mesh.primitive_cube_add()
@@ -162,6 +195,30 @@ def test_drivers_on_the_scenes_properties_and_frame_rate_hold_in_the_photo(spher
     bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
     seen = np.nonzero(pixels(tmp_path / "photo.exr")[..., 3].any(axis=0))[0]
     assert seen.min() > 7 and seen.max() == 23
+
+
+def test_time_is_remapped_in_the_photo_as_in_the_scene(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    for frame, place in ((1, 0.0), (10, 0.9)):
+        sphere.location.x = place
+        sphere.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 4, 5
+    scene.render.frame_map_old, scene.render.frame_map_new = 200, 100  # frame 5 is the tenth of the animation
+    scene.frame_set(5)
+    assert sphere.matrix_world.translation.x == pytest.approx(0.9)
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / "frames"))
+    for file in ("photo.exr", "frames/frames_0005.exr"):
+        seen = np.nonzero(pixels(tmp_path / file)[..., 3].any(axis=0))[0]
+        assert seen.min() > 7 and seen.max() == 23
+
+
+def test_strokes_which_take_no_light_are_not_in_the_photo(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "without.exr"))
+    bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0, -2, 0))
+    bpy.ops.mps.render_photo(output=str(tmp_path / "with.exr"))
+    assert np.array_equal(pixels(tmp_path / "with.exr"), pixels(tmp_path / "without.exr"))
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="adaptive subdivision is no longer experimental")
@@ -238,6 +295,31 @@ def test_a_sculpted_multiresolution_is_asked_to_leave_sculpt_mode(scene, tmp_pat
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+def test_a_collection_instance_as_target_says_what_to_bake_onto(estimated, scene, tmp_path):
+    collection = bpy.data.collections.new("Props")
+    collection.objects.link(estimated)
+    bpy.ops.object.collection_instance_add(collection="Props")
+    instance = bpy.context.object
+    with pytest.raises(RuntimeError, match=f'"{instance.name}" is an instance of the collection "Props"; choose'):
+        bpy.ops.mps.bake(target=instance.name, size=16, output=str(tmp_path / "texture.png"))
+
+
+@pytest.mark.parametrize(("realized", "lack"), [(False, "no faces"), (True, "no UV map")])
+def test_what_modifiers_take_off_a_mesh_is_blamed_on_them(estimated, scene, tmp_path, realized, lack):
+    """Instances are no mesh of the object's, and not all nodes keep UVs."""
+    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    grid, scatter, end = map(
+        group.nodes.new, ("GeometryNodeMeshGrid", "GeometryNodeInstanceOnPoints", "NodeGroupOutput")
+    )
+    group.links.new(grid.outputs["Mesh"], scatter.inputs["Points"])
+    group.links.new(grid.outputs["Mesh"], scatter.inputs["Instance"])
+    group.links.new((grid if realized else scatter).outputs[0], end.inputs[0])
+    estimated.modifiers.new("Scatter", "NODES").node_group = group
+    with pytest.raises(RuntimeError, match=f'the modifiers of "Sphere" leave {lack}; .* Realize Instances'):
+        bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+
+
 def glowing() -> "bpy.types.Material":
     """A material whose shader takes no normal."""
     material = matte()
@@ -299,3 +381,46 @@ def test_a_muted_light_in_a_material_does_not_glow(sphere, scene, tmp_path):
         bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
     next(node for node in material.node_tree.nodes if node.type == "EMISSION").mute = True
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
+
+
+def test_the_copies_that_show_coverage_are_no_linked_duplicates(estimated, scene, tmp_path):
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    bpy.ops.mps.show_coverage()
+    bpy.ops.mps.displace(target=estimated.name, output=str(tmp_path / "height.png"))
+    assert [slot.link for slot in estimated.material_slots] == ["DATA"]
+
+
+def test_a_material_that_the_object_holds_and_not_its_mesh_gets_its_texture(estimated, scene, tmp_path):
+    (slot,) = estimated.material_slots
+    slot.link = "OBJECT"
+    slot.material = matte()
+    slot.material.name = "Own"
+    bpy.ops.mps.bake(size=16, split="MATERIAL", output=str(tmp_path / "<MATERIAL>.png"))
+    assert "Own" not in notes_of(scene, "bake") and "modifier" not in notes_of(scene, "bake")
+    assert (tmp_path / "Own.png").is_file() and "MPS Texture" in slot.material.node_tree.nodes
+
+
+@pytest.mark.parametrize(("method", "levels"), [("MATERIAL", 0), ("MODIFIER", 1)])
+def test_displacing_one_of_two_linked_duplicates_leaves_the_other_as_it_is(estimated, scene, tmp_path, method, levels):
+    twins = [estimated, estimated.copy(), estimated.copy()]
+    for twin in twins[1:]:
+        scene.collection.objects.link(twin)
+    bpy.ops.mps.bake(target=estimated.name, size=16, output=str(tmp_path / "texture.png"))
+
+    def look(obj: "bpy.types.Object") -> tuple[str, bool, list[str]]:
+        (material,) = [slot.material for slot in obj.material_slots]
+        output, shader = (material.node_tree.nodes[name] for name in ("Material Output", "Principled BSDF"))
+        normal = [link.from_node.name for link in shader.inputs["Normal"].links]
+        return "".join(normal), output.inputs["Displacement"].is_linked, [one.name for one in obj.modifiers]
+
+    before = [look(twin) for twin in twins]
+    assert before[0] == before[1] == before[2] == ("MPS Normal", False, [])
+    settings = {"method": method, "levels": levels, "keep_normals": False}
+    bpy.ops.mps.displace(target=twins[0].name, **settings, output=str(tmp_path / "height.png"))
+    displaced = look(twins[0])
+    assert displaced != before[0] and [look(twin) for twin in twins[1:]] == before[1:]
+    other = {"MATERIAL": "MODIFIER", "MODIFIER": "MATERIAL"}[method]
+    bpy.ops.mps.displace(target=twins[1].name, **{**settings, "method": other}, output=str(tmp_path / "height.png"))
+    assert look(twins[0]) == displaced and look(twins[2]) == before[2]
+    bpy.ops.mps.bake(target=twins[0].name, output=str(tmp_path / "texture.png"))
+    assert look(twins[0]) == look(twins[2]) == before[2]

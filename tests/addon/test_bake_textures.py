@@ -8,10 +8,12 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.bake.texture_owners import refuse_another_files
 from blender_addon.image_records import remember
 from blender_addon.images import load_frames, load_image
 from mpsnet_core import Camera, NormalMap, write_camera, write_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.errors import InputError
 
 from .conftest import matte
 from .test_photo import pixels
@@ -127,6 +129,25 @@ def test_by_object_each_wears_its_own(spheres, scene, tmp_path):
     for obj in spheres:
         shown, truth = shown_normals(scene, tmp_path, obj)
         assert angular_error(shown / np.linalg.norm(shown, axis=1, keepdims=True), truth).mean() < 2
+
+
+@pytest.mark.parametrize("tiles", [False, True])
+def test_another_blend_files_texture_is_told_from_ones_own(estimated, scene, tmp_path, monkeypatch, tiles):
+    """Two files of one folder, each with a "Sphere"."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "table.blend"), copy=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "chair.blend"))
+    bpy.ops.mps.bake(size=16, tiles=tiles)
+    texture = Path(bpy.path.abspath(scene.mps.bake.image.filepath))
+    refuse_another_files([texture, tmp_path / "new.png"])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "chair_2.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "table.blend"))
+    refuse_another_files([texture])  # this session has written it
+    monkeypatch.setattr("blender_addon.provenance._written", {})
+    sentence = f"{texture} is there already, and no image of this file shows it: it may be that of chair.blend"
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        refuse_another_files([texture])
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "chair_2.blend"))
+    refuse_another_files([texture])
 
 
 @pytest.mark.parametrize("split", ["ONE", "OBJECT", "MATERIAL"])

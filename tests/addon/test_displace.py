@@ -11,6 +11,7 @@ from mathutils.bvhtree import BVHTree
 from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.commands import main
 from blender_addon.panels.heights import MPS_PT_displace
+from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import encode
 
@@ -144,6 +145,20 @@ def worn(estimated, scene, tmp_path):
     """The sphere with its photo's normals baked onto it and worn."""
     bpy.ops.mps.bake(size=128, output=str(tmp_path / "texture.png"))
     return estimated
+
+
+@pytest.mark.parametrize("method", ["MATERIAL", "MODIFIER"])
+def test_a_material_without_an_output_is_passed_over(worn, scene, tmp_path, method):
+    bare = worn.material_slots[0].material.copy()
+    bare.name = "Bare"
+    bare.node_tree.nodes.remove(bare.node_tree.get_output_node("ALL"))
+    worn.data.materials.append(bare)
+    worn.data.materials.append(other := worn.material_slots[0].material.copy())
+    bpy.ops.mps.displace(method=method, output=str(tmp_path / "height.png"))
+    assert ('Material "Bare" has no Material Output and is not displaced' in notes_of(scene, "displace")) == (
+        method == "MATERIAL"
+    )
+    assert ("MPS Displacement" in other.node_tree.nodes) == (method == "MATERIAL")
 
 
 def worn_normal(material):

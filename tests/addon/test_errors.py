@@ -32,6 +32,11 @@ def nothing_selected(scene, tmp_path):
     bpy.ops.mps.add_rig()
 
 
+def a_hidden_object_clicked_in_the_outliner(scene, tmp_path):
+    bpy.context.object.hide_set(True)
+    bpy.ops.mps.add_rig()
+
+
 def only_an_empty_selected(scene, tmp_path):
     bpy.ops.object.empty_add()
     bpy.ops.object.select_all(action="DESELECT")
@@ -288,6 +293,7 @@ def painted_image_not_saved(scene, tmp_path):
 
 CASES = [
     (nothing_selected, "nothing is selected; select the object"),
+    (a_hidden_object_clicked_in_the_outliner, '"Sphere" is hidden or not selectable; show it first'),
     (only_an_empty_selected, "no selected object has a surface"),
     (a_single_point, "a single point"),
     (no_viewport, 'view "VIEWPORT" needs a 3D viewport'),
@@ -382,12 +388,21 @@ def test_a_disk_that_fails_is_one_sentence(scene, tmp_path, monkeypatch):
 
 
 def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_path):
+    for name in ("Hidden", "Excluded"):
+        bpy.ops.mesh.primitive_cube_add()
+        bpy.context.object.name = name
+    bpy.data.objects["Hidden"].hide_set(True)
+    bpy.ops.object.move_to_collection(collection_index=0, is_new=True, new_collection_name="Excluded")
+    bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
     bpy.ops.mesh.primitive_cube_add()
     bad = [
         (["bake"], "Estimate the normals first"),
         (["bake", "--size", "huge"], "'huge' is not an integer"),
         (["bake", "--size", "0"], "0 is outside 1 to 16384"),
         (["add-rig", "--object", "Nobody"], 'there is no object "Nobody"'),
+        (["add-rig", "--object", "Excluded"], '"Excluded" is in no collection of this view layer; include one of'),
+        (["add-rig", "--object", "Hidden"], '"Hidden" is hidden or not selectable; show it first'),
+        (["add-rig", "--object", "Cube", "--object", "Hidden"], '"Hidden" is hidden or not selectable; show it first'),
         (["add-rig", "--view", "sideways"], "invalid choice"),
         (["add-rig", "--save", str(tmp_path / "no" / "x.blend")], "its folder does not exist"),
         (["dance"], "invalid choice: 'dance'"),

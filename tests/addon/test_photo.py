@@ -6,7 +6,7 @@ import OpenImageIO as oiio
 import pytest
 from dng import write_dng
 
-from blender_addon.images import origin
+from blender_addon.image_records import origin
 from blender_addon.photo.studio import render_normals
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.camera import scene_camera

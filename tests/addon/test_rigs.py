@@ -14,6 +14,7 @@ from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.rig.several_rigs import result_name
+from blender_addon.settings.record import notes_of
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 
@@ -132,6 +133,16 @@ def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, sc
 def test_a_rig_that_is_not_there(estimated):
     with pytest.raises(RuntimeError, match="there is no rig 3"):
         bpy.ops.mps.choose_rig(index=3)
+
+
+def test_rigs_without_normals_are_named_when_all_rigs_are_baked(two_rigs, scene, tmp_path):
+    scene.mps.rigs[0].estimate.image = None
+    bpy.ops.mps.bake(size=16, all_rigs=True, output=str(tmp_path / "texture.png"))
+    assert 'Rigs without normals are left out: "Rig 1"' in notes_of(scene, "bake")
+    bpy.ops.mps.new_rig()
+    bpy.ops.mps.choose_rig(index=1)
+    bpy.ops.mps.bake()
+    assert 'Rigs without normals are left out: "Rig 1", "Rig 3"' in notes_of(scene, "bake")
 
 
 def test_all_rigs_are_baked_together(two_rigs, estimated, scene, tmp_path, capfd):

@@ -177,6 +177,18 @@ def test_relight_hides_the_lights_of_all_rigs_and_shows_only_those_that_it_hid(s
     assert [light.hide_get() for light in first + second] == [True, False, False, False, False, False]
 
 
+def test_relight_ended_in_another_view_layer_shows_the_lights_where_it_hid_them(sphere, scene):
+    bpy.ops.mps.add_rig()
+    lights = [light.object for light in scene.mps.rig.lights]
+    here, other = bpy.context.view_layer, scene.view_layers.new("Other")
+    lights[0].hide_set(True, view_layer=other)
+    bpy.ops.mps.relight()
+    bpy.context.window.view_layer = other
+    bpy.ops.mps.relight()
+    assert [light.hide_get(view_layer=here) for light in lights] == [False, False, False]
+    assert [light.hide_get(view_layer=other) for light in lights] == [True, False, False]
+
+
 def test_relight_gives_the_viewport_that_it_took_its_shading_back(sphere):
     view, *_ = [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
     others = [

@@ -186,3 +186,12 @@ def test_what_is_missing_is_reported(sphere, scene, tmp_path):
         bpy.ops.mps.bake_views(cameras=str(tmp_path))
     with pytest.raises(RuntimeError, match="COLMAP"):
         bpy.ops.mps.bake_views(cameras=str(tmp_path), photos=str(tmp_path))
+
+
+def test_cameras_whose_names_become_one_in_a_files_name_are_views_of_their_own(around, scene, tmp_path):
+    for number, name in ((0, "Cam 1"), (1, "Cam_1"), (2, "cam.1")):
+        bpy.data.objects[f"Side {number}"].name = name
+    bpy.ops.mps.bake_views(level=False, keep=str(tmp_path / "kept"))
+    assert error(tmp_path / "texture.png") < 1.5
+    kept = sorted(file.name for file in (tmp_path / "kept").glob("*_normals.png"))
+    assert kept == ["Cam_1_1_normals.png", "Cam_1_2_normals.png", "Side_3_normals.png", "cam_1_3_normals.png"]
