@@ -49,6 +49,16 @@ def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirr
     assert [len(row) for row in rows] == [4, 4, 4, 4, 2, 2], "in a column of four their words were cut off"
 
 
+def test_a_rig_that_goes_with_blender_says_so(scene, tmp_path, mirror):
+    def notes() -> str:
+        bpy.ops.mps.calibrate_lights(ball=mirror)
+        return scene.mps.records["calibrate_lights"].notes
+
+    assert "goes when Blender quits" in notes(), "neither the file is saved nor a rig file named"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert "goes when Blender quits" not in notes()
+
+
 def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):
     bpy.ops.mps.calibrate_lights(
         ball=mirror, circle_x=150, circle_y=150, circle_radius=110, output=str(tmp_path / "rig.json")
