@@ -139,7 +139,7 @@ class Step(bpy.types.Panel):
         else:
             row.operator(f"mps.{verb}", icon=icon)
         self.failure(scene, verb)
-        for note in notes_of(scene, verb):
+        for note in () if lacking else notes_of(scene, verb):  # of what is gone there is nothing to note
             wrapped(self.layout, sentence(note), icon="INFO")
 
     def progress_of(self, context: Any, verb: str) -> bool:
