@@ -155,6 +155,7 @@ class MPS_PT_rig_placement(Step):
             column.prop(rig, "focal_length")
         column.prop(rig, "margin")
         self.layout.operator("mps.add_rig_ring", icon="CON_FOLLOWPATH")
+        self.failure(context.scene, "add_rig_ring")
         if rig.lights:
             lights = _standing_lights(context.scene)
             if lights.rig is not None:
@@ -189,7 +190,7 @@ class MPS_PT_calibrate(Step):
         column.prop(calibrate, "lens")
         column.prop(calibrate, "ball_radius")
         column.prop(calibrate, "encoding")
-        column.prop(calibrate, "output", placeholder="Automatic")
+        column.prop(calibrate, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
         self.column().prop(calibrate, "grey")
         self.progress_or(context, "calibrate_mixing", "COLOR")
