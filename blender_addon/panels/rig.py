@@ -11,6 +11,7 @@ from ..rig.light_preview import light_preview
 from ..rig.light_rig import COLOURS, drawn_rig
 from ..rig.rig import rig_objects
 from ..scene.surfaces import SURFACES
+from ..settings.declared import OWN_SENSE
 from .step import Kind, State, Step, sentence
 from .text import wrapped
 from .what_counts import Lights, lights_of
@@ -131,7 +132,7 @@ def _table(layout: Any, rig: LightRig) -> None:
     for text in ("", *COLOURS):
         grid.label(text=text)
     for text, angles in (("Slant", rig.slants), ("Tilt", rig.tilts)):
-        grid.label(text=text)
+        grid.label(text=text, text_ctxt=OWN_SENSE)  # of Blender's own words both would be the same in German
         for angle in angles:
             grid.label(text=f"{angle:.1f}°")
 
@@ -206,7 +207,7 @@ class MPS_PT_calibrate(Step):
             # A column of the table is too narrow for words.
             place = grid if len(row) == len(rows[0]) else box.split(factor=0.7)
             for text in row:
-                place.label(text=text)
+                place.label(text=text, text_ctxt=OWN_SENSE)
 
 
 class MPS_PT_outline(Step):
