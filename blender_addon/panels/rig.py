@@ -194,7 +194,7 @@ class MPS_PT_calibrate(Step):
         column.prop(calibrate, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
         self.column().prop(calibrate, "grey")
-        self.progress_or(context, "calibrate_mixing", "COLOR")
+        self.progress_or(context, "calibrate_mixing", "COLOR", lacks=lacks_of_mixing(context.scene))
         if calibrate.summary:
             self._found(calibrate)
 
@@ -208,6 +208,13 @@ class MPS_PT_calibrate(Step):
             place = grid if len(row) == len(rows[0]) else box.split(factor=0.7)
             for text in row:
                 place.label(text=text, text_ctxt=OWN_SENSE)
+
+
+def lacks_of_mixing(scene: Any) -> str:
+    """What has to be there before the mixing can be found; "" where nothing is missing."""
+    if not scene.mps.estimate.rig_file:
+        return "Find the lights first, or choose their rig file"
+    return "" if scene.mps.calibrate.grey else "Choose a photo of a matt grey ball in the mirror ball's place"
 
 
 class MPS_PT_outline(Step):

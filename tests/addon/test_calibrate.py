@@ -8,6 +8,7 @@ import pytest
 from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
+from blender_addon.panels.rig import lacks_of_mixing
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
@@ -57,6 +58,14 @@ def test_a_rig_that_goes_with_blender_says_so(scene, tmp_path, mirror):
     assert "goes when Blender quits" in notes(), "neither the file is saved nor a rig file named"
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     assert "goes when Blender quits" not in notes()
+
+
+def test_the_mixing_waits_for_the_lights_and_a_grey_ball(scene):
+    assert "Find the lights" in lacks_of_mixing(scene)
+    scene.mps.estimate.rig_file = "//rig.json"
+    assert "grey ball" in lacks_of_mixing(scene)
+    scene.mps.calibrate.grey = "//grey.exr"
+    assert not lacks_of_mixing(scene)
 
 
 def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):
