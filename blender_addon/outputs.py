@@ -118,9 +118,9 @@ def may_open(given: str | Path) -> bool:
         return False
 
 
-def lasting(folder: Path) -> bool:
-    """Whether a folder outlives this run of Blender."""
-    return Path(bpy.app.tempdir) not in folder.parents
+def lasting(path: Path) -> bool:
+    """Whether a file or a folder outlives this run of Blender."""
+    return Path(bpy.app.tempdir) not in path.parents
 
 
 def render_path(path: Path) -> Path:

@@ -47,6 +47,8 @@ class MPS_PT_bake(Step):
             row = self.layout.row(align=True)
             row.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
+            for verb in ("relight", "show_coverage"):
+                self.failure(context.scene, verb)
 
 
 def _lacks_view(scene: Any) -> str:
@@ -143,6 +145,7 @@ class MPS_PT_texture(Step):
         column.prop(bake, "mark_asset")
         self.layout.template_ID(bake, "image", open="image.open")
         self.layout.operator("mps.make_node_group", icon="NODETREE")
+        self.failure(context.scene, "make_node_group")
 
 
 class MPS_PT_detail(Step):

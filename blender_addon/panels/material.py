@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ..image_records import remembered
 from .models import MPS_MT_material_models, model_menu
 from .step import Step
 from .text import wrapped
@@ -20,7 +21,10 @@ class MPS_PT_material(Step):
         photo = context.scene.mps.photo.image
         if photo is not None and photo.source in {"SEQUENCE", "MOVIE"}:
             return "A flat material is made of one photo, and this is a sequence; open one of its frames"
-        return super().lacks(context) or lacks_file(photo, "photo") or lights_of(context.scene).lacks
+        lacking = super().lacks(context) or lacks_file(photo, "photo") or lights_of(context.scene).lacks
+        if not lacking and not context.scene.mps.material.width and remembered(photo, "camera") is None:
+            return "Enter the photo width: what the whole photo measures on the material"
+        return lacking
 
     def draw(self, context: Any) -> None:
         material = context.scene.mps.material

@@ -13,6 +13,7 @@ from ..photo.pick_points import picking
 from ..provenance import made_by
 from ..rig.light_rig import drawn_rig, rig_camera
 from ..scene.camera import scene_camera
+from ..scene.objects import target_of
 from ..settings.record import notes_of
 from .step import Step, sentence
 from .text import wrapped
@@ -132,7 +133,9 @@ class MPS_PT_align(Step):
 
     def draw(self, context: Any) -> None:
         photo, align = context.scene.mps.photo.image.mps, context.scene.mps.align
+        target = target_of(context)
         column = self.column()
+        column.prop(context.scene.mps.bake, "target", placeholder=target.name if target else "")
         column.prop(photo, "camera")
         row = column.row()
         row.active = not photo.pairs

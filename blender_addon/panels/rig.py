@@ -11,6 +11,7 @@ from ..rig.light_preview import light_preview
 from ..rig.light_rig import COLOURS, drawn_rig
 from ..rig.rig import rig_objects
 from ..scene.surfaces import SURFACES
+from ..settings.declared import OWN_SENSE
 from .step import Kind, State, Step, sentence
 from .text import wrapped
 from .what_counts import Lights, lights_of
@@ -131,7 +132,7 @@ def _table(layout: Any, rig: LightRig) -> None:
     for text in ("", *COLOURS):
         grid.label(text=text)
     for text, angles in (("Slant", rig.slants), ("Tilt", rig.tilts)):
-        grid.label(text=text)
+        grid.label(text=text, text_ctxt=OWN_SENSE)  # of Blender's own words both would be the same in German
         for angle in angles:
             grid.label(text=f"{angle:.1f}°")
 
@@ -155,6 +156,7 @@ class MPS_PT_rig_placement(Step):
             column.prop(rig, "focal_length")
         column.prop(rig, "margin")
         self.layout.operator("mps.add_rig_ring", icon="CON_FOLLOWPATH")
+        self.failure(context.scene, "add_rig_ring")
         if rig.lights:
             lights = _standing_lights(context.scene)
             if lights.rig is not None:
@@ -189,10 +191,10 @@ class MPS_PT_calibrate(Step):
         column.prop(calibrate, "lens")
         column.prop(calibrate, "ball_radius")
         column.prop(calibrate, "encoding")
-        column.prop(calibrate, "output", placeholder="Automatic")
+        column.prop(calibrate, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
         self.column().prop(calibrate, "grey")
-        self.progress_or(context, "calibrate_mixing", "COLOR")
+        self.progress_or(context, "calibrate_mixing", "COLOR", lacks=lacks_of_mixing(context.scene))
         if calibrate.summary:
             self._found(calibrate)
 
@@ -205,7 +207,14 @@ class MPS_PT_calibrate(Step):
             # A column of the table is too narrow for words.
             place = grid if len(row) == len(rows[0]) else box.split(factor=0.7)
             for text in row:
-                place.label(text=text)
+                place.label(text=text, text_ctxt=OWN_SENSE)
+
+
+def lacks_of_mixing(scene: Any) -> str:
+    """What has to be there before the mixing can be found; "" where nothing is missing."""
+    if not scene.mps.estimate.rig_file:
+        return "Find the lights first, or choose their rig file"
+    return "" if scene.mps.calibrate.grey else "Choose a photo of a matt grey ball in the mirror ball's place"
 
 
 class MPS_PT_outline(Step):

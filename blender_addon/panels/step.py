@@ -118,17 +118,18 @@ class Step(bpy.types.Panel):
         column.use_property_decorate = False
         return column
 
-    def progress_or(self, context: Any, verb: str, icon: str, text: str = "") -> None:
+    def progress_or(self, context: Any, verb: str, icon: str, text: str = "", lacks: str = "") -> None:
         """The button of an operator of the step, with what is missing above it and what went wrong below.
 
         While its work runs: how far it is, how long it will still take, and a way to stop it.
+        lacks: what is missing, where neither the step nor the operator itself tells.
         """
         if self.progress_of(context, verb):
             return
         scene = context.scene
         with seen_lately():
             own = bool(self.verbs) and self.verb(context) == verb
-            lacking = self.lacks(context) if own else _operator(verb).lacks(context)
+            lacking = lacks or (self.lacks(context) if own else _operator(verb).lacks(context))
         if lacking and not error_of(scene, verb):  # which says so below
             wrapped(self.layout, sentence(lacking), icon="INFO")
         row = self.layout.row()
@@ -139,7 +140,7 @@ class Step(bpy.types.Panel):
         else:
             row.operator(f"mps.{verb}", icon=icon)
         self.failure(scene, verb)
-        for note in notes_of(scene, verb):
+        for note in () if lacking else notes_of(scene, verb):  # of what is gone there is nothing to note
             wrapped(self.layout, sentence(note), icon="INFO")
 
     def progress_of(self, context: Any, verb: str) -> bool:

@@ -54,9 +54,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             return "Open a photo that you took first"
         if not is_real(photo):
             return "A rendered photo has its camera; open one that you took"
-        return (
-            "" if mesh_of_photo(context) else "Choose the mesh object that the photo shows, as target of the step Bake"
-        )
+        return "" if mesh_of_photo(context) else "Choose the target, the mesh object that the photo shows"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:

@@ -63,7 +63,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         settings.image = image
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
-        if not lasting(self._rig.parent):
+        if not lasting(self._rig):
             self.note(f"{self._rig} goes when Blender quits; save this file first, or name the rig file")
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 

@@ -10,7 +10,7 @@ from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.defaults import MARGIN
 
 from ..outputs import FORMAT_OF
-from .declared import BoolSetting, EnumSetting, StringSetting, format_setting, from_option, items_of
+from .declared import OWN_SENSE, BoolSetting, EnumSetting, StringSetting, format_setting, from_option, items_of
 from .detail import cut_off, detail_only
 
 # What each format can hold.
@@ -83,7 +83,7 @@ class BakeSettings:
         default=False,
     )
     size: from_option(Bake, "size")
-    space: from_option(Bake, "space")
+    space: from_option(Bake, "space", translation_context=OWN_SENSE)
     convention: from_option(Bake, "convention")
     animated: BoolSetting(
         name="Follow the Animation",

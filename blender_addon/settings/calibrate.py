@@ -5,7 +5,7 @@ from bpy.props import PointerProperty, StringProperty
 
 from mpsnet_core.capture.calibrate.operations import CalibrateLights
 
-from .declared import FileSetting, FloatSetting, from_option
+from .declared import OWN_SENSE, FileSetting, FloatSetting, from_option
 
 
 class CalibrateSettings:
@@ -14,6 +14,7 @@ class CalibrateSettings:
     ball: FileSetting(
         name="Mirror Ball",
         description="Photo of a mirror ball where the object stands, under the red, green and blue light at once",
+        translation_context=OWN_SENSE,
     )
     second_ball: FileSetting(
         name="Second Place",

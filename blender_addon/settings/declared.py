@@ -17,6 +17,10 @@ GIVEN = {"SKIP_SAVE"}
 # Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
 PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
+# The context that Blender translates words in which its own tables have in another sense: "Mirror Ball" as a command,
+# the "Space" that is free, the "Tangent" of an angle.
+OWN_SENSE = "MPS"
+
 # Properties that are stored in the scene and that operators fill in from there.
 BoolSetting = partial(BoolProperty, options=GIVEN)
 EnumSetting = partial(EnumProperty, options=GIVEN)
@@ -94,7 +98,7 @@ def from_option(
     switch
         Whether the option names a file that the add-on finds a name for: what is set is whether it is written.
     facts
-        What concerns Blender alone: ``update``, ``precision``.
+        What concerns Blender alone: ``update``, ``precision``, ``translation_context``.
     """
     setting = option_of(operation, option)
     described = setting.option

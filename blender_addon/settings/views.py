@@ -5,7 +5,7 @@ from bpy.props import StringProperty
 
 from mpsnet_core.bake.operations import BakeViews
 
-from .declared import EnumSetting, from_option
+from .declared import OWN_SENSE, EnumSetting, from_option
 from .detail import cut_off, detail_only
 
 
@@ -33,7 +33,7 @@ class ViewsSettings:
     level: detail_only(default=True)
     level_scale: cut_off()
     keep: from_option(BakeViews, "keep", name="Keep Normals")
-    write_report: from_option(BakeViews, "report", switch=True, default=True)
+    write_report: from_option(BakeViews, "report", switch=True, default=True, translation_context=OWN_SENSE)
 
 
 class MPS_PG_views(ViewsSettings, bpy.types.PropertyGroup):

@@ -183,7 +183,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             context.view_layer.objects.active = obj
         if not bpy.app.background:
             _run(bpy.ops.mps.relight)
-        self.report({"INFO"}, "The low-poly copy wears the photo's normals; the detailed object is hidden")
+        self.report({"INFO"}, "The low-poly copy wears the photo's normals. To stop the lamp press Relight in 4 Bake")
 
     def _demo(self, context: Any) -> Any:
         """The demo's scene, as long as the window shows it."""

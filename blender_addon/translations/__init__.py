@@ -1,5 +1,5 @@
 """The add-on's words and tooltips in other languages: tables for each, from the English ones. Where Blender has a word,
-its own goes first; what a table lacks stays English."""
+its own goes first, unless it has it in another sense; what a table lacks stays English."""
 
 from collections.abc import Iterator
 
@@ -7,6 +7,7 @@ import bpy
 
 from ..manual import groups, operators, shown
 from ..preferences import PACKAGE
+from ..settings.declared import OWN_SENSE
 from . import de_DE, tips_de_DE, tips_zh_HANS, zh_HANS
 
 # By the names that Blender has for languages.
@@ -14,7 +15,7 @@ TABLES = {"de_DE": de_DE.TABLE, "zh_HANS": zh_HANS.TABLE}
 TIPS = {"de_DE": tips_de_DE.TIPS, "zh_HANS": tips_zh_HANS.TIPS}
 
 # Blender looks for the names of operators in a context of their own.
-_CONTEXTS = ("*", "Operator")
+_CONTEXTS = ("*", "Operator", OWN_SENSE)
 
 
 def tooltips() -> Iterator[str]:

@@ -461,8 +461,8 @@ def note_doubts(capture: Capture, name: str = "") -> None:
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(
-            "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "
-            "misleads the models lambertian and mpsnet unless the mixing is in the rig; multiscale allows for it",
+            "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal; the "
+            "default model allows for it, equation 2 (lambertian) and mpsnet only with the mixing in the rig",
             which,
             means.max() / means.min(),
         )

@@ -8,6 +8,7 @@ import pytest
 from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
+from blender_addon.panels.rig import lacks_of_mixing
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
@@ -47,6 +48,24 @@ def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirr
     rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["Channel", "R", "G", "B", "Unexplained", "Equation 2 Error"]
     assert [len(row) for row in rows] == [4, 4, 4, 4, 2, 2], "in a column of four their words were cut off"
+
+
+def test_a_rig_that_goes_with_blender_says_so(scene, tmp_path, mirror):
+    def notes() -> str:
+        bpy.ops.mps.calibrate_lights(ball=mirror)
+        return scene.mps.records["calibrate_lights"].notes
+
+    assert "goes when Blender quits" in notes(), "neither the file is saved nor a rig file named"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert "goes when Blender quits" not in notes()
+
+
+def test_the_mixing_waits_for_the_lights_and_a_grey_ball(scene):
+    assert "Find the lights" in lacks_of_mixing(scene)
+    scene.mps.estimate.rig_file = "//rig.json"
+    assert "grey ball" in lacks_of_mixing(scene)
+    scene.mps.calibrate.grey = "//grey.exr"
+    assert not lacks_of_mixing(scene)
 
 
 def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):

@@ -12,6 +12,7 @@ from blender_addon.operators.progress import Pace, in_words
 from blender_addon.panels import CLASSES
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
+from blender_addon.panels.material import MPS_PT_material
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind, sentence
@@ -348,6 +349,10 @@ def only_a_camera_is_selected(scene, tmp_path):
     scene.mps.way = "RENDER"
 
 
+def the_photo_measures_nobody_knows_what(scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "alone.exr"))
+
+
 @pytest.mark.parametrize(
     ("step", "spoil"),
     [
@@ -369,12 +374,13 @@ def only_a_camera_is_selected(scene, tmp_path):
         (MPS_PT_bake, another_uv_map),
         (MPS_PT_bake, no_faces),
         (MPS_PT_bake, nothing_is_selected_to_bake_onto),
+        (MPS_PT_material, the_photo_measures_nobody_knows_what),
     ],
 )
 def test_a_step_is_ready_only_where_pressing_it_works(estimated, scene, tmp_path, step, spoil):
     if step is MPS_PT_estimate:
         scene.mps.estimate.image = None
-    if step in (MPS_PT_estimate, MPS_PT_bake):
+    if step in (MPS_PT_estimate, MPS_PT_bake, MPS_PT_material):
         assert stands(step) == (Kind.READY, "")
     spoil(scene, tmp_path)
     kind, why = stands(step)

@@ -51,6 +51,16 @@ def test_registering_imports_nothing_heavy(blender, probe, tmp_path):
     assert "bl_ext.user_default.mpsnet" in start["modules"]
 
 
+def test_words_that_blender_has_in_another_sense_are_the_extension_s(blender, tmp_path):
+    found = blender.script("words.py", tmp_path / "report.json")
+    assert found.pop("blender") == "Ball spiegeln", "Blender's own word, to mirror a ball, must not be taken"
+    assert found == {
+        "calibrate.ball": ["Spiegelkugel"],
+        "bake.space": ["Raum", "Tangente", "Objekt"],
+        "views.write_report": ["Bericht"],
+    }
+
+
 def test_the_packages_are_the_extension_s_and_numpy_is_blender_s(blender, tmp_path):
     found = blender.script("packages.py", tmp_path / "report.json")
     assert found["operators"]
