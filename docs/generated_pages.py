@@ -118,9 +118,9 @@ def python() -> Iterator[str]:
     yield "is x right, y up, z towards the camera. Bad input raises `InputError`, whose subclasses say what is bad: a"
     yield "file, a format, a geometry, or settings."
     homes = {name: getattr(mpsnet_core, name) for name in mpsnet_core.__all__}
-    rooms = mpsnet_core._HOME
+    rooms = {name: home.split(".")[1] for name, home in mpsnet_core._HOME.items()}
     for room, title in ROOMS.items():
-        names = [name for name in homes if rooms[name].split(".")[0] == room]
+        names = [name for name in homes if rooms[name] == room]
         yield from ("", f"## {title}")
         for name in sorted(names, key=lambda name: (not inspect.isclass(homes[name]), name)):
             thing = homes[name]
@@ -130,7 +130,7 @@ def python() -> Iterator[str]:
             if inspect.isclass(thing) and not issubclass(thing, (Operation, Exception)):
                 yield "   :members:"
             yield "```"
-    missing = {rooms[name].split(".")[0] for name in homes} - set(ROOMS)
+    missing = set(rooms.values()) - set(ROOMS)
     if missing:
         raise RuntimeError(f"rooms without a title in the reference: {sorted(missing)}")
 
