@@ -3,13 +3,13 @@
 The views are Cycles renders of the detailed mesh's normals, so that nothing of the core makes what it is fed.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from external_data import external_data
 from mathutils import Matrix, Vector
 from mesh_file import write_mesh
 
@@ -237,10 +237,7 @@ def with_materials(*objects: "bpy.types.Object") -> None:
 
 @pytest.fixture
 def bunny(scene: "bpy.types.Scene") -> "bpy.types.Object":
-    path = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "meshes" / "test" / "bunny.obj"
-    if "MPSNET_TEST_DATA" not in os.environ or not path.is_file():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with meshes/test/bunny.obj")
-    return detailed_object(path)
+    return detailed_object(external_data("meshes/test/bunny.obj"))
 
 
 def test_a_70k_mesh_baked_onto_7k_agrees_with_blenders_bake(bunny: "bpy.types.Object", tmp_path: Path) -> None:

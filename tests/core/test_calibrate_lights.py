@@ -1,11 +1,11 @@
 """Lights by mirror balls: against photographs that are traced ray by ray, with lamps whose places are known."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from external_data import external_data
 from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
 from synthetic import degrees_between
 
@@ -384,9 +384,7 @@ def test_a_direction_file_is_read_back(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def chrome() -> tuple[list[np.ndarray], np.ndarray]:
     """Photographs of a mirror ball under twelve lights, one each, and its mask."""
-    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "captures" / "chrome"
-    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with captures/chrome")
+    folder = external_data("captures/chrome")
     photos = [read_image(folder / f"chrome.{k}.png").pixels for k in range(12)]
     return photos, read_mask(folder / "chrome.mask.png")
 
