@@ -14,8 +14,7 @@ from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.rig import read_rig
 
-from .conftest import matte
-from .test_photo import pixels
+from .rendering import matte, pixels
 from .test_steps import Kind, MPS_PT_bake, stands
 
 SMALL = {"width": 24, "height": 24, "samples": 1}

@@ -19,6 +19,8 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
+from .rendering import nodes_of, write_exr_files
+
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]
 
 
@@ -154,16 +156,8 @@ def set_up_cycles(size: int) -> None:
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = size
     scene.render.resolution_percentage = 100
-    settings = scene.render.image_settings
-    if bpy.app.version >= (5, 0):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGBA", "32"
-
-
-def nodes_of(material: "bpy.types.Material") -> "bpy.types.NodeTree":
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    return material.node_tree
+    write_exr_files(scene.render)
+    scene.render.image_settings.color_mode = "RGBA"
 
 
 def camera_at(side: tuple[float, float, float], projection: str = "ORTHO") -> "bpy.types.Object":

@@ -19,7 +19,10 @@ from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, R
 from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shapes import Shape
 
+from .rendering import principled
+
 SIZE = 64
+MATT = {"Specular IOR Level": 0.0}
 WHITE = Material(base_color=(0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
 RED, GREEN, BLUE = (replace(WHITE, base_color=color) for color in ((0.8, 0, 0), (0, 0.8, 0), (0, 0, 0.8)))
 
@@ -271,24 +274,13 @@ def test_a_measured_material_is_refused(tmp_path):
 # --- the scene's own objects ------------------------------------------------------------------------------------------
 
 
-def coloured(name: str, color: tuple[float, float, float], **inputs: float) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (*color, 1)
-    for key, value in ({"Specular IOR Level": 0.0} | inputs).items():
-        shader.inputs[key].default_value = value
-    return material
-
-
 @pytest.fixture
 def scene_file(tmp_path) -> Path:
     """A red and a green ball of radius 3, the green one a stretched child of the red one, and a lamp that glows."""
     for name, color, place in (("Red", (0.8, 0, 0), (20, 0, 3)), ("Green", (0, 0.8, 0), (26, 0, 3))):
         bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=3, location=place)
         bpy.context.object.name = name
-        bpy.context.object.data.materials.append(coloured(name, color))
+        bpy.context.object.data.materials.append(principled(name, color, **MATT))
         bpy.ops.object.shade_smooth()
     red, green = bpy.data.objects["Red"], bpy.data.objects["Green"]
     green.parent, green.matrix_parent_inverse = red, red.matrix_world.inverted()
@@ -298,7 +290,7 @@ def scene_file(tmp_path) -> Path:
     hidden = bpy.data.objects.new("Hidden", bpy.context.object.data.copy())
     bpy.context.collection.objects.link(hidden)
     hidden.hide_viewport = True
-    lamp = coloured("Lamp", (1, 1, 1), **{"Emission Strength": 5.0})
+    lamp = principled("Lamp", (1, 1, 1), **MATT, **{"Emission Strength": 5.0})
     bpy.context.object.data.materials.append(lamp)
     path = tmp_path / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))

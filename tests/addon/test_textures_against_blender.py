@@ -16,6 +16,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 
+from .rendering import nodes_of
 from .test_bake_against_blender import (
     SIDES,
     activate,
@@ -23,7 +24,6 @@ from .test_bake_against_blender import (
     core_mesh,
     degrees_between,
     detailed_object,
-    nodes_of,
     normal_view,
     set_up_cycles,
     simplified,
