@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import writable_path, written_whole
@@ -140,7 +141,7 @@ def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[
     """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, of unit rays (T, 3)."""
     normals = triangle_normals(corners)
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
-    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-np.einsum("ti,ti->t", normals, rays) / lengths, -1, 1)))
+    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-dot(normals, rays) / lengths, -1, 1)))
     return angles
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.robust_statistics import biweight, spread
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 
@@ -197,8 +197,8 @@ def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray
         # Rays start beside the ball's middle, which has no depth: bring them before it.
         origins = origins - away * ball.radius * 2
     to_ball = ball.centre - origins
-    along = np.einsum("ni,ni->n", to_ball, away)
-    squared = ball.radius**2 - (np.einsum("ni,ni->n", to_ball, to_ball) - along**2)
+    along = dot(to_ball, away)
+    squared = ball.radius**2 - (dot(to_ball, to_ball) - along**2)
     place = origins + (along - np.sqrt(np.maximum(squared, 0)))[:, None] * away
     return place, normalised(place - ball.centre), -away
 
@@ -209,7 +209,7 @@ def mirrored(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArra
     The direction is 2 (n·v) n − v, of the normal n and the direction v to the camera: twice as far from v as n is.
     """
     place, normal, back = surface(ball, points)
-    return place, 2 * np.einsum("ni,ni->n", normal, back)[:, None] * normal - back
+    return place, 2 * dot(normal, back)[:, None] * normal - back
 
 
 def _solved(

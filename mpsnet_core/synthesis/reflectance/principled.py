@@ -13,6 +13,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance.ggx import (
@@ -25,7 +26,7 @@ from mpsnet_core.synthesis.reflectance.ggx import (
     ior_of_reflectance,
     reflectance_of_ior,
 )
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, dot
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.sheen import sheen, sheen_lobe
 
 COAT_IOR = 1.5
