@@ -7,7 +7,8 @@ import argparse
 import time
 
 import numpy as np
-from reliefs import Relief, bumps, grid_triangles, orthographic
+from reliefs import Relief, bumps, orthographic
+from surface_shapes import grid_triangles
 
 from mpsnet_core import Camera
 from mpsnet_core.relief.occlusion import ambient_occlusion

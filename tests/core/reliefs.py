@@ -78,10 +78,3 @@ def bumps(camera: Camera, depth: float = 0.0, size: float = 1.0) -> Relief:
     across = np.stack([t - depth * dx * x, -depth * dx * y, depth * dx], axis=-1)
     upwards = np.stack([-depth * dy * x, t - depth * dy * y, depth * dy], axis=-1)
     return Relief(HeightMap(-t, ones > 0, camera), NormalMap(np.cross(across, upwards), ones > 0))
-
-
-def grid_triangles(height: int, width: int) -> np.ndarray:
-    """(T, 3) two triangles for each square of four pixels, counter-clockwise as the picture is seen."""
-    number = np.arange(height * width).reshape(height, width)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])

@@ -10,6 +10,13 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
 
+def grid_triangles(rows: int, columns: int) -> np.ndarray:
+    """(T, 3) two triangles for each square of a grid of points, counter-clockwise where rows go down."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
 def sphere_mesh(
     columns: int = 24, rows: int = 12, *, layout: str = "whole", world_from_object: np.ndarray | None = None
 ) -> Mesh:
@@ -23,9 +30,9 @@ def sphere_mesh(
     azimuth[-1] = azimuth[0]  # the seam's two sides are one place
     points = np.stack([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)], axis=-1)
     points[:, 0], points[:, -1] = (0, 0, -1), (0, 0, 1)
-    number = np.arange(u.size).reshape(u.shape)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    triangles = np.concatenate([np.stack([a, b, c], -1)[:, 1:], np.stack([a, c, d], -1)[:, :-1]], axis=1).reshape(-1, 3)
+    squares = grid_triangles(*u.shape).reshape(columns, rows, 2, 3)
+    # At the poles one triangle of each square has no area.
+    triangles = np.concatenate([squares[:, 1:, 0], squares[:, :-1, 1]], axis=1).reshape(-1, 3)
     points, uvs = points.reshape(-1, 3), np.stack([u, v], axis=-1).reshape(-1, 2)[triangles]
     behind = points[triangles].mean(axis=1)[:, 0] < 0
     if layout == "mirrored":

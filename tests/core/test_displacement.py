@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
-from surface_shapes import texels_of
+from surface_shapes import grid_triangles, texels_of
 
 from mpsnet_core.arrays.graph_poisson import Solver, graph_of
 from mpsnet_core.cli import main
@@ -214,11 +214,9 @@ def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
 
 def plate(cells: int) -> Mesh:
     """The unit square in `cells` x `cells` squares, which fills its texture."""
-    x, y = np.meshgrid(*[np.linspace(0, 1, cells + 1)] * 2)
+    x, y = np.meshgrid(*[np.linspace(0, 1, cells + 1)] * 2, indexing="ij")
     vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    number = np.arange(x.size).reshape(x.shape)
-    p, q, r, s = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
-    faces = np.concatenate([np.stack([p, q, r], -1), np.stack([p, r, s], -1)]).reshape(-1, 3)
+    faces = grid_triangles(*x.shape)
     return Mesh(vertices, faces, np.broadcast_to([0.0, 0, 1], (len(faces), 3, 3)), vertices[faces][..., :2])
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bowl, bumps, grid_triangles, orthographic, plane
+from reliefs import Relief, ball, bowl, bumps, orthographic, plane
+from surface_shapes import grid_triangles
 
 from mpsnet_core import Camera, InputError
 from mpsnet_core.relief.height_map import HeightMap
