@@ -89,7 +89,7 @@ def surface_mesh(
 
     Examples
     --------
-    >>> from mpsnet_core.relief.height_map import pixel_camera
+    >>> from mpsnet_core.scene.camera import pixel_camera
     >>> mask = np.ones((5, 5), bool)
     >>> flat = HeightMap(np.zeros((5, 5)), mask, pixel_camera(5, 5))
     >>> surface_mesh(flat, NormalMap(np.broadcast_to([0, 0, 1], (5, 5, 3)), mask)).triangles.shape

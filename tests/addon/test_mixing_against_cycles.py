@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from mpsnet_core.capture.calibrate.ball import distant_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.mixing import mixing_from_ball
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
+from mpsnet_core.scene.camera import pixel_camera
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 from .rendering import principled, rendered
@@ -45,7 +45,7 @@ def test_a_grey_ball_determines_the_matrix_to_a_tenth_or_that_it_does_not(
     pixels = rendered(tmp_path / "ball.exr", SIDE, SIDE, samples=48)[..., :3]
     pixels = pixels / np.percentile(pixels, 99.5)
     pixels = srgb_to_linear(np.rint(linear_to_srgb(pixels) * 255) / 255).astype(np.float32)
-    ball = find_balls(pixels, distant_camera(SIDE, SIDE), mirror=False)[0]
+    ball = find_balls(pixels, pixel_camera(SIDE, SIDE), mirror=False)[0]
     found = mixing_from_ball(Image(pixels, None, 1.0), ball, LightRig(direction_from_angles(*np.transpose(TOLD))))
     print(f"off by {np.abs(found.mixing - MIXING).max():.3f}, ± {found.uncertainty:.3f}\n{found.mixing}")
     assert found.determined or roughness < 0.9

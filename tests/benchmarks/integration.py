@@ -19,12 +19,12 @@ import numpy as np
 from height_shapes import square_camera, two_spheres
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.relief.height_map import pixel_camera
 from mpsnet_core.relief.integration.bilateral import PASSES, chosen_sides
 from mpsnet_core.relief.integration.fast import equations, fast
 from mpsnet_core.relief.integration.gradients import gradients
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
 from mpsnet_core.relief.integration.multigrid import Links
+from mpsnet_core.scene.camera import pixel_camera
 from mpsnet_core.scene.normal_map import NormalMap
 
 try:
@@ -118,7 +118,7 @@ def compare(name: str, normals: NormalMap, truth: np.ndarray, rounds: int) -> No
     if spsolve is None:
         print("  no direct solver to compare with: SciPy is not installed (pip install scipy)")
         return
-    wanted = gradients(normals, pixel_camera(*mask.shape))
+    wanted = gradients(normals, pixel_camera(*mask.shape[::-1]))
     clock, direct, depth = timed(partial(solved_directly, *equations(wanted), mask))
     print(f"  fast, solved directly: {clock:.2f} s ({direct:.2f} s of processor), {error(-depth, truth, mask)}")
     sides = chosen_sides(wanted, fast(wanted))

@@ -117,11 +117,6 @@ def at_origin(camera: Camera) -> Camera:
     return camera if is_there else replace(camera, world_from_camera=np.eye(4))
 
 
-def distant_camera(width: int, height: int) -> Camera:
-    """The camera of a photo whose lens is unknown: orthographic, with pixels for units."""
-    return Camera("orthographic", width, height, np.ones(2))
-
-
 def projected(camera: Camera, points: ArrayLike) -> NDArray[np.float64]:
     """(N, 2) where camera-space points (N, 3) lie in the photo, in pixels."""
     x, y, z = np.asarray(points, np.float64).T
