@@ -1,4 +1,4 @@
-"""What tests render with Blender: plain materials, and pictures by Cycles."""
+"""What tests make with Blender: plain materials, pictures by Cycles, image files."""
 
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,17 @@ def rendered(path: Path, width: int, height: int, samples: int) -> np.ndarray:
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
     return pixels(path)
+
+
+def save_png(path: Path, colours: np.ndarray) -> Path:
+    """Write colours (H, W, 3), row 0 on top, with 16 bits."""
+    height, width, _ = colours.shape
+    image = bpy.data.images.new(path.stem, width, height, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.dstack([colours[::-1], np.ones((height, width))]).astype(np.float32).ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+    return path
 
 
 def pixels(path: Path) -> np.ndarray:

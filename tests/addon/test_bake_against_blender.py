@@ -12,6 +12,7 @@ import pytest
 from external_data import external_data
 from mathutils import Matrix, Vector
 from mesh_file import write_mesh
+from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.texture import write_texture
@@ -190,10 +191,6 @@ def normal_view(side: tuple[float, float, float], detailed: "bpy.types.Object", 
     core = Camera("orthographic" if projection == "ORTHO" else "perspective", size, size, [focal, focal], None, pose)
     world = pixels[..., :3] * 2 - 1
     return View(core, NormalMap(world @ pose[:3, :3], pixels[..., 3] > 0.5))
-
-
-def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)))
 
 
 def blenders_bake(

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 from mathutils import Matrix, Vector
+from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import Baking
@@ -22,7 +23,6 @@ from .test_bake_against_blender import (
     activate,
     array_of,
     core_mesh,
-    degrees_between,
     detailed_object,
     normal_view,
     set_up_cycles,
