@@ -11,6 +11,8 @@ from mpsnet_core.arrays.unit_vectors import dot
 # Points worked on at once: what they need stays in a core's own cache, which is worth a factor of two.
 BLOCK = 1 << 14
 
+Floats = NDArray[np.float32]
+
 
 class AboveSurface(ABC):
     """A ``Reflectance`` that is 0 unless both light and viewer are above the surface."""
@@ -40,11 +42,5 @@ class AboveSurface(ABC):
         return result
 
     @abstractmethod
-    def _evaluate(
-        self,
-        normals: NDArray[np.float32],
-        lights: NDArray[np.float32],
-        views: NDArray[np.float32],
-        paint: NDArray[np.float32] | None,
-    ) -> NDArray[np.float32]:
+    def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
         """(n, 3) reflectance of a block of points (n, 3), all above the surface."""
