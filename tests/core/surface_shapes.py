@@ -44,6 +44,14 @@ def sphere_mesh(
     return Mesh(points, triangles, points[triangles], uvs, None, pose)
 
 
+def upright(back: tuple[float, float, float]) -> np.ndarray:
+    """(3, 3) the axes, as columns, of a camera that looks along -back."""
+    z = np.array(back, float) / np.linalg.norm(back)
+    x = np.cross((0, 0, 1) if abs(z[2]) < 0.9 else (0, 1, 0), z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
 def camera_looking(
     from_direction: tuple[float, float, float],
     projection: str = "orthographic",
@@ -54,12 +62,9 @@ def camera_looking(
     reach: float = 1.1,
 ) -> Camera:
     """A camera that looks along -from_direction at `target` and frames `reach` around it."""
-    z = np.array(from_direction, float) / np.linalg.norm(from_direction)
-    x = np.cross((0, 0, 1) if abs(z[2]) < 0.9 else (0, 1, 0), z)
-    x /= np.linalg.norm(x)
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    pose[:3, 3] = np.array(target) + distance * z
+    pose[:3, :3] = upright(from_direction)
+    pose[:3, 3] = np.array(target) + distance * pose[:3, 2]
     half = reach if projection == "orthographic" else reach / np.sqrt(distance**2 - reach**2)
     return Camera(projection, size, size, [size / 2 / half] * 2, None, pose)
 
