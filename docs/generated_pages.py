@@ -85,10 +85,8 @@ def _rest_of_docstring(kind: type[Operation]) -> Iterator[str]:
 def _flag(setting: Setting) -> str:
     if setting.option.positional:
         return f"`{setting.name.upper()}`"
-    names = [setting.option.short] if setting.option.short else []
-    names.append("--" + setting.name.replace("_", "-"))
     value = "" if setting.kind is bool else f" {setting.option.metavar or setting.name.rpartition('_')[2].upper()}"
-    return ", ".join(f"`{name}{value}`" for name in names)
+    return ", ".join(f"`{name}{value}`" for name in setting.flags)
 
 
 def _described(setting: Setting) -> str:

@@ -256,7 +256,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _check_together(self) -> None:
         """Raises SettingsError where an option is set that the others make meaningless."""
         given = {
-            setting.name: "--" + setting.name.replace("_", "-")
+            setting.name: setting.flags[-1]
             for setting in settings(type(self))
             if getattr(self, setting.name) != setting.default
         }
