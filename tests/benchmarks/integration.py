@@ -103,8 +103,8 @@ def small(size: int, rounds: int) -> None:
     smooth, spheres = bumpy(size), two_spheres(square_camera(size))
     compare("one smooth surface", *smooth, rounds)
     compare("the same with 5° of noise", noisy(smooth[0], 5), smooth[1], rounds)
-    compare("two spheres", spheres.normals, spheres.heights * size / 2, rounds)
-    compare("the same with 5° of noise", noisy(spheres.normals, 5), spheres.heights * size / 2, rounds)
+    compare("two spheres", spheres.normals, spheres.z * size / 2, rounds)
+    compare("the same with 5° of noise", noisy(spheres.normals, 5), spheres.z * size / 2, rounds)
 
 
 def compare(name: str, normals: NormalMap, truth: np.ndarray, rounds: int) -> None:
