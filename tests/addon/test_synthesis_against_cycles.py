@@ -13,7 +13,7 @@ from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
-from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, smooth_shape
 
 SIZE = 96
 MATT = Material(base_color=(0.8, 0.5, 0.3), specular=0.0, roughness=1.0)
@@ -23,26 +23,14 @@ BRIGHT = Material(base_color=(0.9, 0.9, 0.9), specular=0.0, roughness=1.0)
 
 def ball(radius: float, centre: tuple[float, float, float]) -> Shape:
     mesh = trimesh.creation.icosphere(subdivisions=5)
-    normals = mesh.vertices.astype(np.float32)[mesh.faces]
-    return Shape(
-        radius * mesh.vertices + centre, mesh.faces.astype(np.int32), normals, np.zeros(len(normals), np.int32)
-    )
+    return smooth_shape(radius * mesh.vertices + centre, mesh.faces.astype(np.int32), mesh.vertices)
 
 
 def concave() -> Shape:
     """Two balls that overlap, sunk into a slab."""
     slab = trimesh.creation.box((1.5, 1.5, 0.1), trimesh.transformations.translation_matrix((0, 0, -0.35)))
-    flat = np.repeat(slab.face_normals[:, None], 3, axis=1).astype(np.float32)
-    ground = Shape(slab.vertices, slab.faces.astype(np.int32), flat, np.zeros(12, np.int32))
-    shapes = [ground, ball(0.4, (-0.2, 0.1, 0.05)), ball(0.25, (0.25, -0.2, -0.1))]
-    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes[:-1])])
-    triangles = [shape.triangles + np.int32(start) for shape, start in zip(shapes, starts, strict=True)]
-    return Shape(
-        np.concatenate([shape.vertices for shape in shapes]),
-        np.concatenate(triangles),
-        np.concatenate([shape.corner_normals for shape in shapes]),
-        np.concatenate([shape.parts for shape in shapes]),
-    )
+    ground = faceted_shape(slab.vertices, slab.faces.astype(np.int32))
+    return joined([ground, ball(0.4, (-0.2, 0.1, 0.05)), ball(0.25, (0.25, -0.2, -0.1))])
 
 
 def recipe(material: Material, light_size: float, projection: str = "orthographic", bounces: int = 0) -> Recipe:
