@@ -17,6 +17,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.height_files import read_height, write_height
+from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
 
@@ -280,12 +281,8 @@ def test_normals_in_object_space_are_those_of_the_surface() -> None:
 def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:
     """Two spheres that share nothing, one in either half of the texture; one has twice the heights of the other."""
     small, texels = cube_sphere(6), 128
-    both = Mesh(
-        np.concatenate([small.vertices, 2 * small.vertices + 5]),
-        np.concatenate([small.triangles, small.triangles + len(small.vertices)]),
-        np.concatenate([small.corner_normals] * 2),
-        np.concatenate([small.uvs * (0.5, 1), small.uvs * (0.5, 1) + (0.5, 0)]),
-    )
+    left, right = small.uvs * (0.5, 1), small.uvs * (0.5, 1) + (0.5, 0)
+    both = join_meshes([replace(small, uvs=left), replace(small, vertices=2 * small.vertices + 5, uvs=right)])
     vectors = np.zeros((texels, texels, 3), np.float32)
     vectors[..., 2] = 1
     found = displacement(vectors, both)
