@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.robust_statistics import biweight, spread
+from mpsnet_core.arrays.robust_statistics import biweight, deviation
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
@@ -139,7 +139,7 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     for turn in range(ROUNDS):
         centre, size = _solved(points, weight, camera, radius)
         error = _outline_error(points, centre, size, camera)
-        lighter = biweight(error, max(spread(error, weight > 0), 1e-3))
+        lighter = biweight(error, deviation(error[weight > 0], 1e-3))
         if np.abs(lighter - weight).max() < 1e-3 and turn > 3:
             break
         weight = lighter

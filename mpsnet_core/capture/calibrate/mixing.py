@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, spread
+from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -164,7 +164,7 @@ def _fitted(
         moved = moved + step
         ball = drawn.nudged(*moved[:3])
         error = _shading(ball, rig, points, moved[3:]) @ answer - colours
-        scale = spread(error, weight > 0)
+        scale = deviation(error[weight > 0])
         lighter = biweight(error, scale)
         settled = turn > 3 and np.abs(lighter - weight).mean() < 1e-3 and np.abs(step).max() < 1e-3
         weight = lighter
@@ -231,7 +231,7 @@ def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: in
     for _ in range(ROUNDS):
         answer = _joint_step(basis, still, colours, weight, np.eye(OTHERS), unmoved, free)[0]
         error = basis @ answer - colours
-        weight = biweight(error, spread(error, weight > 0))
+        weight = biweight(error, deviation(error[weight > 0]))
     return np.asarray(answer[3])
 
 
