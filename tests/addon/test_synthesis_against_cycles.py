@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 from blender_addon.training.samples.render import render_sample
+from mpsnet_core.arrays.mask_regions import dilated, eroded
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
@@ -57,18 +58,11 @@ def both(told: Recipe, shape: Shape, samples: int, folder: Path) -> tuple[Sample
     return synthesised, render_sample(told, shape, samples, folder / "sample.exr")
 
 
-def grown(mask: np.ndarray) -> np.ndarray:
-    """Grown by a pixel all round."""
-    padded = np.pad(mask, 1)
-    height, width = mask.shape
-    return np.any([padded[r : r + height, c : c + width] for r in range(3) for c in range(3)], axis=0)
-
-
 def clear_of_edges(sample: Sample, other: Sample, light: int) -> np.ndarray:
     """Pixels away from the object's outline and from the edges of the light's shadows."""
     lit = sample.lit[light]
-    edge = (lit > 0) & (lit < 1) | grown(lit == 0) & grown(lit == 1)
-    return ~grown(~(sample.mask & other.mask)) & ~grown(edge)
+    edge = (lit > 0) & (lit < 1) | dilated(lit == 0, 1) & dilated(lit == 1, 1)
+    return eroded(sample.mask & other.mask, 1) & ~dilated(edge, 1)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +97,7 @@ def test_a_bounce_adds_what_it_does_in_cycles(tmp_path: Path) -> None:
     shape = concave()
     direct = both(recipe(BRIGHT, 3.0), shape, 48, tmp_path)
     ours, theirs = whole = both(recipe(BRIGHT, 3.0, bounces=1), shape, 64, tmp_path)
-    inner = ~grown(~(ours.mask & theirs.mask))
+    inner = eroded(ours.mask & theirs.mask, 1)
     blocks = np.zeros((2, SIZE // 8, SIZE // 8))
     for light in range(3):
         added, expected = (
@@ -112,7 +106,7 @@ def test_a_bounce_adds_what_it_does_in_cycles(tmp_path: Path) -> None:
         )
         assert expected.mean() > 0.02 * theirs.lights[light].mean()
         assert added.mean() == pytest.approx(expected.mean(), rel=0.1)
-        shadow = inner & ~grown(ours.lit[light] > 0)
+        shadow = inner & ~dilated(ours.lit[light] > 0, 1)
         # At so few pixels smoothing reaches far across a shadow.
         assert added[shadow].mean() == pytest.approx(expected[shadow].mean(), rel=0.2, abs=0.003)
         for block, image in zip(blocks, (added, expected), strict=True):
