@@ -85,10 +85,8 @@ def _rest_of_docstring(kind: type[Operation]) -> Iterator[str]:
 def _flag(setting: Setting) -> str:
     if setting.option.positional:
         return f"`{setting.name.upper()}`"
-    names = [setting.option.short] if setting.option.short else []
-    names.append("--" + setting.name.replace("_", "-"))
     value = "" if setting.kind is bool else f" {setting.option.metavar or setting.name.rpartition('_')[2].upper()}"
-    return ", ".join(f"`{name}{value}`" for name in names)
+    return ", ".join(f"`{name}{value}`" for name in setting.flags)
 
 
 def _described(setting: Setting) -> str:
@@ -124,9 +122,9 @@ def python() -> Iterator[str]:
     yield "is x right, y up, z towards the camera. Bad input raises `InputError`, whose subclasses say what is bad: a"
     yield "file, a format, a geometry, or settings."
     homes = {name: getattr(mpsnet_core, name) for name in mpsnet_core.__all__}
-    rooms = mpsnet_core._HOME
+    rooms = {name: home.split(".")[1] for name, home in mpsnet_core._HOME.items()}
     for room, title in ROOMS.items():
-        names = [name for name in homes if rooms[name].split(".")[0] == room]
+        names = [name for name in homes if rooms[name] == room]
         yield from ("", f"## {title}")
         for name in sorted(names, key=lambda name: (not inspect.isclass(homes[name]), name)):
             thing = homes[name]
@@ -136,7 +134,7 @@ def python() -> Iterator[str]:
             if inspect.isclass(thing) and not issubclass(thing, (Operation, Exception)):
                 yield "   :members:"
             yield "```"
-    missing = {rooms[name].split(".")[0] for name in homes} - set(ROOMS)
+    missing = set(rooms.values()) - set(ROOMS)
     if missing:
         raise RuntimeError(f"rooms without a title in the reference: {sorted(missing)}")
 

@@ -55,12 +55,7 @@ def relit(path):
     bpy.ops.render.render(write_still=True)
 
 
-if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    try:
-        import blender_addon
-    except ModuleNotFoundError:
-        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
-    blender_addon.register()
+runpy.run_path(str(HERE / "extension.py"))
 
 own_scene = bool(bpy.data.filepath)
 if not own_scene:

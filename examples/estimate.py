@@ -15,12 +15,7 @@ import bpy
 HERE = Path(__file__).resolve().parent
 OUTPUT = HERE / "output"
 
-if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    try:
-        import blender_addon
-    except ModuleNotFoundError:
-        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
-    blender_addon.register()
+runpy.run_path(str(HERE / "extension.py"))
 
 if not bpy.data.filepath:
     if not (OUTPUT / "scene.blend").exists():

@@ -11,6 +11,7 @@ minutes, and logs how far it is; smaller photos, --pixels 512 --samples 8, take 
 
 import argparse
 import logging
+import runpy
 import sys
 from pathlib import Path
 
@@ -32,12 +33,7 @@ def main():
     options = parser.parse_args(sys.argv[start:])
     PRACTICE.mkdir(exist_ok=True)
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-        try:
-            import blender_addon
-        except ModuleNotFoundError:
-            raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
-        blender_addon.register()
+    runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
     figure = add_monkey(levels=4)
     for pattern, strength, scale in (("VORONOI", 0.05, 0.16), ("CLOUDS", 0.01, 0.05)):

@@ -9,6 +9,7 @@ contact sheet in examples/output/quickstart.png.
 """
 
 import math
+import runpy
 import time
 from pathlib import Path
 
@@ -37,12 +38,7 @@ def main() -> None:
     started = time.monotonic()
     OUTPUT.mkdir(exist_ok=True)
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    if not hasattr(bpy.types.Scene, "mps"):
-        try:
-            import blender_addon
-        except ModuleNotFoundError:
-            raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
-        blender_addon.register()
+    runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
     step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy wearing them")
     bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=1024, output=str(OUTPUT))

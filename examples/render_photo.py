@@ -7,6 +7,7 @@
 Leaves output/photo.exr (linear), output/photo.png (to look at) and output/scene.blend for the next examples.
 """
 
+import runpy
 from pathlib import Path
 
 import bpy
@@ -38,12 +39,7 @@ def save_picture(path):
     scene.mps.photo.image.save_render(str(path), scene=scene)
 
 
-if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    try:
-        import blender_addon
-    except ModuleNotFoundError:
-        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
-    blender_addon.register()
+runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
 OUTPUT.mkdir(exist_ok=True)
 if not bpy.data.filepath:

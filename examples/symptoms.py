@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, relit
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.pictures import BACKGROUND, normals_picture, photo_picture
+from mpsnet_core.scene.pictures import normals_picture, on_background, photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output" / "symptoms"
 SIDE = 256
@@ -47,7 +47,7 @@ def estimated(photo: Array, mask: NDArray[np.bool_], rig: LightRig) -> NormalMap
 
 def relit_picture(normals: NormalMap) -> NDArray[np.float32]:
     picture = relit(normals, LIGHT)
-    return np.where(normals.mask[..., None], picture[..., :3], np.float32(BACKGROUND))
+    return on_background(picture[..., :3], normals.mask)
 
 
 def main() -> None:

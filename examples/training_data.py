@@ -8,6 +8,7 @@ rendered sample is above the synthesised one. Shapes, lights and materials agree
 each renderer has its own. What is there already is not made again: run it twice, or with a larger COUNT.
 """
 
+import runpy
 import time
 from pathlib import Path
 
@@ -20,12 +21,7 @@ from mpsnet_core.synthesis.job import SampleJob, read_job, sample_path
 OUTPUT = Path(__file__).resolve().parent / "output"
 COUNT, PIXELS, SEED = 4, 160, 1
 
-if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    try:
-        import blender_addon
-    except ModuleNotFoundError:
-        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
-    blender_addon.register()
+runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
 OUTPUT.mkdir(exist_ok=True)
 rendered, synthesised = OUTPUT / "rendered", OUTPUT / "synthesised"

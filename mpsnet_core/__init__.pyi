@@ -1,4 +1,4 @@
-"""What the package offers, for type checkers: `__init__.py` loads it on first use."""
+"""What the package offers: type checkers read it, and `__init__.py`, which loads each name on first use."""
 
 from mpsnet_core.arrays.unit_vectors import angular_error as angular_error
 from mpsnet_core.bake.bake import bake_normals as bake_normals

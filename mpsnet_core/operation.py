@@ -116,6 +116,11 @@ class Setting:
     def required(self) -> bool:
         return self.default is dataclasses.MISSING
 
+    @property
+    def flags(self) -> list[str]:
+        """What stands before its value on the command line, the long flag last."""
+        return [*filter(None, [self.option.short]), "--" + self.name.replace("_", "-")]
+
 
 @dataclass(frozen=True)
 class Result:

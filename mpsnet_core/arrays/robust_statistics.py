@@ -1,5 +1,7 @@
 """Robust scale and weights for least squares with outliers."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,9 +11,9 @@ TUKEY = 4.685
 DEVIATIONS = 1.4826
 
 
-def spread(errors: NDArray[np.float64], trusted: NDArray[np.bool_]) -> float:
-    """Standard deviation of the trusted errors, estimated from their median absolute value."""
-    return max(DEVIATIONS * float(np.median(np.abs(errors[trusted]))), 1e-12)
+def deviation(errors: NDArray[np.floating[Any]], least: float = 1e-12) -> float:
+    """Standard deviation of errors, estimated from their median absolute value; at least `least`."""
+    return max(DEVIATIONS * float(np.median(np.abs(errors))), least)
 
 
 def biweight(errors: NDArray[np.float64], scale: float) -> NDArray[np.float64]:

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
+
 
 def cross_matrix(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """(..., 3, 3) that multiplies a vector by vectors (..., 3) from the left, as a cross product."""
@@ -37,7 +39,7 @@ def quaternion_matrix(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
 
 def rotated(vectors: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:
     """Vectors (..., 3) rotated by rotation vectors (..., 3), by Rodrigues' formula."""
-    angle = np.sqrt(np.einsum("...i,...i->...", turns, turns))[..., None]
+    angle = np.sqrt(dot(turns, turns))[..., None]
     sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     across = np.cross(turns, vectors)
     result: NDArray[np.float32] = (vectors + sine * across + versine * np.cross(turns, across)).astype(np.float32)
@@ -48,6 +50,6 @@ def rotation_between(start: NDArray[np.float32], end: NDArray[np.float32]) -> ND
     """(N, 3) the shortest rotation, as a vector, that carries unit vectors `start` (N, 3) to `end` (N, 3)."""
     axis = np.cross(start, end)
     sine = np.linalg.norm(axis, axis=1)
-    angle = np.arctan2(sine, np.einsum("ni,ni->n", start, end))
+    angle = np.arctan2(sine, dot(start, end))
     result: NDArray[np.float32] = (axis * (angle / np.maximum(sine, 1e-9))[:, None]).astype(np.float32)
     return result

@@ -1,4 +1,4 @@
-"""Unit vectors and the angles between them."""
+"""Dot products, unit vectors and the angles between them."""
 
 from typing import Any
 
@@ -9,13 +9,19 @@ from numpy.typing import ArrayLike, NDArray
 SHORTEST = 1e-12
 
 
+def dot(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    """Dot products (...) of vectors (..., K), whose shapes broadcast; of float32 in float32."""
+    products: NDArray[Any] = np.einsum("...i,...i->...", one, other)
+    return products
+
+
 def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
     """Vectors (..., 3) scaled to unit length, of the same floating type; zero vectors become +z, never NaN.
 
     >>> normalised(np.array([[3.0, 0.0, 4.0], [0.0, 0.0, 0.0]])).tolist()
     [[0.6, 0.0, 0.8], [0.0, 0.0, 1.0]]
     """
-    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    length = np.sqrt(dot(vectors, vectors))
     unit: NDArray[Any] = vectors / np.maximum(length, vectors.dtype.type(SHORTEST))[..., None]
     unit[length <= SHORTEST] = (0, 0, 1)
     return unit

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.image_reading import read_data
@@ -114,7 +114,7 @@ def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArra
     """
     t = base + np.array([0, 0, 1], np.float32)
     u = detail * np.array([-1, -1, 1], np.float32)
-    along = np.einsum("...i,...i->...", t, u) / np.maximum(t[..., 2], 1e-6)
+    along = dot(t, u) / np.maximum(t[..., 2], 1e-6)
     result: NDArray[np.float32] = normalised(t * along[..., None] - u)
     return result
 

@@ -9,6 +9,7 @@ from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import SettingsError
@@ -55,7 +56,7 @@ def fill_unseen(
     """
     xy, reached = _membrane(texture.vectors[..., :2], islands, known, progress)
     vectors, place = texture.vectors.copy(), np.nonzero(reached)
-    upright = np.sqrt(np.maximum(1 - np.einsum("ni,ni->n", xy[place], xy[place]), 0))
+    upright = np.sqrt(np.maximum(1 - dot(xy[place], xy[place]), 0))
     vectors[place] = np.concatenate([xy[place], upright[:, None]], axis=-1)
     return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
 

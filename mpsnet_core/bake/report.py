@@ -15,7 +15,7 @@ from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.pictures import BACKGROUND, scaled_error_picture
+from mpsnet_core.scene.pictures import on_background, scaled_error_picture
 
 PICTURE = 1024  # pixels on a side, at most
 # Seen by none, by one view, by two, ...; the last colour stands for all above.
@@ -66,22 +66,19 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
     few = (slice(step // 2, None, step), slice(step // 2, None, step))
     covered = texture.covered[few]
 
-    def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.where(covered[..., None], colours, np.float32(BACKGROUND))
-
     beyond = "has the mesh's own normals" if texture.filled is None else "is filled where its island is seen"
     maps = [
         TextureMap(
             f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees {beyond}",
-            on_surface(encode(texture.vectors[few])),
+            on_background(encode(texture.vectors[few]), covered),
         )
     ]
     if texture.colours is not None:
-        colours = on_surface(linear_to_srgb(texture.colours[few][..., :3]))
+        colours = on_background(linear_to_srgb(texture.colours[few][..., :3]), covered)
         maps.append(TextureMap("the albedo; what no view sees continues what is near", colours))
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / np.float32(255)
-        counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
+        counts = on_background(palette[np.minimum(texture.views[few], len(palette) - 1)], covered)
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
         apart = scaled_error_picture(spread, shared)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, without_holes, without_specks
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
@@ -302,7 +302,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
         fitted = np.full_like(values, np.median(values))
         for _ in range(6):
             off = np.abs(values - fitted)
-            agree = off <= 4 * max(DEVIATIONS * float(np.median(off)), LEAST_CONTRAST / 8)
+            agree = off <= 4 * deviation(off, LEAST_CONTRAST / 8)
             factors = np.linalg.lstsq(terms[agree], values[agree], rcond=None)[0]
             fitted = terms @ factors
         behind[..., channel] = np.clip(powers @ factors, values[agree].min(), values[agree].max())

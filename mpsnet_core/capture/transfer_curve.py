@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 
@@ -129,7 +130,7 @@ def _strengths(colours: NDArray[np.float64], rig: LightRig) -> NDArray[np.float6
     for _ in range(ROUNDS):
         lights = colours / means * np.exp(strengths)
         turned = lights @ square
-        length = np.einsum("pi,pi->p", turned, lights)
+        length = dot(turned, lights)
         error = np.log(length) / 2
         weight = 1 / np.maximum(np.abs(error - np.median(error)), 0.02)
         weight /= weight.sum()

@@ -49,7 +49,7 @@ def _add(parser: argparse._ActionsContainer, setting: Setting) -> None:
     described = setting.option
     facts: dict[str, Any] = {"help": _help(setting)}
     if setting.kind is bool:
-        parser.add_argument(*_flags(setting), action="store_true", **facts)
+        parser.add_argument(*setting.flags, action="store_true", **facts)
         return
     if setting.kind is not str:
         facts["type"] = setting.kind
@@ -68,7 +68,7 @@ def _add(parser: argparse._ActionsContainer, setting: Setting) -> None:
         facts["required"] = True
     else:
         facts["default"] = None if setting.several else setting.default
-    parser.add_argument(*_flags(setting), **facts)
+    parser.add_argument(*setting.flags, **facts)
 
 
 def _help(setting: Setting) -> str:
@@ -92,8 +92,3 @@ def _default(setting: Setting) -> str:
         return setting.option.unset
     values = setting.default if setting.several else (setting.default,)
     return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
-
-
-def _flags(setting: Setting) -> list[str]:
-    long = "--" + setting.name.replace("_", "-")
-    return [setting.option.short, long] if setting.option.short else [long]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig
@@ -85,7 +86,7 @@ def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating
     """
     first, second, third = (lights[..., number, :] for number in range(3))
     across = np.cross(second, third)
-    volume = np.einsum("...i,...i->...", first, across)[..., None]
+    volume = dot(first, across)[..., None]
     # Where the three lights lie in one plane no normal follows.
     volume = np.where(np.abs(volume) < 1e-9, 1e-9, volume)
     result: NDArray[np.float64] = (
@@ -107,7 +108,7 @@ def _turn_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
 
 def _turned(vectors: NDArray[np.floating[Any]], axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors turned about axes that are as long as the sine of the angle, which is below 90° (Rodrigues)."""
-    cosine = np.sqrt(1 - np.einsum("...i,...i->...", axes, axes))[..., None]
+    cosine = np.sqrt(1 - dot(axes, axes))[..., None]
     once = np.cross(axes, vectors)
     turned: NDArray[np.float64] = vectors + once + np.cross(axes, once) / (1 + cosine)
     return turned

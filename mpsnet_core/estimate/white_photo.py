@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
@@ -175,7 +175,7 @@ def _gains(
         equations = np.einsum("ni,nj,n->ij", parts, parts, weights) / weights.sum() + even * np.eye(3)
         multiple = np.linalg.solve(equations, weights @ parts / weights.sum() + even)
         off = np.abs(parts @ multiple - 1)
-        spread = max(DEVIATIONS * float(np.median(off)), LEAST_SPREAD)
+        spread = deviation(off, LEAST_SPREAD)
         weights = light / (1 + (off / spread) ** 2)
     gains: NDArray[np.float64] = alike * np.clip(multiple, 1 / MOST, MOST)
     return gains, spread

@@ -23,7 +23,7 @@ class HeightMap:
     mask : (H, W) bool array
         Where the surface is.
     camera : Camera
-        What the pixels see; :func:`pixel_camera` where only pixels are known, so that the unit is a pixel.
+        What the pixels see; :func:`mpsnet_core.scene.camera.pixel_camera` where only those are known.
 
     Raises
     ------
@@ -32,7 +32,8 @@ class HeightMap:
 
     Examples
     --------
-    >>> heights = HeightMap(np.ones((2, 3)), np.ones((2, 3), bool), pixel_camera(2, 3))
+    >>> from mpsnet_core.scene.camera import pixel_camera
+    >>> heights = HeightMap(np.ones((2, 3)), np.ones((2, 3), bool), pixel_camera(3, 2))
     >>> heights.points()[0, 0]
     array([-1. ,  0.5,  1. ])
     """
@@ -56,8 +57,3 @@ class HeightMap:
     def points(self) -> NDArray[np.floating[Any]]:
         """(H, W, 3) points in camera space; without meaning outside the mask."""
         return self.camera.points(-self.values)
-
-
-def pixel_camera(height: int, width: int) -> Camera:
-    """An orthographic camera whose unit is a pixel."""
-    return Camera("orthographic", width, height, np.ones(2))

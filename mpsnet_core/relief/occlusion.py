@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.height_map import HeightMap
@@ -220,7 +221,7 @@ def _means_along(
         one, other = np.s_[apart:], np.s_[:-apart]
         off = (facing[one] + facing[other]) * (raised[one] - raised[other]) / (2 * apart * pixel)
         off += (leaning[one] + leaning[other]) / 2
-        turned = 1 - np.einsum("...i,...i->...", vectors[one], vectors[other])
+        turned = 1 - dot(vectors[one], vectors[other])
         weight = count * (mask[one] & mask[other]) / ((1 + np.square(off / OFF)) * (1 + np.square(turned / TURNED)))
         counted[one] += weight
         counted[other] += weight

@@ -254,7 +254,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _check_together(self) -> None:
         """Raises SettingsError where an option is set that the others make meaningless."""
         given = {
-            setting.name: "--" + setting.name.replace("_", "-")
+            setting.name: setting.flags[-1]
             for setting in settings(type(self))
             if getattr(self, setting.name) != setting.default
         }
@@ -346,14 +346,15 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
         """What the requested products are computed from, and no more."""
         from mpsnet_core.io.image_reading import read_image
-        from mpsnet_core.relief.height_map import pixel_camera
         from mpsnet_core.relief.integration.integrate import integrate
         from mpsnet_core.relief.occlusion import ambient_occlusion
         from mpsnet_core.relief.products import Surface
         from mpsnet_core.relief.sizes import check_size
+        from mpsnet_core.scene.camera import pixel_camera
 
-        given = self._camera(*normals.mask.shape)
-        camera = given or pixel_camera(*normals.mask.shape)
+        height, width = normals.mask.shape
+        given = self._camera(height, width)
+        camera = given or pixel_camera(width, height)
         if self.distance is not None and not 0 < self.distance < float("inf"):
             raise SettingsError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
         if self.distance is not None and not (self.camera or self.focal or self.mesh):

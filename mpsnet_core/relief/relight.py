@@ -11,7 +11,7 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.pictures import BACKGROUND, contact_sheet
+from mpsnet_core.scene.pictures import contact_sheet, on_background
 from mpsnet_core.scene.rig import direction_from_angles
 
 # The share of the light that comes from everywhere, and that ambient occlusion takes away.
@@ -91,6 +91,6 @@ def turntable_sheet(
     tiles = []
     for tilt in tilts:
         picture = relit(normals, direction_from_angles(slant, tilt), occlusion=occlusion, albedo=albedo)
-        framed = np.where(picture[..., 3:] > 0, picture[..., :3], np.float32(BACKGROUND))
+        framed = on_background(picture[..., :3], picture[..., 3] > 0)
         tiles.append((f"tilt {tilt:.4g}°", framed))
     return contact_sheet(tiles, columns)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import writable_path, written_whole
@@ -88,7 +89,7 @@ def surface_mesh(
 
     Examples
     --------
-    >>> from mpsnet_core.relief.height_map import pixel_camera
+    >>> from mpsnet_core.scene.camera import pixel_camera
     >>> mask = np.ones((5, 5), bool)
     >>> flat = HeightMap(np.zeros((5, 5)), mask, pixel_camera(5, 5))
     >>> surface_mesh(flat, NormalMap(np.broadcast_to([0, 0, 1], (5, 5, 3)), mask)).triangles.shape
@@ -140,7 +141,7 @@ def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[
     """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, of unit rays (T, 3)."""
     normals = triangle_normals(corners)
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
-    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-np.einsum("ti,ti->t", normals, rays) / lengths, -1, 1)))
+    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-dot(normals, rays) / lengths, -1, 1)))
     return angles
 
 

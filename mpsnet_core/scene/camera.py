@@ -129,6 +129,11 @@ class Camera:
         return origins @ self.rotation.T + self.world_from_camera[:3, 3], directions @ self.rotation.T
 
 
+def pixel_camera(width: int, height: int) -> Camera:
+    """The camera of a photo whose lens is unknown: orthographic, its unit a pixel."""
+    return Camera("orthographic", width, height, np.ones(2))
+
+
 def camera_of_lens(focal_length: float, width: int, height: int) -> Camera:
     """A perspective camera at the origin from a 35 mm equivalent focal length, in landscape or portrait format.
 

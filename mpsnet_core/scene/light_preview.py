@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
@@ -102,7 +102,7 @@ def _surface(
     weights = hits.weights.astype(np.float64)
     corners = mesh.world_vertices[mesh.triangles[hits.triangle]]
     at_corners = normalised(mesh.corner_normals[hits.triangle] @ mesh.normals_to_world)
-    outwards = np.einsum("ni,ni->n", triangle_normals(corners), view) * (-1 if mesh.is_mirrored else 1)
+    outwards = dot(triangle_normals(corners), view) * (-1 if mesh.is_mirrored else 1)
     at_corners[outwards < 0] *= -1
     normals = normalised((weights * at_corners).sum(axis=1))
     lift = offset * normals

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import SHORTEST, normalised
+from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.io.mesh_import import read_scene
@@ -352,7 +352,7 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
     around = places - places[starts][polygon]
     normals = np.add.reduceat(np.cross(around, around[ahead]), starts)
     turns = np.cross(places - places[behind], places[ahead] - places)
-    inwards = np.einsum("ci,ci->c", turns, normals[polygon])
+    inwards = dot(turns, normals[polygon])
     notched = np.unique(polygon[inwards < 0])
     for number in notched[sizes[notched] <= MOST_NOTCHED]:
         start, end = starts[number], ends[number]
@@ -561,7 +561,7 @@ def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.i
     corners = vertices[triangles]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     across = np.linalg.norm(np.cross(ahead, behind), axis=-1)
-    angles = np.arctan2(across, np.einsum("tci,tci->tc", ahead, behind))
+    angles = np.arctan2(across, dot(ahead, behind))
     weighted = (normalised(triangle_normals(corners))[:, None] * angles[..., None]).reshape(-1, 3)
     summed = np.stack([np.bincount(triangles.ravel(), weighted[:, axis], len(vertices)) for axis in range(3)], axis=-1)
     normals: NDArray[np.float64] = normalised(summed)[triangles]

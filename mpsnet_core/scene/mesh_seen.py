@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
@@ -42,7 +42,7 @@ class MeshSeen:
 
     def from_front(self, normals: NDArray[np.float32]) -> NDArray[np.bool_]:
         """(M,) whether surfaces of these normals (M, 3), in camera space, face the camera."""
-        facing: NDArray[np.bool_] = np.einsum("ni,ni->n", normals, self.directions) < 0
+        facing: NDArray[np.bool_] = dot(normals, self.directions) < 0
         return facing
 
 

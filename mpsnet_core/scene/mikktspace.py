@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.connected_components import connected
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 
 # A mesh that is so many times its size away is moved to the origin: places are compared in single precision, as by
 # mikktspace.c, in which neighbours in the coordinates of a survey are one.
@@ -89,7 +89,7 @@ def _tangents(
     projected = _normalised_or_zero(_in_plane(directions[:, None], normals))
     ahead = _normalised_or_zero(_in_plane(np.roll(corners, -1, axis=1) - corners, normals))
     behind = _normalised_or_zero(_in_plane(np.roll(corners, 1, axis=1) - corners, normals))
-    angles = np.arccos(np.clip(np.einsum("tci,tci->tc", ahead, behind), -1, 1))
+    angles = np.arccos(np.clip(dot(ahead, behind), -1, 1))
     weighted = np.where(usable[:, None, None], projected * angles[..., None], 0).reshape(-1, 3)
 
     group = _groups(pairs, turns)
@@ -187,7 +187,7 @@ def _normalised_or_zero(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _in_plane(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    height = np.einsum("tci,tci->tc", np.broadcast_to(vectors, normals.shape), normals)[..., None]
+    height = dot(vectors, normals)[..., None]
     projected: NDArray[np.float64] = vectors - normals * height
     return projected
 

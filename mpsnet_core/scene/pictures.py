@@ -47,14 +47,19 @@ def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray
     return picture
 
 
+def on_background(colours: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The colours (H, W, 3) inside the mask, on dark grey."""
+    return np.where(mask[..., None], colours, np.float32(BACKGROUND))
+
+
 def normals_picture(normals: NormalMap) -> NDArray[np.float32]:
     """(H, W, 3) colour-coded normals on a dark background."""
-    return np.where(normals.mask[..., None], encode(normals.vectors), np.float32(BACKGROUND))
+    return on_background(encode(normals.vectors), normals.mask)
 
 
 def error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_], highest: float) -> NDArray[np.float32]:
     """(H, W, 3) angular errors in colour, black at 0° and bright at `highest` degrees, the background dark grey."""
-    return np.where(mask[..., None], _inferno(np.clip(error / highest, 0, 1)), np.float32(BACKGROUND))
+    return on_background(_inferno(np.clip(error / highest, 0, 1)), mask)
 
 
 def colour_scale(highest: float, height: int) -> NDArray[np.float32]:

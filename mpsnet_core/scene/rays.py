@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 
@@ -178,5 +179,5 @@ def lift_to_curve(
     the Shadow Terminator, 2021). weights (N, 1), corners (N, 3) and normals (N, 3): those of the three corners.
     """
     for weight, corner, normal in zip(weights, corners, normals, strict=True):
-        below = np.minimum(np.einsum("ij,ij->i", points - corner, normal), 0)
+        below = np.minimum(dot(points - corner, normal), 0)
         lift -= (weight[:, 0] * below)[:, None] * normal

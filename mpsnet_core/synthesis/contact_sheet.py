@@ -16,7 +16,7 @@ from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.pictures import BACKGROUND, contact_sheet, legend, photo_picture
+from mpsnet_core.scene.pictures import BACKGROUND, contact_sheet, legend, on_background, photo_picture
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
 
 ROWS = 8
@@ -176,14 +176,10 @@ def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]
         ("light 2", lights[1]),
         ("light 3", lights[2]),
         ("photo", photo),
-        ("normals", _on_background(encode(sample.normals), inside)),
-        ("lights reaching", _on_background(np.array(LIT_COLOURS, np.float32)[reaching], inside)),
-        ("materials", _on_background(np.array(MATERIAL_COLOURS, np.float32)[number], inside & (number >= 0))),
+        ("normals", on_background(encode(sample.normals), inside)),
+        ("lights reaching", on_background(np.array(LIT_COLOURS, np.float32)[reaching], inside)),
+        ("materials", on_background(np.array(MATERIAL_COLOURS, np.float32)[number], inside & (number >= 0))),
     ]
-
-
-def _on_background(picture: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
-    return np.where(inside[..., None], picture, np.float32(BACKGROUND))
 
 
 def sheet_line(files: Sequence[Path]) -> str:

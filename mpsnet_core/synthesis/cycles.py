@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_input import complaint, image_input, libraries_silent
@@ -147,7 +147,7 @@ def _traced(
     depth[rows, columns] = points @ camera.depth_row()[:3] + camera.depth_row()[3]
 
     faces = normalised(triangle_normals(vertices[triangles[triangle[met]]]))
-    faces *= -np.sign(np.einsum("ni,ni->n", faces, directions))[:, None]
+    faces *= -np.sign(dot(faces, directions))[:, None]
     starts = points + OFFSET * scene.size * faces
     shading = normals[rows, columns]
     for light, direction, size in zip(lit, recipe.light_directions, recipe.light_sizes, strict=True):

@@ -12,7 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file, written_whole
 from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
@@ -166,7 +166,7 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     planes = np.stack([values[..., number] for number in order])
     lights = planes[:9].reshape(3, 3, *planes.shape[1:]).transpose(0, 2, 3, 1)
     normals, (depth, alpha, material), lit = planes[9:12].transpose(1, 2, 0), planes[12:15], planes[15:]
-    length = np.sqrt(np.einsum("hwi,hwi->hw", normals, normals))
+    length = np.sqrt(dot(normals, normals))
     for fault, found in {
         "an alpha outside 0 to 1": _outside_unit(alpha),
         "shares of light outside 0 to 1": _outside_unit(lit),

@@ -27,6 +27,8 @@ from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json, to_json
 from mpsnet_core.progress import silent
 
+from .rendering import matte
+
 
 @pytest.fixture(scope="session", autouse=True)
 def registered() -> Iterator[None]:
@@ -118,17 +120,6 @@ def begin(name: str, beginnings: Path, here: Path) -> None:
 def sphere(scene: "bpy.types.Scene") -> "bpy.types.Object":
     """A matte white unit sphere with UVs, selected and active."""
     return bpy.data.objects["Sphere"]
-
-
-def matte() -> "bpy.types.Material":
-    """A white Principled BSDF without gloss: the core's Lambertian model in Blender."""
-    material = bpy.data.materials.new("Matte")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)
-    shader.inputs["Specular IOR Level"].default_value = 0
-    return material
 
 
 @pytest.fixture

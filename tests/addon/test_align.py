@@ -18,7 +18,7 @@ from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera
 
-from .conftest import matte
+from .rendering import matte
 
 SIZE = (320, 256)
 

@@ -14,8 +14,7 @@ from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.rig import read_rig
 
-from .conftest import matte
-from .test_photo import pixels
+from .rendering import matte, pixels, save_png
 from .test_steps import Kind, MPS_PT_bake, stands
 
 SMALL = {"width": 24, "height": 24, "samples": 1}
@@ -23,12 +22,7 @@ SMALL = {"width": 24, "height": 24, "samples": 1}
 
 def painted(path: Path, value: float) -> "bpy.types.Image":
     """An image that an artist has loaded from a PNG file of one grey."""
-    made = bpy.data.images.new("made", 24, 24, is_data=True)
-    made.pixels.foreach_set(np.full((24, 24, 4), (value, value, value, 1), np.float32).ravel())
-    made.filepath_raw, made.file_format = str(path), "PNG"
-    made.save()
-    bpy.data.images.remove(made)
-    image = bpy.data.images.load(str(path))
+    image = bpy.data.images.load(str(save_png(path, np.full((24, 24, 3), value))))
     image.use_fake_user = True
     return image
 

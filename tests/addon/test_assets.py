@@ -7,7 +7,7 @@ from blender_addon.appearance.displacement import assign_displacement
 from blender_addon.bake.assign_textures import assign_textures
 from blender_addon.bake.texture_sets import AssignedTexture
 
-from .test_photo import pixels
+from .rendering import pixels
 
 
 @pytest.fixture

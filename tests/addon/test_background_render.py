@@ -7,7 +7,6 @@ from contextlib import nullcontext
 
 import bpy
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 from blender_addon.child_process.core_process import CoreProcess
@@ -17,6 +16,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.rig import read_rig
 
+from .rendering import pixels
 from .test_photo import everything, glowing
 
 
@@ -24,10 +24,6 @@ def begin(what, output, folder):
     """The run that the button would start."""
     folder.mkdir()
     return CoreProcess(written_job(bpy.context, what, output, folder), [output], rendering_blender(folder))
-
-
-def pixels(path):
-    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
 
-from .conftest import matte
-from .test_photo import pixels, sphere_normals
+from .rendering import matte, pixels
+from .test_photo import sphere_normals
 
 
 def test_the_estimate_is_the_spheres_normals(estimated, scene, tmp_path):

@@ -3,21 +3,24 @@
 The views are Cycles renders of the detailed mesh's normals, so that nothing of the core makes what it is fed.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from external_data import external_data
 from mathutils import Matrix, Vector
 from mesh_file import write_mesh
+from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import NormalMap
+
+from .rendering import nodes_of, write_exr_files
 
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]
 
@@ -154,16 +157,8 @@ def set_up_cycles(size: int) -> None:
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = size
     scene.render.resolution_percentage = 100
-    settings = scene.render.image_settings
-    if bpy.app.version >= (5, 0):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGBA", "32"
-
-
-def nodes_of(material: "bpy.types.Material") -> "bpy.types.NodeTree":
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    return material.node_tree
+    write_exr_files(scene.render)
+    scene.render.image_settings.color_mode = "RGBA"
 
 
 def camera_at(side: tuple[float, float, float], projection: str = "ORTHO") -> "bpy.types.Object":
@@ -196,10 +191,6 @@ def normal_view(side: tuple[float, float, float], detailed: "bpy.types.Object", 
     core = Camera("orthographic" if projection == "ORTHO" else "perspective", size, size, [focal, focal], None, pose)
     world = pixels[..., :3] * 2 - 1
     return View(core, NormalMap(world @ pose[:3, :3], pixels[..., 3] > 0.5))
-
-
-def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)))
 
 
 def blenders_bake(
@@ -237,10 +228,7 @@ def with_materials(*objects: "bpy.types.Object") -> None:
 
 @pytest.fixture
 def bunny(scene: "bpy.types.Scene") -> "bpy.types.Object":
-    path = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "meshes" / "test" / "bunny.obj"
-    if "MPSNET_TEST_DATA" not in os.environ or not path.is_file():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with meshes/test/bunny.obj")
-    return detailed_object(path)
+    return detailed_object(external_data("meshes/test/bunny.obj"))
 
 
 def test_a_70k_mesh_baked_onto_7k_agrees_with_blenders_bake(bunny: "bpy.types.Object", tmp_path: Path) -> None:

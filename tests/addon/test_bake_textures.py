@@ -15,8 +15,7 @@ from mpsnet_core import Camera, NormalMap, write_camera, write_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import InputError
 
-from .conftest import matte
-from .test_photo import pixels
+from .rendering import matte, pixels, rendered
 
 PLACES = {"Left": -1.2, "Right": 1.2}
 
@@ -75,19 +74,13 @@ def shown_normals(scene, tmp_path, obj):
     camera = bpy.data.objects.new("Front", data)
     camera.location, camera.rotation_euler = (obj.location.x, -5, 0), (np.pi / 2, 0, 0)
     scene.collection.objects.link(camera)
-    scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
-    scene.cycles.use_denoising = False
+    scene.camera = camera
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
-    scene.render.resolution_x = scene.render.resolution_y = 160
-    settings = scene.render.image_settings
-    if bpy.app.version >= (5, 0):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_depth, scene.render.filepath = "OPEN_EXR", "32", str(tmp_path / "shown.exr")
-    bpy.ops.render.render(write_still=True)
+    shown = rendered(tmp_path / "shown.exr", 160, 160, samples=1)[..., :3]
     x, z = (np.mgrid[:160, :160][1] + 0.5) / 80 - 1, 1 - (np.mgrid[:160, :160][0] + 0.5) / 80
     inside = x**2 + z**2 < 0.9
     truth = np.stack([x, -np.sqrt(np.maximum(1 - x**2 - z**2, 0)), z], axis=-1)
-    return 2 * pixels(tmp_path / "shown.exr")[..., :3][inside] - 1, truth[inside]
+    return 2 * shown[inside] - 1, truth[inside]
 
 
 def test_udim_tiles_are_one_image_and_show_without_a_seam(spheres, scene, tmp_path):

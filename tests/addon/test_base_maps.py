@@ -6,13 +6,14 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from synthetic import degrees_between
 
 from blender_addon.bake.base_maps import base_map_file, store_base_map
 from blender_addon.bake.texture_sets import BakeTarget
 from blender_addon.panels.bake import MPS_PT_bake
 from mpsnet_core import read_image
 
-from .test_bake_against_blender import degrees_between
+from .rendering import save_png
 
 
 def waves(size: int = 64) -> np.ndarray:
@@ -23,16 +24,7 @@ def waves(size: int = 64) -> np.ndarray:
 
 
 def saved_map(path: Path, vectors: np.ndarray) -> "bpy.types.Image":
-    """A 16-bit PNG by Blender, with row 0 of the vectors on top."""
-    size = len(vectors)
-    image = bpy.data.images.new(path.stem, size, size, float_buffer=True, is_data=True)
-    pixels = np.ones((size, size, 4), np.float32)
-    pixels[..., :3] = 0.5 + 0.5 * vectors[::-1]
-    image.pixels.foreach_set(pixels.ravel())
-    image.filepath_raw, image.file_format = str(path), "PNG"
-    image.save()
-    bpy.data.images.remove(image)
-    return bpy.data.images.load(str(path))
+    return bpy.data.images.load(str(save_png(path, 0.5 + 0.5 * vectors)))
 
 
 def dress(obj: "bpy.types.Object", image: "bpy.types.Image") -> "bpy.types.Node":

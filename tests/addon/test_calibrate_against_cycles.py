@@ -1,7 +1,5 @@
 """Calibration against Cycles: mirror balls and area lights in a scene, their places known from its objects."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
@@ -12,21 +10,12 @@ from mpsnet_core.capture.calibrate.highlights import find_coloured_highlights
 from mpsnet_core.capture.calibrate.lights import Sighting, find_lights
 from mpsnet_core.io.image_reading import read_image
 
+from .rendering import principled, rendered
+
 SIZE = (960, 560)
 RADIUS = 0.1
 LAMP = 0.06  # its diameter
 RED, GREEN, BLUE = (1.0, 0.3, 0.3), (0.3, 1.0, 0.3), (0.3, 0.3, 1.0)
-
-
-def surface(name: str, colour: float, metallic: float, roughness: float) -> "bpy.types.Material":
-    material = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (colour, colour, colour, 1)
-    shader.inputs["Metallic"].default_value = metallic
-    shader.inputs["Roughness"].default_value = roughness
-    return material
 
 
 def mirror_ball(place: tuple[float, float, float], material: "bpy.types.Material") -> "bpy.types.Object":
@@ -46,22 +35,11 @@ def lamp(scene: "bpy.types.Scene", place: Vector, target: Vector, colour: tuple[
     scene.collection.objects.link(obj)
 
 
-def render(scene: "bpy.types.Scene", path: Path) -> None:
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising = 12, False
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    if bpy.app.version >= (5, 0):
-        scene.render.image_settings.media_type = "IMAGE"
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-
-
 def test_lights_by_two_mirror_balls(scene, tmp_path):
-    steel = surface("Steel", 0.55, 1.0, 0.03)
+    steel = principled("Steel", (0.55,) * 3, Metallic=1.0, Roughness=0.03)
     balls = [mirror_ball(place, steel) for place in ((-0.18, 0.02, 0.1), (0.17, -0.03, 0.1))]
     bpy.ops.mesh.primitive_plane_add(size=4)
-    bpy.context.object.data.materials.append(surface("Table", 0.3, 0.0, 0.9))
+    bpy.context.object.data.materials.append(principled("Table", (0.3,) * 3, Roughness=0.9))
     scene.world = bpy.data.worlds.new("Room")
     scene.world.color = (0.05, 0.05, 0.05)
     target = Vector((0, 0, 0.1))
@@ -75,7 +53,7 @@ def test_lights_by_two_mirror_balls(scene, tmp_path):
     places = [Vector((0.1, 0.3, 0.9)), Vector((-0.7, -0.3, 0.6)), Vector((0.6, -0.5, 0.5))]
     for place, colour in zip(places, (RED, GREEN, BLUE), strict=True):
         lamp(scene, place, target, colour)
-    render(scene, tmp_path / "balls.exr")
+    rendered(tmp_path / "balls.exr", *SIZE, samples=12)
 
     seen_by = scene_camera(camera, scene, SIZE)
     image = read_image(tmp_path / "balls.exr")

@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon.settings.record import notes_of
 
-from .test_photo import pixels
+from .rendering import pixels
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
+from synthetic import degrees_between
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.bake import View
@@ -18,13 +19,13 @@ from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
+from .rendering import save_png
 from .test_bake_against_blender import (
     SIDES,
     activate,
     array_of,
     blenders_bake,
     core_mesh,
-    degrees_between,
     normal_view,
     set_up_cycles,
     simplified,
@@ -106,23 +107,12 @@ def covered(folder: Path) -> np.ndarray:
     return triangle_of_texel(texel_coordinates(read_mesh(folder / "mesh.npz").uvs, SIZE), SIZE) >= 0
 
 
-def save_map(vectors: np.ndarray, path: Path) -> Path:
-    """A 16-bit PNG by Blender."""
-    image = bpy.data.images.new("Present", SIZE, SIZE, float_buffer=True, is_data=True)
-    pixels = np.ones((SIZE, SIZE, 4), np.float32)
-    pixels[..., :3] = 0.5 + 0.5 * vectors[::-1]
-    image.pixels.foreach_set(pixels.ravel())
-    image.filepath_raw, image.file_format = str(path), "PNG"
-    image.save()
-    return path
-
-
 def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene", tmp_path: Path) -> None:
     """Whether the photo shows the detail on something smooth, or on the object with the relief of its present map."""
     set_up_cycles(SIZE)
     low, large, both = low_poly(), ball(True, False), ball(True, True)
     present = blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION)
-    path = save_map(present, tmp_path / "present.png")
+    path = save_png(tmp_path / "present.png", 0.5 + 0.5 * present)
     reference = blenders_bake(both, low, SIZE, "TANGENT", EXTRUSION)
     for shown, all_of_it in ((both, True), (ball(False, True), False)):
         views = photographed(shown, tmp_path)
@@ -147,7 +137,8 @@ def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(
     seen, references = [], []
     for number, phase in enumerate((0.0, 2.0)):
         low, large, both = low_poly(), ball(True, False, phase), ball(True, True, phase)
-        save_map(blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION), tmp_path / f"was_ball_{number}.png")
+        present = blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION)
+        save_png(tmp_path / f"was_ball_{number}.png", 0.5 + 0.5 * present)
         references.append(blenders_bake(both, low, SIZE, "TANGENT", EXTRUSION))
         seen.append(both if number == 0 else ball(False, True))
         place = Matrix.LocRotScale(Vector((1.0 * number - 0.5, 0.1 * number, 0)), None, Vector([0.45] * 3))

@@ -11,7 +11,7 @@ import pytest
 from blender_addon.commands import main
 from mpsnet_core.synthesis.job import SampleJob, place_job
 
-from .conftest import matte
+from .rendering import matte
 
 
 def delete(obj):

@@ -14,9 +14,6 @@ from blender_addon.appearance.modifiers import move_by_modifier, subdivide
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.child_process.simulation_caches import simulations_write_into
 from blender_addon.outputs import may_open
-from blender_addon.panels.bake import MPS_PT_bake
-from blender_addon.panels.estimate import MPS_PT_estimate
-from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
@@ -25,6 +22,8 @@ from blender_addon.provenance import made_when
 from blender_addon.training.samples.worker import _Worker
 from blender_addon.training.training_data import SCENE_FILE
 from mpsnet_core.synthesis.job import SampleJob
+
+from .test_steps import kinds
 
 # A shader, compiled, that is a camera and says so on stdout.
 SHADER = """OpenShadingLanguage 1.00
@@ -46,10 +45,6 @@ def rigged(scene):
     photo = scene.mps.photo
     photo.width, photo.height, photo.samples = 24, 16, 1
     return scene.mps.rig
-
-
-def states():
-    return [step.state(bpy.context).kind for step in (MPS_PT_rig, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)]
 
 
 # --- what runs --------------------------------------------------------------------------------------------------------
@@ -170,7 +165,7 @@ def test_what_an_image_remembers_may_be_anything(photographed, scene, tmp_path, 
         for what in ("source", "made", "made_by", "made_from", "onto", "lens", "base", "base_convention"):
             image[f"mpsnet_{what}"] = value
         assert made_when(image) == ""
-    assert Kind.FAILED not in states()
+    assert Kind.FAILED not in kinds()
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals.png"))
     bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
     scene.mps.photo.image["mpsnet_rig"] = value

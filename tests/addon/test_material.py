@@ -13,7 +13,7 @@ from mpsnet_core import published_rig, read_image, write_image, write_rig
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.normal_map import decode
 
-from .test_photo import pixels
+from .rendering import rendered
 
 WEAVE = Weave(shape=(150, 180), period=31.0, amplitude_mm=0.4, pixel_mm=0.3)
 
@@ -154,15 +154,7 @@ def render(scene, path, plane, light):
         scene.collection.objects.link(thing)
     scene.camera = camera
     scene.world = None
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples = 16
-    scene.render.resolution_x, scene.render.resolution_y = 96, round(96 * down / across)
-    if bpy.app.version >= (5, 0):
-        scene.render.image_settings.media_type = "IMAGE"
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    return pixels(path)[..., :3]
+    return rendered(path, 96, round(96 * down / across), samples=16)[..., :3]
 
 
 @pytest.mark.parametrize("relief", ["NORMAL", "DISPLACEMENT"])

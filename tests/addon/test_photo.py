@@ -14,12 +14,7 @@ from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 
-from .conftest import matte
-
-
-def pixels(path):
-    """(H, W, C) of the first part of an EXR."""
-    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+from .rendering import matte, pixels
 
 
 def channels(path):

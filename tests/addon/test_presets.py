@@ -15,7 +15,7 @@ from blender_addon.image_records import remember
 from blender_addon.images import load_image
 from mpsnet_core import read_image, write_camera, write_normals
 
-from .conftest import matte
+from .rendering import matte
 from .test_bake_against_blender import (
     add_sun,
     array_of,

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from numpy.typing import NDArray
 
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import PrincipledBsdf
+
+from .rendering import principled, rendered
 
 SIZE = 64
 SLANT = np.radians(40)
@@ -35,12 +36,7 @@ def photograph(material: Material, path: Path) -> NDArray[np.float32]:
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7)
     bpy.ops.object.shade_smooth()
-    surface = bpy.data.materials.new("Surface")
-    if bpy.app.version < (5, 0):
-        surface.use_nodes = True
-    shader = next(node for node in surface.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    values = {
-        "Base Color": (*material.base_color, 1.0),
+    inputs = {
         "Roughness": material.roughness,
         "Metallic": material.metallic,
         "Specular IOR Level": material.specular,
@@ -50,9 +46,7 @@ def photograph(material: Material, path: Path) -> NDArray[np.float32]:
         "Coat Weight": material.coat,
         "Coat Roughness": material.coat_roughness,
     }
-    for name, value in values.items():
-        shader.inputs[name].default_value = value
-    bpy.context.object.data.materials.append(surface)
+    bpy.context.object.data.materials.append(principled("Surface", material.base_color, **inputs))
 
     camera = bpy.data.cameras.new("Camera")
     camera.type, camera.ortho_scale = "ORTHO", 2
@@ -65,20 +59,11 @@ def photograph(material: Material, path: Path) -> NDArray[np.float32]:
     for obj in (scene.camera, light):
         scene.collection.objects.link(obj)
 
-    render = scene.render
-    render.engine = "CYCLES"
-    render.resolution_x = render.resolution_y = SIZE
-    render.filepath = str(path)
-    if bpy.app.version >= (5, 0):
-        render.image_settings.media_type = "IMAGE"
-    render.image_settings.file_format = "OPEN_EXR"
-    render.image_settings.color_depth = "32"
-    render.threads_mode, render.threads = "FIXED", 1
+    scene.render.threads_mode, scene.render.threads = "FIXED", 1
     # One ray through each pixel's middle: with a point light nothing is left to chance.
-    scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.use_denoising = 1, 0, False
+    scene.cycles.max_bounces = 0
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
-    bpy.ops.render.render(write_still=True)
-    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+    return rendered(path, SIZE, SIZE, samples=1)[..., :3]
 
 
 def difference(material: Material, path: Path) -> float:
@@ -90,8 +75,8 @@ def difference(material: Material, path: Path) -> float:
     normals = normals[lit]
     lights, views = np.tile(LIGHT, (len(normals), 1)), np.tile([0.0, 0.0, 1.0], (len(normals), 1))
     expected = np.pi * PrincipledBsdf(material)(normals, lights, views) * (normals @ LIGHT)[:, None]
-    rendered = photograph(material, path)[lit]
-    return float(np.mean(np.abs(expected - rendered) / rendered))
+    shown = photograph(material, path)[lit]
+    return float(np.mean(np.abs(expected - shown) / shown))
 
 
 @pytest.mark.parametrize("name", MATERIALS)

@@ -17,9 +17,12 @@ from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
 from mpsnet_core.synthesis.shading.pattern import material_weights
-from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.shapes.shape import Shape, joined, smooth_shape
+
+from .rendering import principled
 
 SIZE = 64
+MATT = {"Specular IOR Level": 0.0}
 WHITE = Material(base_color=(0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
 RED, GREEN, BLUE = (replace(WHITE, base_color=color) for color in ((0.8, 0, 0), (0, 0.8, 0), (0, 0, 0.8)))
 
@@ -52,9 +55,7 @@ def turned(degrees: float) -> np.ndarray:
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
-def sphere(
-    radius: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), part: int = 0, rings: int = 64
-) -> Shape:
+def sphere(radius: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), rings: int = 64) -> Shape:
     """A sphere of rings and twice as many segments, with exact normals."""
     slant, tilt = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False))
     points = np.stack([np.sin(slant) * np.cos(tilt), np.sin(slant) * np.sin(tilt), np.cos(slant)], -1).reshape(-1, 3)
@@ -69,18 +70,7 @@ def sphere(
             )
         ]
     ).astype(np.int32)
-    normals = points.astype(np.float32)[triangles]
-    return Shape(points * radius + centre, triangles, normals, np.full(len(triangles), part, np.int32))
-
-
-def joined(*shapes: Shape) -> Shape:
-    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
-    return Shape(
-        np.concatenate([shape.vertices for shape in shapes]),
-        np.concatenate([shape.triangles + start for shape, start in zip(shapes, starts, strict=False)]),
-        np.concatenate([shape.corner_normals for shape in shapes]),
-        np.concatenate([shape.parts for shape in shapes]),
-    )
+    return smooth_shape(points * radius + centre, triangles, points)
 
 
 def seen_sphere(view: Camera, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -120,7 +110,7 @@ def test_a_matt_sphere_is_as_the_formulas_say(projection, tmp_path):
 
 def test_one_render_shows_what_three_of_a_light_each_show(tmp_path):
     """With cast shadows, penumbrae, gloss and light between the spheres."""
-    shape = joined(sphere(0.7, (-0.3, 0, 0)), sphere(0.4, (0.3, 0.3, 0.6)))
+    shape = joined([sphere(0.7, (-0.3, 0, 0)), sphere(0.4, (0.3, 0.3, 0.6))])
     materials = (Material(base_color=(0.7, 0.4, 0.2), roughness=0.4), Material(metallic=1.0, roughness=0.3))
     told = recipe(materials=materials, light_sizes=np.full(3, 10.0), bounces=2, camera=camera("orthographic", size=48))
     told = replace(told, pattern=Pattern("stripes", scale=2.0, softness=0.3))
@@ -138,7 +128,8 @@ def test_one_render_shows_what_three_of_a_light_each_show(tmp_path):
 
 def test_materials_lie_where_the_pattern_says(tmp_path):
     """Stripes and parts have no noise in them, and so are the same as the core's own."""
-    cap = joined(sphere(0.8, (-0.2, 0, 0), part=1), sphere(0.5, (0.5, 0, 0), part=6))
+    cap = joined([sphere(0.8, (-0.2, 0, 0)), sphere(0.5, (0.5, 0, 0))])
+    cap = replace(cap, parts=np.array([1, 6], np.int32)[cap.parts])
     for kind, shape in (("parts", cap), ("stripes", sphere())):
         pattern = Pattern(kind, scale=1.7, direction=(0.36, 0.48, 0.8))
         told = recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=pattern, rotation=turned(30))
@@ -271,24 +262,13 @@ def test_a_measured_material_is_refused(tmp_path):
 # --- the scene's own objects ------------------------------------------------------------------------------------------
 
 
-def coloured(name: str, color: tuple[float, float, float], **inputs: float) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (*color, 1)
-    for key, value in ({"Specular IOR Level": 0.0} | inputs).items():
-        shader.inputs[key].default_value = value
-    return material
-
-
 @pytest.fixture
 def scene_file(tmp_path) -> Path:
     """A red and a green ball of radius 3, the green one a stretched child of the red one, and a lamp that glows."""
     for name, color, place in (("Red", (0.8, 0, 0), (20, 0, 3)), ("Green", (0, 0.8, 0), (26, 0, 3))):
         bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=3, location=place)
         bpy.context.object.name = name
-        bpy.context.object.data.materials.append(coloured(name, color))
+        bpy.context.object.data.materials.append(principled(name, color, **MATT))
         bpy.ops.object.shade_smooth()
     red, green = bpy.data.objects["Red"], bpy.data.objects["Green"]
     green.parent, green.matrix_parent_inverse = red, red.matrix_world.inverted()
@@ -298,7 +278,7 @@ def scene_file(tmp_path) -> Path:
     hidden = bpy.data.objects.new("Hidden", bpy.context.object.data.copy())
     bpy.context.collection.objects.link(hidden)
     hidden.hide_viewport = True
-    lamp = coloured("Lamp", (1, 1, 1), **{"Emission Strength": 5.0})
+    lamp = principled("Lamp", (1, 1, 1), **MATT, **{"Emission Strength": 5.0})
     bpy.context.object.data.materials.append(lamp)
     path = tmp_path / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))

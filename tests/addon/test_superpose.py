@@ -14,6 +14,8 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import write_rig
 
+from .test_steps import stands
+
 SPHERE = shaded_sphere(64)
 PAINT = np.array([0.9, 0.5, 0.2])
 LIGHTS = ("first", "second", "third")
@@ -27,21 +29,16 @@ def photos(tmp_path: Path) -> dict[str, str]:
     return {name: str(tmp_path / f"{name}.exr") for name in LIGHTS}
 
 
-def state() -> tuple[Kind, str]:
-    step = MPS_PT_superpose.state(bpy.context)
-    return step.kind, step.why
-
-
 def test_three_white_photos_become_the_photo_that_is_estimated(scene, photos, tmp_path):
-    assert state()[0] is Kind.TO_DO
+    assert stands(MPS_PT_superpose)[0] is Kind.TO_DO
     for name, photo in photos.items():
         setattr(scene.mps.superpose, name, photo)
-    assert state() == (Kind.READY, "")
+    assert stands(MPS_PT_superpose) == (Kind.READY, "")
     scene.mps.estimate.white, scene.mps.estimate.encoding = photos["first"], "LINEAR"
     bpy.ops.mps.open_photo(filepath=photos["first"])
     scene.mps.estimate.white = photos["first"]
     bpy.ops.mps.superpose(output=str(tmp_path / "one.exr"))
-    assert state() == (Kind.DONE, "")
+    assert stands(MPS_PT_superpose) == (Kind.DONE, "")
     image = scene.mps.photo.image
     assert Path(image.filepath) == tmp_path / "one.exr"
     np.testing.assert_allclose(read_image(image.filepath).pixels, SPHERE.image * PAINT.mean(), atol=1e-6)
@@ -55,7 +52,7 @@ def test_three_white_photos_become_the_photo_that_is_estimated(scene, photos, tm
     assert degrees_between(normals.vectors, SPHERE.normals)[lit].mean() < 0.1
 
     write_image(photos["second"], np.ones((70, 64, 3)))
-    assert state() == (Kind.OUT_OF_DATE, "Changed since: Second Light")
+    assert stands(MPS_PT_superpose) == (Kind.OUT_OF_DATE, "Changed since: Second Light")
 
 
 def test_what_is_missing_or_does_not_fit_is_reported(scene, photos, tmp_path):
@@ -64,5 +61,5 @@ def test_what_is_missing_or_does_not_fit_is_reported(scene, photos, tmp_path):
     write_image(photos["third"], np.ones((8, 8, 3)))
     with pytest.raises(RuntimeError, match=r"8 x 8.*they must be the same size"):
         bpy.ops.mps.superpose(**photos, output=str(tmp_path / "one.exr"))
-    assert state()[0] is Kind.FAILED
+    assert stands(MPS_PT_superpose)[0] is Kind.FAILED
     assert scene.mps.photo.image is None and not (tmp_path / "one.exr").exists()

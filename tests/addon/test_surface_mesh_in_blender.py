@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from reliefs import ball
+from height_shapes import ball
 
 from mpsnet_core import Camera
 from mpsnet_core.relief.height_files import write_height

@@ -7,13 +7,14 @@ import pytest
 import trimesh
 
 from blender_addon.training.samples.render import render_sample
+from mpsnet_core.arrays.mask_regions import dilated, eroded
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
-from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, smooth_shape
 
 SIZE = 96
 MATT = Material(base_color=(0.8, 0.5, 0.3), specular=0.0, roughness=1.0)
@@ -23,26 +24,14 @@ BRIGHT = Material(base_color=(0.9, 0.9, 0.9), specular=0.0, roughness=1.0)
 
 def ball(radius: float, centre: tuple[float, float, float]) -> Shape:
     mesh = trimesh.creation.icosphere(subdivisions=5)
-    normals = mesh.vertices.astype(np.float32)[mesh.faces]
-    return Shape(
-        radius * mesh.vertices + centre, mesh.faces.astype(np.int32), normals, np.zeros(len(normals), np.int32)
-    )
+    return smooth_shape(radius * mesh.vertices + centre, mesh.faces.astype(np.int32), mesh.vertices)
 
 
 def concave() -> Shape:
     """Two balls that overlap, sunk into a slab."""
     slab = trimesh.creation.box((1.5, 1.5, 0.1), trimesh.transformations.translation_matrix((0, 0, -0.35)))
-    flat = np.repeat(slab.face_normals[:, None], 3, axis=1).astype(np.float32)
-    ground = Shape(slab.vertices, slab.faces.astype(np.int32), flat, np.zeros(12, np.int32))
-    shapes = [ground, ball(0.4, (-0.2, 0.1, 0.05)), ball(0.25, (0.25, -0.2, -0.1))]
-    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes[:-1])])
-    triangles = [shape.triangles + np.int32(start) for shape, start in zip(shapes, starts, strict=True)]
-    return Shape(
-        np.concatenate([shape.vertices for shape in shapes]),
-        np.concatenate(triangles),
-        np.concatenate([shape.corner_normals for shape in shapes]),
-        np.concatenate([shape.parts for shape in shapes]),
-    )
+    ground = faceted_shape(slab.vertices, slab.faces.astype(np.int32))
+    return joined([ground, ball(0.4, (-0.2, 0.1, 0.05)), ball(0.25, (0.25, -0.2, -0.1))])
 
 
 def recipe(material: Material, light_size: float, projection: str = "orthographic", bounces: int = 0) -> Recipe:
@@ -69,18 +58,11 @@ def both(told: Recipe, shape: Shape, samples: int, folder: Path) -> tuple[Sample
     return synthesised, render_sample(told, shape, samples, folder / "sample.exr")
 
 
-def grown(mask: np.ndarray) -> np.ndarray:
-    """Grown by a pixel all round."""
-    padded = np.pad(mask, 1)
-    height, width = mask.shape
-    return np.any([padded[r : r + height, c : c + width] for r in range(3) for c in range(3)], axis=0)
-
-
 def clear_of_edges(sample: Sample, other: Sample, light: int) -> np.ndarray:
     """Pixels away from the object's outline and from the edges of the light's shadows."""
     lit = sample.lit[light]
-    edge = (lit > 0) & (lit < 1) | grown(lit == 0) & grown(lit == 1)
-    return ~grown(~(sample.mask & other.mask)) & ~grown(edge)
+    edge = (lit > 0) & (lit < 1) | dilated(lit == 0, 1) & dilated(lit == 1, 1)
+    return eroded(sample.mask & other.mask, 1) & ~dilated(edge, 1)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +97,7 @@ def test_a_bounce_adds_what_it_does_in_cycles(tmp_path: Path) -> None:
     shape = concave()
     direct = both(recipe(BRIGHT, 3.0), shape, 48, tmp_path)
     ours, theirs = whole = both(recipe(BRIGHT, 3.0, bounces=1), shape, 64, tmp_path)
-    inner = ~grown(~(ours.mask & theirs.mask))
+    inner = eroded(ours.mask & theirs.mask, 1)
     blocks = np.zeros((2, SIZE // 8, SIZE // 8))
     for light in range(3):
         added, expected = (
@@ -124,7 +106,7 @@ def test_a_bounce_adds_what_it_does_in_cycles(tmp_path: Path) -> None:
         )
         assert expected.mean() > 0.02 * theirs.lights[light].mean()
         assert added.mean() == pytest.approx(expected.mean(), rel=0.1)
-        shadow = inner & ~grown(ours.lit[light] > 0)
+        shadow = inner & ~dilated(ours.lit[light] > 0, 1)
         # At so few pixels smoothing reaches far across a shadow.
         assert added[shadow].mean() == pytest.approx(expected[shadow].mean(), rel=0.2, abs=0.003)
         for block, image in zip(blocks, (added, expected), strict=True):

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 from mathutils import Matrix, Vector
+from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import Baking
@@ -16,14 +17,13 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 
+from .rendering import nodes_of
 from .test_bake_against_blender import (
     SIDES,
     activate,
     array_of,
     core_mesh,
-    degrees_between,
     detailed_object,
-    nodes_of,
     normal_view,
     set_up_cycles,
     simplified,

@@ -7,14 +7,15 @@ import argparse
 import time
 
 import numpy as np
-from reliefs import Relief, bumps, grid_triangles, orthographic
+from height_shapes import Surface, bumps, orthographic
+from surface_shapes import grid_triangles
 
 from mpsnet_core import Camera
 from mpsnet_core.relief.occlusion import ambient_occlusion
 from mpsnet_core.scene.rays import RayScene
 
 
-def by_rays(surface: Relief, rays: int, seed: int) -> np.ndarray:
+def by_rays(surface: Surface, rays: int, seed: int) -> np.ndarray:
     """The share of `rays` random rays from each pixel, spread by their cosine, that leave the surface."""
     points = surface.heights.points().reshape(-1, 3)
     scene = RayScene(points, grid_triangles(*surface.mask.shape))

@@ -13,8 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import rawpy
-from dng import mosaic, write_dng
+from dng import filled_in, mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
 SIDE, FINE = 256, 3
@@ -67,17 +66,7 @@ def main() -> None:
         for method in METHODS:
             errors = []
             for path, truth, lit in photos.values():
-                with rawpy.imread(str(path)) as raw:
-                    pixels = raw.postprocess(
-                        demosaic_algorithm=rawpy.DemosaicAlgorithm[method],
-                        output_color=rawpy.ColorSpace.raw,
-                        user_wb=[1, 1, 1, 1],
-                        gamma=(1, 1),
-                        no_auto_bright=True,
-                        adjust_maximum_thr=0,
-                        output_bps=16,
-                    )
-                errors.append(degrees_between(pixels @ lights, truth)[lit].mean())
+                errors.append(degrees_between(filled_in(path, method) @ lights, truth)[lit].mean())
             print(f"{method:9}" + "".join(f"{error:9.2f}°" for error in errors))
 
 

@@ -19,12 +19,12 @@ import numpy as np
 from height_shapes import square_camera, two_spheres
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.relief.height_map import pixel_camera
 from mpsnet_core.relief.integration.bilateral import PASSES, chosen_sides
 from mpsnet_core.relief.integration.fast import equations, fast
 from mpsnet_core.relief.integration.gradients import gradients
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
 from mpsnet_core.relief.integration.multigrid import Links
+from mpsnet_core.scene.camera import pixel_camera
 from mpsnet_core.scene.normal_map import NormalMap
 
 try:
@@ -103,8 +103,8 @@ def small(size: int, rounds: int) -> None:
     smooth, spheres = bumpy(size), two_spheres(square_camera(size))
     compare("one smooth surface", *smooth, rounds)
     compare("the same with 5° of noise", noisy(smooth[0], 5), smooth[1], rounds)
-    compare("two spheres", spheres.normals, spheres.heights * size / 2, rounds)
-    compare("the same with 5° of noise", noisy(spheres.normals, 5), spheres.heights * size / 2, rounds)
+    compare("two spheres", spheres.normals, spheres.z * size / 2, rounds)
+    compare("the same with 5° of noise", noisy(spheres.normals, 5), spheres.z * size / 2, rounds)
 
 
 def compare(name: str, normals: NormalMap, truth: np.ndarray, rounds: int) -> None:
@@ -118,7 +118,7 @@ def compare(name: str, normals: NormalMap, truth: np.ndarray, rounds: int) -> No
     if spsolve is None:
         print("  no direct solver to compare with: SciPy is not installed (pip install scipy)")
         return
-    wanted = gradients(normals, pixel_camera(*mask.shape))
+    wanted = gradients(normals, pixel_camera(*mask.shape[::-1]))
     clock, direct, depth = timed(partial(solved_directly, *equations(wanted), mask))
     print(f"  fast, solved directly: {clock:.2f} s ({direct:.2f} s of processor), {error(-depth, truth, mask)}")
     sides = chosen_sides(wanted, fast(wanted))

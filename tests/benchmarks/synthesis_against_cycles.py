@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from quiet import quiet
 
+from mpsnet_core.arrays.mask_regions import dilated, eroded
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Recipe
@@ -53,18 +54,12 @@ def synthesised(recipe: Recipe, shape: Shape, supersampling: int = 1) -> Sample:
     return synthesise(recipe, shape, [load_reflectance(one) for one in recipe.materials], supersampling)
 
 
-def grown(mask: np.ndarray) -> np.ndarray:
-    padded = np.pad(mask, 1)
-    height, width = mask.shape
-    return np.any([padded[r : r + height, c : c + width] for r in range(3) for c in range(3)], axis=0)
-
-
 def difference(sample: Sample, reference: Sample) -> float:
     """Mean relative difference of the lights, outside shadow edges and away from outlines."""
     total = weight = 0.0
     for light, other, lit, told in zip(sample.lights, reference.lights, sample.lit, reference.lit, strict=True):
-        edge = (lit > 0) & (lit < 1) | (told > 0) & (told < 1) | grown(lit == 0) & grown(lit > 0)
-        clear = ~grown(~(sample.mask & reference.mask)) & ~grown(edge)
+        edge = (lit > 0) & (lit < 1) | (told > 0) & (told < 1) | dilated(lit == 0, 1) & dilated(lit > 0, 1)
+        clear = eroded(sample.mask & reference.mask, 1) & ~dilated(edge, 1)
         total += float(np.abs(light - other)[clear].mean(axis=-1).sum())
         weight += float(other[clear].mean(axis=-1).sum())
     return total / weight

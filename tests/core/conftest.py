@@ -1,4 +1,4 @@
-"""Fixtures of the core's tests. MPSNET_TEST_DATA is the folder with DiLiGenT and the captures, where there is one."""
+"""Fixtures of the core's tests."""
 
 import logging
 import os
@@ -13,6 +13,7 @@ import pytest
 # each other cost more than they save.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from external_data import external_data
 from synthetic import Sphere, shaded_sphere, write_file
 
 from mpsnet_core.cli import main
@@ -24,19 +25,13 @@ Mpsnet = Callable[..., "subprocess.CompletedProcess[str]"]
 @pytest.fixture(scope="session")
 def diligent() -> Path:
     """DiLiGenT's pmsData folder."""
-    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "diligent" / "pmsData"
-    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with diligent/pmsData")
-    return folder
+    return external_data("diligent/pmsData")
 
 
 @pytest.fixture(scope="session")
 def captures() -> Path:
     """The folder with photographs of things under white lights."""
-    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "captures"
-    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with captures")
-    return folder
+    return external_data("captures")
 
 
 @pytest.fixture(scope="session")

@@ -26,6 +26,22 @@ def mosaic(image: np.ndarray, pattern: str = BAYER) -> np.ndarray:
     return np.take_along_axis(image, channels[rows, columns][..., None], axis=2)[..., 0]
 
 
+def filled_in(path: Path, method: str) -> np.ndarray:
+    """(H, W, 3) what LibRaw makes of a file by one of its methods to fill in the mosaic, linear, nothing else done."""
+    import rawpy
+
+    with rawpy.imread(str(path)) as raw:
+        return raw.postprocess(
+            demosaic_algorithm=rawpy.DemosaicAlgorithm[method],
+            output_color=rawpy.ColorSpace.raw,
+            user_wb=[1, 1, 1, 1],
+            gamma=(1, 1),
+            no_auto_bright=True,
+            adjust_maximum_thr=0,
+            output_bps=16,
+        )
+
+
 def write_dng(
     path: Path,
     values: np.ndarray,

@@ -1,9 +1,10 @@
-"""Surfaces whose normals and heights are known in every pixel."""
+"""Surfaces whose normals and heights are known in every pixel, without the core."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -13,21 +14,33 @@ class Surface:
     """What a camera sees: normals, and the true z of every pixel (H, W) in the camera's unit."""
 
     normals: NormalMap
-    heights: np.ndarray
+    z: np.ndarray
     camera: Camera
 
     @property
     def mask(self) -> np.ndarray:
         return self.normals.mask
 
+    @property
+    def heights(self) -> HeightMap:
+        return HeightMap(self.z, self.mask, self.camera)
+
+    @property
+    def depth(self) -> np.ndarray:
+        return -self.z
+
     def masked(self, mask: np.ndarray) -> "Surface":
         """The same seen within a smaller mask."""
-        return Surface(NormalMap(self.normals.vectors, self.mask & mask), self.heights, self.camera)
+        return Surface(NormalMap(self.normals.vectors, self.mask & mask), self.z, self.camera)
 
 
 def square_camera(size: int) -> Camera:
     """Orthographic: the picture shows x and y from -1 to 1."""
     return Camera("orthographic", size, size, [size / 2, size / 2])
+
+
+def orthographic(height: int, width: int, pixels_per_unit: float = 1.0, pose: np.ndarray | None = None) -> Camera:
+    return Camera("orthographic", width, height, np.full(2, pixels_per_unit), None, np.eye(4) if pose is None else pose)
 
 
 def places(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -71,6 +84,10 @@ def spheres(camera: Camera, *balls: tuple[float, float, float, float], rim: floa
     return Surface(NormalMap(vectors, mask), np.where(mask, -nearest, 0), camera)
 
 
+def ball(camera: Camera, middle: tuple[float, float, float], radius: float) -> Surface:
+    return spheres(camera, (*middle, radius))
+
+
 def two_spheres(camera: Camera) -> Surface:
     """Of two spheres one grows out of the other, and stands before it elsewhere: a step that ends."""
     return spheres(camera, (-0.25, -0.1, 0.0, 0.6), (0.3, 0.15, 0.45, 0.5))
@@ -81,6 +98,40 @@ def saddle(camera: Camera, bend: float = 0.4) -> Surface:
     x, y = places(camera)
     vectors = np.stack([-2 * bend * x, 2 * bend * y, np.ones_like(x)], axis=-1)
     return Surface(NormalMap(vectors, np.ones(x.shape, bool)), bend * (x**2 - y**2), camera)
+
+
+def bowl(camera: Camera, middle: tuple[float, float, float], radius: float) -> Surface:
+    """The far side of a hollow ball to 60° from its axis, in camera space, by the equation of the rays."""
+    x, y = places(camera)
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    flat = camera.projection == "orthographic"
+    origin = np.stack([x, y, zero] if flat else [zero] * 3, axis=-1)
+    ray = np.stack([zero, zero, -one] if flat else [x, y, -one], axis=-1)
+    to = origin - np.array(middle)
+    a, b, c = (ray * ray).sum(-1), (ray * to).sum(-1), (to * to).sum(-1) - radius**2
+    root = b * b - a * c
+    points = origin + ((np.sqrt(np.maximum(root, 0)) - b) / a)[..., None] * ray
+    outwards = (points - middle) / radius
+    mask = (root > 0) & (outwards[..., 2] < -0.5)
+    return Surface(NormalMap(-outwards, mask), points[..., 2], camera)
+
+
+def bumps(camera: Camera, depth: float = 0.0, size: float = 1.0) -> Surface:
+    """Round hills and pits over the whole picture, `size` times a tenth of half its width high."""
+    x, y = places(camera)
+    ones, reach = np.ones_like(x), np.abs(x).max()
+    wave, tall = 3 * np.pi / reach, 0.1 * reach * size
+    z = tall * np.sin(wave * x) * np.cos(0.8 * wave * y)
+    dx = tall * wave * np.cos(wave * x) * np.cos(0.8 * wave * y)
+    dy = -0.8 * tall * wave * np.sin(wave * x) * np.sin(0.8 * wave * y)
+    if camera.projection == "orthographic":
+        normals = np.stack([-dx, -dy, ones], axis=-1)
+        return Surface(NormalMap(normals, ones > 0), z - depth, camera)
+    # Along each ray, t = depth (1 - z): the cross product of the surface's tangents over x and y at depth 1.
+    t = depth * (1 - z)
+    across = np.stack([t - depth * dx * x, -depth * dx * y, depth * dx], axis=-1)
+    upwards = np.stack([-depth * dy * x, t - depth * dy * y, depth * dy], axis=-1)
+    return Surface(NormalMap(np.cross(across, upwards), ones > 0), -t, camera)
 
 
 def off(values: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> np.ndarray:

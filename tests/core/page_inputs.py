@@ -14,6 +14,7 @@ import mirror_ball
 import numpy as np
 from dng import mosaic, write_dng
 from flat_weave import Weave
+from surface_shapes import upright
 from synthetic import named, write_file, write_parts
 
 from mpsnet_core import Camera, NormalMap, published_rig, write_normals
@@ -52,13 +53,9 @@ def developed(path: Path, pixels: np.ndarray) -> None:
 def camera(longitude: float, size: tuple[int, int] = SIZE) -> Camera:
     """It looks at the statue's middle from a side; z is up."""
     angle = np.radians(longitude)
-    back = np.array([np.cos(angle), np.sin(angle), 0.2])
-    back /= np.linalg.norm(back)
-    right = np.cross([0, 0, 1], back)
-    right /= np.linalg.norm(right)
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(back, right), back], axis=1)
-    pose[:3, 3] = DISTANCE * back
+    pose[:3, :3] = upright((np.cos(angle), np.sin(angle), 0.2))
+    pose[:3, 3] = DISTANCE * pose[:3, 2]
     return Camera("perspective", *size, np.full(2, 50 / 36 * size[0]), None, pose)
 
 

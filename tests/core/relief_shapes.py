@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from surface_shapes import texels_of
+from surface_shapes import grid_triangles, texels_of
 
 from mpsnet_core.scene.mesh import Mesh
 
@@ -32,9 +32,7 @@ def cube_sphere(
     grid = np.linspace(-1, 1, cells + 1)
     a, b = np.meshgrid(grid, grid, indexing="ij")
     sides = [np.stack(side, axis=-1) for side in _cube_sides(np.tan(a * np.pi / 4), np.tan(b * np.pi / 4))]
-    number = np.arange(a.size).reshape(a.shape)
-    p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    faces = np.concatenate([np.stack([p, q, r], -1), np.stack([p, r, s], -1)]).reshape(-1, 3)
+    faces = grid_triangles(*a.shape)
     gap = 0.0 if touching else 0.02
     vertices, triangles, uvs = [], [], []
     for side, points in enumerate(sides):
@@ -64,9 +62,7 @@ def torus(rows: int = 96, columns: int = 48, *, bend: float = 0.0) -> Mesh:
         -1,
     )
     normals = np.stack([np.cos(about) * np.cos(around), np.cos(about) * np.sin(around), np.sin(about)], -1)
-    number = np.arange(i.size).reshape(i.shape)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    faces = grid_triangles(*i.shape)
     uvs = np.stack([0.03 + 0.94 * ((1 - bend) * i / rows + bend * j / columns), 0.03 + 0.94 * j / columns], -1)
     return Mesh(points.reshape(-1, 3), faces, normals.reshape(-1, 3)[faces], uvs.reshape(-1, 2)[faces])
 

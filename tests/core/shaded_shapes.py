@@ -8,7 +8,7 @@ from surface_shapes import sphere_mesh
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
-from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, smooth_shape
 
 
 class Lambert:
@@ -27,32 +27,13 @@ class Lambert:
 
 def ball(radius: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), rows: int = 160) -> Shape:
     mesh = sphere_mesh(2 * rows, rows)
-    return Shape(
-        radius * mesh.vertices + centre,
-        mesh.triangles.astype(np.int32),
-        mesh.corner_normals.astype(np.float32),
-        np.zeros(len(mesh.triangles), np.int32),
-    )
+    return smooth_shape(radius * mesh.vertices + centre, mesh.triangles.astype(np.int32), mesh.vertices)
 
 
 def rectangle(corner: tuple[float, ...], along: tuple[float, ...], across: tuple[float, ...]) -> Shape:
     """Two triangles that face along x across."""
     a, b, c = np.array([corner, along, across], float)
-    normal = np.cross(b, c) / np.linalg.norm(np.cross(b, c))
-    normals = np.broadcast_to(normal.astype(np.float32), (2, 3, 3))
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    return Shape(np.array([a, a + b, a + b + c, a + c]), triangles, normals, np.zeros(2, np.int32))
-
-
-def together(*shapes: Shape) -> Shape:
-    """Shapes as the parts of one."""
-    starts = np.cumsum([0] + [len(shape.vertices) for shape in shapes[:-1]])
-    return Shape(
-        np.concatenate([shape.vertices for shape in shapes]),
-        np.concatenate([shape.triangles + start for shape, start in zip(shapes, starts, strict=True)]).astype(np.int32),
-        np.concatenate([shape.corner_normals for shape in shapes]),
-        np.repeat(np.arange(len(shapes)), [len(shape.triangles) for shape in shapes]).astype(np.int32),
-    )
+    return faceted_shape(np.array([a, a + b, a + b + c, a + c]), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
 
 
 def camera(size: int, projection: str = "orthographic", reach: float = 1.05, distance: float = 4.0) -> Camera:

@@ -10,6 +10,13 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
 
+def grid_triangles(rows: int, columns: int) -> np.ndarray:
+    """(T, 3) two triangles for each square of a grid of points, counter-clockwise where rows go down."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
 def sphere_mesh(
     columns: int = 24, rows: int = 12, *, layout: str = "whole", world_from_object: np.ndarray | None = None
 ) -> Mesh:
@@ -23,9 +30,9 @@ def sphere_mesh(
     azimuth[-1] = azimuth[0]  # the seam's two sides are one place
     points = np.stack([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)], axis=-1)
     points[:, 0], points[:, -1] = (0, 0, -1), (0, 0, 1)
-    number = np.arange(u.size).reshape(u.shape)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    triangles = np.concatenate([np.stack([a, b, c], -1)[:, 1:], np.stack([a, c, d], -1)[:, :-1]], axis=1).reshape(-1, 3)
+    squares = grid_triangles(*u.shape).reshape(columns, rows, 2, 3)
+    # At the poles one triangle of each square has no area.
+    triangles = np.concatenate([squares[:, 1:, 0], squares[:, :-1, 1]], axis=1).reshape(-1, 3)
     points, uvs = points.reshape(-1, 3), np.stack([u, v], axis=-1).reshape(-1, 2)[triangles]
     behind = points[triangles].mean(axis=1)[:, 0] < 0
     if layout == "mirrored":
@@ -35,6 +42,14 @@ def sphere_mesh(
     uvs = 0.01 + 0.98 * uvs
     pose = np.eye(4) if world_from_object is None else world_from_object
     return Mesh(points, triangles, points[triangles], uvs, None, pose)
+
+
+def upright(back: tuple[float, float, float]) -> np.ndarray:
+    """(3, 3) the axes, as columns, of a camera that looks along -back."""
+    z = np.array(back, float) / np.linalg.norm(back)
+    x = np.cross((0, 0, 1) if abs(z[2]) < 0.9 else (0, 1, 0), z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
 
 
 def camera_looking(
@@ -47,12 +62,9 @@ def camera_looking(
     reach: float = 1.1,
 ) -> Camera:
     """A camera that looks along -from_direction at `target` and frames `reach` around it."""
-    z = np.array(from_direction, float) / np.linalg.norm(from_direction)
-    x = np.cross((0, 0, 1) if abs(z[2]) < 0.9 else (0, 1, 0), z)
-    x /= np.linalg.norm(x)
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    pose[:3, 3] = np.array(target) + distance * z
+    pose[:3, :3] = upright(from_direction)
+    pose[:3, 3] = np.array(target) + distance * pose[:3, 2]
     half = reach if projection == "orthographic" else reach / np.sqrt(distance**2 - reach**2)
     return Camera(projection, size, size, [size / 2 / half] * 2, None, pose)
 

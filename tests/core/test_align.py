@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bumpy_ball import Photo
 from mesh_file import write_mesh
+from surface_shapes import upright
 from synthetic import write_file
 
 from mpsnet_core.errors import GeometryError
@@ -26,10 +27,8 @@ WIDTH, HEIGHT = 480, 400
 def looking(longitude: float, latitude: float, roll: float, distance: float = 6.0, lens: float = 800.0) -> Camera:
     """A camera that looks near the origin; degrees."""
     longitude, latitude, roll = np.radians([longitude, latitude, roll])
-    back = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
-    right = np.cross([0, 0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
+    flat = np.cos(latitude)
+    right, up, back = upright((flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude))).T
     pose = np.eye(4)
     pose[:3, 0] = np.cos(roll) * right + np.sin(roll) * up
     pose[:3, 1] = np.cos(roll) * up - np.sin(roll) * right

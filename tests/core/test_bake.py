@@ -15,6 +15,7 @@ from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -39,6 +40,13 @@ def plane(world_from_object: np.ndarray | None = None) -> Mesh:
     normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3))
     uvs = (vertices[triangles][..., :2] + 1) / 2
     return Mesh(vertices, triangles, normals, uvs, None, np.eye(4) if world_from_object is None else world_from_object)
+
+
+def plate_before_plane() -> Mesh:
+    """The square in a quarter of the texture, and in the opposite one a small plate that floats before it."""
+    back = plane()
+    front = replace(back, vertices=back.vertices * (0.3, 0.3, 1) + (0, 0, 0.5), uvs=0.5 * back.uvs + 0.5)
+    return join_meshes([replace(back, uvs=0.5 * back.uvs), front])
 
 
 def constant_view(camera: Camera, world_normal: list[float], confidence: float | np.ndarray = 1.0) -> View:
@@ -118,10 +126,8 @@ def test_a_triangle_without_area_in_the_texture_owns_no_texel() -> None:
 def test_an_orthographic_camera_sees_the_same_from_within_as_from_afar() -> None:
     """What hides a plate hides it wherever along its axis the camera stands."""
     front, back = plane(), np.array([0.0, 0.0, -1.0])
-    vertices = np.concatenate([front.vertices, front.vertices + back])
-    triangles = np.concatenate([front.triangles, front.triangles + 4])
-    halves = np.concatenate([front.uvs * (0.5, 1), front.uvs * (0.5, 1) + (0.5, 0)])
-    mesh = Mesh(vertices, triangles, np.broadcast_to([0.0, 0.0, 1.0], (4, 3, 3)), halves)
+    left, right = front.uvs * (0.5, 1), front.uvs * (0.5, 1) + (0.5, 0)
+    mesh = join_meshes([replace(front, uvs=left), replace(front, vertices=front.vertices + back, uvs=right)])
     for height in (5.0, -0.5, -3.0):
         pose = np.eye(4)
         pose[2, 3] = height
@@ -222,14 +228,8 @@ def test_the_view_from_ahead_counts_more_than_the_glancing_one() -> None:
 
 def test_what_another_part_hides_is_not_baked_onto_it() -> None:
     """A small square floats before a large one: the camera's normals reach only the one in front."""
-    back = plane()
-    front = np.array([0.3, 0.3, 1]) * back.vertices + [0, 0, 0.5]
-    uvs = np.concatenate([0.5 * back.uvs, 0.5 * back.uvs + 0.5])
-    normals = np.broadcast_to([0.0, 0.0, 1.0], (4, 3, 3))
-    triangles = np.concatenate([back.triangles, back.triangles + 4])
-    mesh = Mesh(np.concatenate([back.vertices, front]), triangles, normals, uvs)
     camera = camera_looking((0, 0, 1), size=200, reach=1.2)
-    texture = bake_normals(mesh, [constant_view(camera, [0.6, 0, 0.8])], size=200, margin=0)
+    texture = bake_normals(plate_before_plane(), [constant_view(camera, [0.6, 0, 0.8])], size=200, margin=0)
 
     row, column = np.argwhere(texture.covered).T
     x, y = (column + 0.5) / 50 - 1, 3 - (row + 0.5) / 50

@@ -1,11 +1,11 @@
 """Lights by mirror balls: against photographs that are traced ray by ray, with lamps whose places are known."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from external_data import external_data
 from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
 from synthetic import degrees_between
 
@@ -14,7 +14,6 @@ from mpsnet_core.capture.calibrate.ball import (
     Circle,
     ball_from_circle,
     ball_from_mask,
-    distant_camera,
     fit_ball,
     mirrored,
 )
@@ -24,7 +23,7 @@ from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting, find_lig
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_image, read_mask
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.rig import read_rig
 
 FAR = 1e6
@@ -49,14 +48,14 @@ def lights_of(image: np.ndarray, camera: Camera, *, count: int = 1, radius: floa
 
 def test_a_ball_is_found_to_a_part_of_a_pixel() -> None:
     scene = afar()
-    circle = find_balls(photograph(scene), distant_camera(*scene.size))[0].circle
+    circle = find_balls(photograph(scene), pixel_camera(*scene.size))[0].circle
     assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.15)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_ball_in_much_noise_is_found(clean: np.ndarray, seed: int) -> None:
     """The noise is three times as strong as the outline, pixel by pixel; edges of noise fit many circles."""
-    circle = find_balls(developed(clean, 0.3, 65535, seed), distant_camera(400, 300))[0].circle
+    circle = find_balls(developed(clean, 0.3, 65535, seed), pixel_camera(400, 300))[0].circle
     assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.5)
 
 
@@ -70,14 +69,14 @@ def test_a_lamp_in_noise_is_no_ball(seed: int) -> None:
     room = np.full((300, 400, 3), 0.1)
     room[150:158, 200:208] = 0.9
     with pytest.raises(InputError, match="no ball was found"):
-        find_balls(developed(room, 0.1, None, seed), distant_camera(400, 300))
+        find_balls(developed(room, 0.1, None, seed), pixel_camera(400, 300))
 
 
 def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     x, y = np.meshgrid(np.arange(240) + 0.5, np.arange(200) + 0.5)
     ball, window, lamp = (np.hypot(x - a, y - b) < r for a, b, r in [(120, 100, 80), (110, 108, 55), (105, 105, 4)])
     image = np.float32(0.1 + 0.05 * ball + 0.9 * lamp)
-    camera = distant_camera(240, 200)
+    camera = pixel_camera(240, 200)
     assert find_balls(np.dstack([image] * 3), camera)[0].circle.radius == pytest.approx(80, abs=0.5)
     assert "may be" not in caplog.text
     find_balls(np.dstack([image + np.float32(0.05 * window)] * 3), camera)
@@ -87,7 +86,7 @@ def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_reported(caplog: py
 @pytest.mark.parametrize("levels", [255, 65535, None])
 def test_directions_afar(levels: int | None) -> None:
     scene = afar()
-    found = lights_of(photograph(scene, levels=levels), distant_camera(*scene.size))
+    found = lights_of(photograph(scene, levels=levels), pixel_camera(*scene.size))
     assert degrees_between(found.directions, FACING).max() < 0.5
     assert found.positions is None
     assert (degrees_between(found.directions, FACING) < 3 * found.uncertainties).all()
@@ -115,7 +114,7 @@ def test_what_a_lens_that_nobody_gave_does_is_within_the_uncertainty() -> None:
         sine = 1 / np.linalg.norm(middle)
         rim = np.sqrt(1 - sine**2) * ahead + sine * (np.cos(turn) * right + np.sin(turn) * np.cross(right, ahead))
         outline = rim[:, :2] / -rim[:, 2:] * (focal, -focal) + (width / 2, height / 2)
-        ball = fit_ball(outline, distant_camera(width, height))
+        ball = fit_ball(outline, pixel_camera(width, height))
         seen = tuple(Highlight(x, y, 2.0, 0.05, False, 0.0, (1.0, 1.0, 1.0)) for x, y in spots)
         found = find_lights([Sighting(ball, seen, lens_known=False)])
         off.append(degrees_between(found.directions, lights))
@@ -132,7 +131,7 @@ def test_the_direction_is_the_lights_and_not_the_balls_normal() -> None:
     """Seen from the front, a light at slant 60° shines in the mirror where the ball's own slant is 30°."""
     scene = afar([(60, 90), (60, 210), (60, 330)])
     image = photograph(scene)
-    ball = find_balls(image, distant_camera(*scene.size))[0]
+    ball = find_balls(image, pixel_camera(*scene.size))[0]
     sighting = Sighting(ball, find_coloured_highlights(taken(image), ball))
     slants = np.degrees(np.arccos(find_lights([sighting]).directions[:, 2]))
     assert slants == pytest.approx([60, 60, 60], abs=0.5)
@@ -144,8 +143,8 @@ def test_the_direction_is_the_lights_and_not_the_balls_normal() -> None:
 def test_a_turned_photo_gives_turned_lights() -> None:
     scene = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), FAR, 5, ANGLES), (300, 300))
     image = photograph(scene)
-    upright = lights_of(image, distant_camera(300, 300)).directions
-    turned = lights_of(np.rot90(image).copy(), distant_camera(300, 300)).directions
+    upright = lights_of(image, pixel_camera(300, 300)).directions
+    turned = lights_of(np.rot90(image).copy(), pixel_camera(300, 300)).directions
     assert degrees_between(turned, upright @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])).max() < 0.1
 
 
@@ -158,7 +157,7 @@ def test_directions_in_perspective(middle: Sequence[float], radius: float) -> No
     assert degrees_between(found.directions, FACING).max() < 0.5
     assert found.sightings[0].ball.centre == pytest.approx(middle, abs=0.003)
     # Taken as far away, the same photo misleads by the angle at which the ball is seen.
-    assert degrees_between(lights_of(image, distant_camera(*scene.size)).directions, FACING).min() > 4
+    assert degrees_between(lights_of(image, pixel_camera(*scene.size)).directions, FACING).min() > 4
 
 
 def test_an_outline_in_perspective_is_the_ellipse_that_the_formulas_give() -> None:
@@ -273,7 +272,7 @@ OVERLAPPING = [(30, 90), (30, 99), (25.5, 95)]
 )
 def test_three_colours_in_one_photo(angles: Sequence[tuple[float, float]], options: dict) -> None:
     scene = afar(angles, degrees=6.0)
-    found = lights_of(photograph(scene, **options), distant_camera(*scene.size))
+    found = lights_of(photograph(scene, **options), pixel_camera(*scene.size))
     truth = np.array([around(*angle) for angle in angles])
     assert degrees_between(found.directions, truth).max() < 1
     assert {spot.clipped for spot in found.sightings[0].highlights} == {options["brightness"] > 1}
@@ -281,7 +280,7 @@ def test_three_colours_in_one_photo(angles: Sequence[tuple[float, float]], optio
 
 def test_clipped_highlights_that_overlap_are_known_to_be_unsure() -> None:
     scene = afar(OVERLAPPING, degrees=6.0)
-    found = lights_of(photograph(scene, brightness=2.0), distant_camera(*scene.size))
+    found = lights_of(photograph(scene, brightness=2.0), pixel_camera(*scene.size))
     truth = np.array([around(*angle) for angle in OVERLAPPING])
     assert (degrees_between(found.directions, truth) < 3 * found.uncertainties).all()
     assert found.uncertainties.max() > 1
@@ -292,7 +291,7 @@ def test_clipping_that_the_photo_shows_by_itself() -> None:
     scene = afar(degrees=6.0)
     image = photograph(scene, brightness=2.0)
     gains = np.array([1.9, 1.0, 1.4], np.float32)
-    ball = find_balls(image, distant_camera(*scene.size))[0]
+    ball = find_balls(image, pixel_camera(*scene.size))[0]
     told = Image(image * gains, None, np.inf, clipped=image >= 1)
     found = find_lights([Sighting(ball, find_coloured_highlights(told, ball))])
     assert degrees_between(found.directions, FACING).max() < 0.7
@@ -302,7 +301,7 @@ def test_clipping_that_the_photo_shows_by_itself() -> None:
 def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
     scene = afar()
     lamp = (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)
-    found = lights_of(photograph(scene, white_lamp=lamp), distant_camera(*scene.size))
+    found = lights_of(photograph(scene, white_lamp=lamp), pixel_camera(*scene.size))
     assert degrees_between(found.directions, FACING).max() < 0.5
 
 
@@ -310,7 +309,7 @@ def test_a_fourth_light_that_is_as_bright_is_reported(caplog: pytest.LogCaptureF
     fourth = (np.array(MIDDLE) + FAR * around(50, 150), FAR * np.tan(np.radians(2.5)))
     scene = Scene([(MIDDLE, 97.4)], [*afar().lamps, fourth])
     colours = np.concatenate([CROSSTALK, 0.9 * CROSSTALK[:, :1]], axis=1)
-    lights_of(photograph(scene, colours=colours), distant_camera(*scene.size))
+    lights_of(photograph(scene, colours=colours), pixel_camera(*scene.size))
     assert "light 1: another spot on the ball holds" in caplog.text and "light 2" not in caplog.text
 
 
@@ -319,7 +318,7 @@ def test_one_photo_a_light_of_any_number_of_white_lights() -> None:
     scene = afar(angles, degrees=6.0)
     white = np.ones((3, 7))
     photos = [photograph(scene, white, on=[k], brightness=3.0, seed=k) for k in range(7)]
-    ball = find_balls(np.mean(photos, axis=0), distant_camera(*scene.size))[0]
+    ball = find_balls(np.mean(photos, axis=0), pixel_camera(*scene.size))[0]
     found = find_lights([Sighting(ball, tuple(find_highlight(taken(photo), ball) for photo in photos))])
     truth = np.array([around(*angle) for angle in angles])
     assert degrees_between(found.directions, truth).max() < 0.5
@@ -328,7 +327,7 @@ def test_one_photo_a_light_of_any_number_of_white_lights() -> None:
 def test_lights_of_one_colour_cannot_be_told_apart() -> None:
     scene = afar()
     image = photograph(scene, np.ones((3, 3)))
-    ball = find_balls(image, distant_camera(*scene.size))[0]
+    ball = find_balls(image, pixel_camera(*scene.size))[0]
     with pytest.raises(InputError, match=r"do not differ in colour.*each light alone"):
         find_coloured_highlights(taken(image), ball)
     blown = photograph(scene, brightness=20.0)
@@ -338,7 +337,7 @@ def test_lights_of_one_colour_cannot_be_told_apart() -> None:
 
 def test_a_ball_without_light_and_a_photo_without_a_ball() -> None:
     flat = np.full((120, 160, 3), 0.2, np.float32)
-    camera = distant_camera(160, 120)
+    camera = pixel_camera(160, 120)
     with pytest.raises(InputError, match=r"no ball was found.*x,y,r"):
         find_balls(flat, camera)
     with pytest.raises(InputError, match=r"no highlight.*lights on"):
@@ -350,22 +349,22 @@ def test_a_ball_without_light_and_a_photo_without_a_ball() -> None:
         find_balls(noise, camera)
     scene = afar()
     with pytest.raises(InputError, match="only 1 of 2 balls"):
-        find_balls(photograph(scene), distant_camera(*scene.size), count=2)
+        find_balls(photograph(scene), pixel_camera(*scene.size), count=2)
 
 
 def test_a_mask_that_also_holds_the_stand() -> None:
     x, y = np.meshgrid(np.arange(200) + 0.5, np.arange(200) + 0.5)
     mask = (np.hypot(x - 97.3, y - 88.8) < 70.6) | ((np.abs(x - 97) < 15) & (y > 88))
-    circle = ball_from_mask(mask, distant_camera(200, 200)).circle
+    circle = ball_from_mask(mask, pixel_camera(200, 200)).circle
     assert (circle.x, circle.y, circle.radius) == pytest.approx((97.3, 88.8, 70.6), abs=0.2)
     with pytest.raises(InputError, match="shows no ball"):
-        ball_from_mask(np.zeros((50, 50), bool), distant_camera(50, 50))
+        ball_from_mask(np.zeros((50, 50), bool), pixel_camera(50, 50))
 
 
 def test_sightings_that_do_not_fit_each_other() -> None:
     scene = afar()
     image = photograph(scene)
-    ball = find_balls(image, distant_camera(*scene.size))[0]
+    ball = find_balls(image, pixel_camera(*scene.size))[0]
     spots = find_coloured_highlights(taken(image), ball)
     with pytest.raises(InputError, match="same number of lights"):
         find_lights([Sighting(ball, spots), Sighting(ball, spots[:2])])
@@ -384,9 +383,7 @@ def test_a_direction_file_is_read_back(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def chrome() -> tuple[list[np.ndarray], np.ndarray]:
     """Photographs of a mirror ball under twelve lights, one each, and its mask."""
-    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "captures" / "chrome"
-    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with captures/chrome")
+    folder = external_data("captures/chrome")
     photos = [read_image(folder / f"chrome.{k}.png").pixels for k in range(12)]
     return photos, read_mask(folder / "chrome.mask.png")
 
@@ -397,7 +394,7 @@ def test_a_mirror_ball_under_the_found_lights_shines_where_the_photographs_do(
 ) -> None:
     photos, mask = chrome
     height, width = mask.shape
-    camera = distant_camera(width, height)
+    camera = pixel_camera(width, height)
     ball = ball_from_mask(mask, camera) if by_mask else find_balls(np.mean(photos, axis=0), camera)[0]
     found = find_lights([Sighting(ball, tuple(find_highlight(taken(photo), ball) for photo in photos))])
     assert len(found.directions) == 12
@@ -415,12 +412,12 @@ def test_a_mirror_ball_under_the_found_lights_shines_where_the_photographs_do(
 
 def test_the_ball_that_is_found_is_the_masks(chrome: tuple[list[np.ndarray], np.ndarray]) -> None:
     photos, mask = chrome
-    camera = distant_camera(mask.shape[1], mask.shape[0])
+    camera = pixel_camera(mask.shape[1], mask.shape[0])
     ours, theirs = find_balls(np.mean(photos, axis=0), camera)[0].circle, ball_from_mask(mask, camera).circle
     assert (ours.x, ours.y, ours.radius) == pytest.approx((theirs.x, theirs.y, theirs.radius), abs=2)
 
 
 def test_what_a_mirror_shows_at_the_middle_is_the_camera() -> None:
-    ball = ball_from_circle(Circle(100, 80, 50), distant_camera(200, 160))
+    ball = ball_from_circle(Circle(100, 80, 50), pixel_camera(200, 160))
     _, direction = mirrored(ball, [(100, 80)])
     assert direction[0] == pytest.approx([0, 0, 1])

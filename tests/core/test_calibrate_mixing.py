@@ -9,7 +9,7 @@ from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, ta
 from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
+from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.mixing import (
     equation_2_error,
@@ -22,7 +22,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_reading import read_image, read_mask
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.rig import LightRig, near_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
@@ -32,7 +32,7 @@ RIG = LightRig(FACING)
 MIXING = CROSSTALK * np.array([1.0, 0.8, 0.6]) * np.array([[0.7], [1.0], [0.8]])
 MIXING = MIXING / MIXING.max()
 SCENE = Scene([((4.3, -6.2, 0.0), 110.0)], [], (300, 300))
-CAMERA = distant_camera(300, 300)
+CAMERA = pixel_camera(300, 300)
 TRUE_CIRCLE = Circle(154.3, 156.2, 110.0)
 
 
@@ -235,7 +235,7 @@ def test_a_photographed_ball_determines_the_matrix_or_that_it_does_not(diligent:
     mask = read_mask(folder / "mask.png")
     image = np.clip(image / np.percentile(image[mask], 99), 0, 1)
     photo = taken(srgb_to_linear(np.rint(linear_to_srgb(image) * 255) / 255).astype(np.float32))
-    ball = ball_from_mask(mask, distant_camera(mask.shape[1], mask.shape[0]))
+    ball = ball_from_mask(mask, pixel_camera(mask.shape[1], mask.shape[0]))
     found = mixing_from_ball(photo, ball, LightRig(np.loadtxt(folder / "light_directions.txt")[lights]))
     assert not found.determined or np.abs(found.mixing - MIXING).max() < 0.1
 

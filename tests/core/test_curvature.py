@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bowl, bumps, orthographic, plane
+from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
 
 from mpsnet_core import Camera, InputError, NormalMap
 from mpsnet_core.relief.curvature import curvature, curvature_picture, curvature_range
@@ -12,7 +12,7 @@ NEAR = Camera("perspective", 300, 320, (420.0, 400.0), (130.0, 170.0))
 FAR = orthographic(320, 300, 80)
 
 
-def of(relief: Relief, **options: int) -> np.ndarray:
+def of(relief: Surface, **options: int) -> np.ndarray:
     return curvature(relief.normals, relief.camera, relief.depth, **options)
 
 
@@ -22,7 +22,7 @@ def of(relief: Relief, **options: int) -> np.ndarray:
     [ball(FAR, (0.1, -0.2, -5), 1.5), ball(NEAR, (0.3, -0.2, -5), 1.5), ball(NEAR, (0.4, 0.1, -2.5), 0.75)],
     ids=["from afar", "from near", "from nearer"],
 )
-def test_a_ball_bends_by_two_over_its_radius_at_every_slant(surface: Relief, radius: int) -> None:
+def test_a_ball_bends_by_two_over_its_radius_at_every_slant(surface: Surface, radius: int) -> None:
     size = 1.5 if surface.depth.max() > 3 else 0.75
     found = of(surface, radius=radius)
     assert surface.mask.sum() > 20_000
@@ -39,7 +39,7 @@ def test_a_bowl_bends_the_other_way() -> None:
 
 def test_a_plane_is_flat_and_a_cylinder_bends_once() -> None:
     for camera in (FAR, NEAR):
-        assert np.abs(of(plane(camera, (0.6, -0.3), 4))).max() < 1e-4
+        assert np.abs(of(plane(camera, (-0.6, 0.3, 1), -4))).max() < 1e-4
     x = np.broadcast_to(np.linspace(-0.9, 0.9, 60), (40, 60))
     tube = NormalMap(np.stack([x, 0 * x, np.sqrt(1 - x**2)], axis=-1), np.ones(x.shape, bool))
     found = curvature(tube, orthographic(40, 60, 59 / 1.8 / 3), radius=4)  # a radius of 3 units

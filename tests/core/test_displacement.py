@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
-from surface_shapes import texels_of
+from surface_shapes import grid_triangles, texels_of
 
 from mpsnet_core.arrays.graph_poisson import Solver, graph_of
 from mpsnet_core.cli import main
@@ -17,6 +17,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.height_files import read_height, write_height
+from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
 
@@ -214,11 +215,9 @@ def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
 
 def plate(cells: int) -> Mesh:
     """The unit square in `cells` x `cells` squares, which fills its texture."""
-    x, y = np.meshgrid(*[np.linspace(0, 1, cells + 1)] * 2)
+    x, y = np.meshgrid(*[np.linspace(0, 1, cells + 1)] * 2, indexing="ij")
     vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    number = np.arange(x.size).reshape(x.shape)
-    p, q, r, s = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
-    faces = np.concatenate([np.stack([p, q, r], -1), np.stack([p, r, s], -1)]).reshape(-1, 3)
+    faces = grid_triangles(*x.shape)
     return Mesh(vertices, faces, np.broadcast_to([0.0, 0, 1], (len(faces), 3, 3)), vertices[faces][..., :2])
 
 
@@ -282,12 +281,8 @@ def test_normals_in_object_space_are_those_of_the_surface() -> None:
 def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:
     """Two spheres that share nothing, one in either half of the texture; one has twice the heights of the other."""
     small, texels = cube_sphere(6), 128
-    both = Mesh(
-        np.concatenate([small.vertices, 2 * small.vertices + 5]),
-        np.concatenate([small.triangles, small.triangles + len(small.vertices)]),
-        np.concatenate([small.corner_normals] * 2),
-        np.concatenate([small.uvs * (0.5, 1), small.uvs * (0.5, 1) + (0.5, 0)]),
-    )
+    left, right = small.uvs * (0.5, 1), small.uvs * (0.5, 1) + (0.5, 0)
+    both = join_meshes([replace(small, uvs=left), replace(small, vertices=2 * small.vertices + 5, uvs=right)])
     vectors = np.zeros((texels, texels, 3), np.float32)
     vectors[..., 2] = 1
     found = displacement(vectors, both)

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from surface_shapes import camera_looking
 from synthetic import degrees_between
-from test_bake import constant_view, plane
+from test_bake import constant_view, plane, plate_before_plane
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.feather import border_distance
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
 
@@ -60,11 +59,7 @@ def test_at_the_end_of_all_views_the_mesh_takes_over() -> None:
 
 def test_beside_an_edge_the_camera_that_is_slightly_wrong_bakes_the_other_view() -> None:
     """A small plate floats before a large one. The wrong view shows the plate's normals beside it, on the large one."""
-    back = plane()
-    small = np.array([0.3, 0.3, 1]) * back.vertices + [0, 0, 0.5]
-    uvs = np.concatenate([0.5 * back.uvs, 0.5 * back.uvs + 0.5])
-    triangles = np.concatenate([back.triangles, back.triangles + 4])
-    mesh = Mesh(np.concatenate([back.vertices, small]), triangles, np.broadcast_to([0.0, 0.0, 1.0], (4, 3, 3)), uvs)
+    mesh = plate_before_plane()
     ahead = camera_looking((0, 0, 1), size=400, reach=1.2)
     x = (np.arange(400) - 199.5) * 0.006
     on_plate = (np.abs(x - 0.03) < 0.3)[None, :] & (np.abs(x) < 0.3)[:, None]  # five pixels off

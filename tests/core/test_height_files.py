@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from reliefs import Relief, ball, orthographic, plane
+from height_shapes import Surface, ball, orthographic, plane
 from synthetic import listing, write_file
 
 from mpsnet_core import Camera, FileError, InputError, write_camera
@@ -27,7 +27,7 @@ def stored(path: Path) -> np.ndarray:
 
 @SURFACES
 @pytest.mark.parametrize(("name", "bits"), [("h.exr", None), ("h.tif", 32), ("h.png", None), ("h.tif", 16)])
-def test_heights_come_back(tmp_path: Path, surface: Relief, name: str, bits: int | None) -> None:
+def test_heights_come_back(tmp_path: Path, surface: Surface, name: str, bits: int | None) -> None:
     scale = write_height(tmp_path / name, surface.heights, bits=bits, unit="mm")
     found = read_height(tmp_path / name)
     step = 0 if bits == 32 or name == "h.exr" else (scale.white - scale.black) / 65535
@@ -71,7 +71,7 @@ def test_float_files_hold_the_heights_themselves(tmp_path: Path) -> None:
 
 def test_heights_go_on_beyond_the_outline(tmp_path: Path) -> None:
     """No step at the outline that is larger than the steps inside, and nothing beyond what is inside."""
-    gradient = plane(orthographic(300, 290), (0.02, 0.01), -20).heights
+    gradient = plane(orthographic(300, 290), (-0.02, -0.01, 1), 20).heights
     row, column = np.mgrid[:300, :290]
     mask = (row - 140) ** 2 + (column - 120) ** 2 < 100**2
     mask[100:130, 100:110] = False
@@ -99,7 +99,7 @@ def test_a_picture_that_another_program_wrote_again_is_read(tmp_path: Path) -> N
 
 
 def test_writing_leaves_the_heights_as_they_are(tmp_path: Path) -> None:
-    whole = plane(orthographic(8, 9), (0.1, 0.2), 3).heights
+    whole = plane(orthographic(8, 9), (-0.1, -0.2, 1), -3).heights
     before = whole.values.copy()
     for name in ("h.png", "h.exr"):
         write_height(tmp_path / name, whole)

@@ -38,7 +38,7 @@ def found(surface: Surface, method: Method, **settings: float) -> np.ndarray:
 def test_a_ramp_is_exact(camera: Camera, method: Method) -> None:
     ramp = plane(camera, (0.3, -0.5, 0.8))
     heights = found(ramp, method)
-    assert np.abs(heights - (ramp.heights - ramp.heights.mean())).max() < 1e-4 / camera.focal.min()
+    assert np.abs(heights - (ramp.z - ramp.z.mean())).max() < 1e-4 / camera.focal.min()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -52,7 +52,7 @@ def test_a_ramp_is_exact(camera: Camera, method: Method) -> None:
     ids=["saddle", "saddle of oblong pixels", "cap of a sphere, up to 72 degrees"],
 )
 def test_curved_surfaces_are_right_to_a_part_of_a_pixel(surface: Surface, most: float, method: Method) -> None:
-    away = off(found(surface, method), surface.heights, surface.mask) * surface.camera.focal[0]
+    away = off(found(surface, method), surface.z, surface.mask) * surface.camera.focal[0]
     assert away.max() < most
 
 
@@ -70,14 +70,14 @@ def test_what_lies_around_the_object_changes_nothing(method: Method) -> None:
 def test_errors_fall_with_the_pixels_size(method: Method) -> None:
     """Of a cap up to 60°, in the unit of the world: half the pixel, a quarter of the error or so."""
     coarse, fine = (spheres(square_camera(size), (0, 0, 0, 1.0), rim=0.5) for size in (48, 96))
-    errors = [off(found(cap, method), cap.heights, cap.mask).mean() for cap in (coarse, fine)]
+    errors = [off(found(cap, method), cap.z, cap.mask).mean() for cap in (coarse, fine)]
     assert errors[1] < errors[0] / 3
 
 
 def test_a_whole_ball_is_right_up_to_its_outline() -> None:
     """Where normals are nearly level: the outline's pixels may be off by a few pixels, and pull nothing with them."""
     ball = spheres(square_camera(200), (0, 0, 0, 0.9))
-    away = np.abs(found(ball, "fast") * 100 - (ball.heights - ball.heights[ball.mask].mean()) * 100)
+    away = np.abs(found(ball, "fast") * 100 - (ball.z - ball.z[ball.mask].mean()) * 100)
     assert away[ball.mask].mean() < 0.05
     assert away[spheres(ball.camera, (0, 0, 0, 0.9), rim=0.3).mask].max() < 0.1
 
@@ -93,9 +93,9 @@ def test_a_whole_ball_is_right_up_to_its_outline() -> None:
     ids=["plane", "ball before a wide lens", "ball before a long lens"],
 )
 def test_perspective_depths_have_the_right_ratios(surface: Surface, most: float, method: Method) -> None:
-    mean = -surface.heights[surface.mask].mean()
+    mean = -surface.z[surface.mask].mean()
     heights = found(surface, method, distance=mean)
-    ratio = heights[surface.mask] / surface.heights[surface.mask]
+    ratio = heights[surface.mask] / surface.z[surface.mask]
     assert np.abs(ratio - 1).mean() < most
     assert np.allclose(found(surface, method)[surface.mask] * mean, heights[surface.mask], rtol=1e-5)
 
@@ -131,7 +131,7 @@ def test_every_piece_of_a_mask_is_right(shape: Callable[[int], np.ndarray], most
     labels, sizes = labelled(surface.mask)
     heights = found(surface, method)
     for piece in range(1, len(sizes)):
-        truth = surface.heights[labels == piece]
+        truth = surface.z[labels == piece]
         assert np.abs(heights[labels == piece] - (truth - truth.mean())).max() * 24 < most
     assert (heights[~surface.mask] == 0).all()
 
@@ -155,7 +155,7 @@ def test_normals_that_no_camera_sees_spoil_nothing_else(turned: tuple[float, flo
     bad = np.random.default_rng(0).random(surface.mask.shape) < 0.02
     vectors = np.where(bad[..., None], turned, surface.normals.vectors)
     heights = integrate(NormalMap(vectors, surface.mask), surface.camera, method=method).values
-    assert off(heights, surface.heights, ~bad).max() * 32 < 0.2
+    assert off(heights, surface.z, ~bad).max() * 32 < 0.2
 
 
 def brute_force(normals: NormalMap) -> np.ndarray:
@@ -257,7 +257,7 @@ def test_a_long_strip_is_right(caplog: pytest.LogCaptureFixture) -> None:
     """To half a pixel, and so nothing is said; the iterations that many photos need are too few for it."""
     surface = saddle(square_camera(256)).masked(strip(256, 3))
     with caplog.at_level("INFO"):
-        heights, truth = found(surface, "fast")[surface.mask], surface.heights[surface.mask]
+        heights, truth = found(surface, "fast")[surface.mask], surface.z[surface.mask]
     assert np.abs(heights - (truth - truth.mean())).max() * 128 < 0.5
     assert not caplog.messages
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reliefs import ball, orthographic
+from height_shapes import ball, orthographic
 from synthetic import listing, write_file
 
 from mpsnet_core import Camera, InputError, read_image, read_mesh, write_camera, write_normals

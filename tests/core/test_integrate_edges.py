@@ -6,7 +6,6 @@ from height_shapes import Surface, off, square_camera, torus, two_spheres
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.integration.bilateral import chosen_sides
 from mpsnet_core.relief.integration.gradients import Gradients
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
@@ -17,7 +16,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 
 def beside_steps(surface: Surface, least: float, reach: int) -> np.ndarray:
     """The mask's pixels within `reach` of a step of more than `least` between neighbours."""
-    z, mask = surface.heights, surface.mask
+    z, mask = surface.z, surface.mask
     steps = np.zeros(mask.shape, bool)
     across = (np.abs(np.diff(z, axis=1)) > least) & mask[:, 1:] & mask[:, :-1]
     along = (np.abs(np.diff(z, axis=0)) > least) & mask[1:] & mask[:-1]
@@ -30,7 +29,7 @@ def errors(surface: Surface, method: Method) -> np.ndarray:
     """(H, W) in pixels, 0 outside the mask."""
     away = np.zeros(surface.mask.shape)
     values = integrate(surface.normals, surface.camera, method=method).values
-    away[surface.mask] = off(values, surface.heights, surface.mask) * surface.camera.focal[0]
+    away[surface.mask] = off(values, surface.z, surface.mask) * surface.camera.focal[0]
     return away
 
 
@@ -59,7 +58,7 @@ def test_bilateral_steps_are_narrow() -> None:
         for row, column in zip(rows, columns, strict=True):
             line = slice(row - 2, row + 2)
             if 2 < row < 189 and ring.mask[line, column].all():
-                true = np.ptp(ring.heights[line, column])
+                true = np.ptp(ring.z[line, column])
                 steps.append(abs(heights[row - 2, column] - heights[row + 1, column]) / true)
         share[method] = np.median(steps)
     assert share["bilateral"] > 0.9 and share["fast"] < 0.4
@@ -77,8 +76,7 @@ def test_steps_of_large_pictures_are_where_they_are() -> None:
     assert beside_steps(found, half, 1)[steps].mean() > 0.97
     assert beside_steps(true, low, 1)[beside_steps(found, half, 0)].mean() > 0.99
     near = beside_steps(true, high, 4)
-    known = HeightMap(true.heights.astype(np.float32), true.mask, camera)
-    occlusions = [ambient_occlusion(of, true.normals, reach=64)[near] for of in (heights, known)]
+    occlusions = [ambient_occlusion(of, true.normals, reach=64)[near] for of in (heights, true.heights)]
     assert np.abs(np.subtract(*occlusions)).mean() < 0.02
 
 
@@ -109,7 +107,7 @@ def test_normals_that_are_blurred_and_noisy_tear_little() -> None:
     for seed in range(2):
         noise = blurred(np.random.default_rng(seed).normal(size=ring.normals.vectors.shape), 8)
         vectors = blurred(ring.normals.vectors * ring.mask[..., None], 2) + 0.1 * noise / noise.std()
-        noisy = Surface(NormalMap(normalised(vectors), ring.mask), ring.heights, ring.camera)
+        noisy = Surface(NormalMap(normalised(vectors), ring.mask), ring.z, ring.camera)
         found.append(errors(noisy, "bilateral")[ring.mask].mean())
     assert np.mean(found) < 30
 

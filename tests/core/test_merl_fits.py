@@ -1,12 +1,12 @@
 """Fits to MERL: the network against the same sums written out, and against other people's fits by another model."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from directions import Array, angles_by_rotation, hemisphere, rotation, up
+from external_data import external_data
 from shifted_gamma import ShiftedGamma, read_shifted_gamma
 
 from mpsnet_core.errors import InputError
@@ -32,10 +32,7 @@ def file(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def merl_fits() -> Path:
-    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "merl_fits"
-    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
-        pytest.skip("MPSNET_TEST_DATA does not name a folder with merl_fits")
-    return folder
+    return external_data("merl_fits")
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bowl, bumps, grid_triangles, orthographic, plane
+from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
+from surface_shapes import grid_triangles
 
 from mpsnet_core import Camera, InputError
 from mpsnet_core.relief.height_map import HeightMap
@@ -15,13 +16,13 @@ FAR = orthographic(180, 200, 60)
 CAMERAS = pytest.mark.parametrize("camera", [FAR, NEAR], ids=["from afar", "from near"])
 
 
-def of(relief: Relief, reach: int | None = None) -> np.ndarray:
+def of(relief: Surface, reach: int | None = None) -> np.ndarray:
     return ambient_occlusion(relief.heights, relief.normals, reach=reach)
 
 
 @CAMERAS
 def test_nothing_hides_the_sky_from_planes_and_balls(camera: Camera) -> None:
-    assert of(plane(camera, (0.8, -0.5), 4)).min() > 0.9999
+    assert of(plane(camera, (-0.8, 0.5, 1), -4)).min() > 0.9999
     surface = ball(camera, (0.1, -0.2, -5), 1.2)
     found = of(surface)
     assert found[surface.mask].min() > 0.998
@@ -91,7 +92,7 @@ def test_a_near_picture_that_blocks_do_not_fill() -> None:
     """Nothing that NumPy would warn of is worked out beyond it."""
     camera = Camera("perspective", 33, 30, (40.0, 40.0), (16.0, 15.0))
     with np.errstate(divide="raise", over="raise", invalid="raise"):
-        assert of(plane(camera, (0.3, -0.2), 4)).min() > 0.9999
+        assert of(plane(camera, (-0.3, 0.2, 1), -4)).min() > 0.9999
 
 
 def test_pictures_smaller_than_a_block() -> None:
@@ -155,4 +156,4 @@ def test_what_does_not_fit_is_said() -> None:
     with pytest.raises(InputError, match="over 0 pixels is none"):
         of(surface, reach=0)
     with pytest.raises(InputError, match="the height map is 10 x 10 but the normal map is 200 x 180"):
-        ambient_occlusion(plane(orthographic(10, 10), (0, 0), 1).heights, surface.normals)
+        ambient_occlusion(plane(orthographic(10, 10), (0, 0, 1), -1).heights, surface.normals)

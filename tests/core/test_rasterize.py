@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from surface_shapes import texels_of
+from surface_shapes import grid_triangles, texels_of
 
 from mpsnet_core.arrays import rasterize
 from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_coordinates, triangle_of_texel
@@ -75,9 +75,8 @@ def test_neighbours_leave_no_crack(cells: int, turn: int) -> None:
     line = np.arange(cells + 1) / cells * 3 - 1
     x, y = np.meshgrid(line, line, indexing="ij")
     angle = np.radians(turn)
-    grid = np.stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y], -1) + 0.3
-    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    uvs = np.concatenate([np.stack([a, b, c], 2).reshape(-1, 3, 2), np.stack([c, d, a], 2).reshape(-1, 3, 2)])
+    points = np.stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y], -1) + 0.3
+    uvs = points.reshape(-1, 2)[grid_triangles(*x.shape)]
     for size in (30, 63, 100):
         corners = texel_coordinates(uvs, size)
         middle = np.abs((np.stack(np.mgrid[:size, :size][::-1], -1) + 0.5) / size - 0.5).max(-1) < 0.4

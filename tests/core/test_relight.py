@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reliefs import ball, orthographic
+from height_shapes import ball, orthographic
 
 from mpsnet_core import InputError
 from mpsnet_core.relief.relight import AMBIENT, relit, turntable_sheet, turntable_tilts

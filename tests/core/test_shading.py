@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shaded_shapes import Lambert, ball, camera, plane_points, recipe, rectangle, together
+from shaded_shapes import Lambert, ball, camera, plane_points, recipe, rectangle
 
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.scene.rig import direction_from_angles
@@ -11,7 +11,7 @@ from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.shading.gloss import lobe, reflected
 from mpsnet_core.synthesis.shading.lights import Light
 from mpsnet_core.synthesis.shading.synthesise import synthesise
-from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.shapes.shape import Shape, joined
 
 FLOOR = rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
 
@@ -64,7 +64,7 @@ def shadowed(points: np.ndarray, towards: np.ndarray, centre: np.ndarray, radius
 def test_a_balls_shadow_lies_where_the_light_says() -> None:
     view, centre, radius = camera(128), np.array([0.1, 0.0, 0.5]), 0.3
     settings = recipe(128, camera=view)
-    sample = synthesise(settings, together(FLOOR, ball(radius, tuple(centre))), [Lambert()])
+    sample = synthesise(settings, joined([FLOOR, ball(radius, tuple(centre))]), [Lambert()])
     points = plane_points(view)
     floor = np.hypot(*(points - centre)[..., :2].transpose(2, 0, 1)) > radius * 1.02
     for lit, light, direction in zip(sample.lit, sample.lights, settings.light_directions, strict=True):
@@ -79,7 +79,7 @@ def test_a_balls_shadow_lies_where_the_light_says() -> None:
 def test_a_wide_light_has_a_penumbra_as_wide_as_the_light() -> None:
     view, centre, radius, size = camera(64), np.array([0.0, 0.0, 0.6]), 0.25, 12.0
     settings = recipe(64, camera=view, light_sizes=np.full(3, size))
-    sample = synthesise(settings, together(FLOOR, ball(radius, tuple(centre))), [Lambert()])
+    sample = synthesise(settings, joined([FLOOR, ball(radius, tuple(centre))]), [Lambert()])
     points = plane_points(view)
     floor = np.hypot(*(points - centre)[..., :2].transpose(2, 0, 1)) > radius * 1.02
     across = np.linspace(-1, 1, 31)
@@ -124,7 +124,7 @@ def test_light_off_a_wall_falls_on_the_floor_as_form_factors_say() -> None:
     view = camera(96)
     along_floor = np.broadcast_to([1.0, 0.0, 0.0], (3, 3))  # lights the wall squarely, and not the floor
     settings = recipe(96, camera=view, light_directions=along_floor, bounces=1)
-    shape = together(FLOOR, wall)
+    shape = joined([FLOOR, wall])
     sample = synthesise(settings, shape, [Lambert(0.5)])
     points = plane_points(view)
     middle = (np.abs(points[..., 1]) < 0.05) & (points[..., 0] > -0.7) & (points[..., 0] < 0.9)
@@ -240,7 +240,7 @@ def test_supersampling_gives_coverage_and_premultiplied_light() -> None:
 
 
 def test_the_same_recipe_gives_the_same_bytes() -> None:
-    shape = together(FLOOR, ball(0.3, (0.1, 0, 0.5), rows=40))
+    shape = joined([FLOOR, ball(0.3, (0.1, 0, 0.5), rows=40)])
     varied = {
         "light_sizes": np.full(3, 8.0),
         "bounces": 1,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bumps, orthographic, plane
+from height_shapes import Surface, ball, bumps, orthographic, plane
 from synthetic import listing
 
 from mpsnet_core import Camera, InputError, read_mesh
@@ -21,7 +21,7 @@ FAR = orthographic(130, 150, 25, POSE)
 CAMERAS = pytest.mark.parametrize("camera", [FAR, NEAR], ids=["from afar", "from near"])
 
 
-def of(relief: Relief, faces: int = 200_000, open_from: float | None = None) -> SurfaceMesh:
+def of(relief: Surface, faces: int = 200_000, open_from: float | None = None) -> SurfaceMesh:
     return surface_mesh(relief.heights, relief.normals, faces=faces, open_from=open_from)
 
 
@@ -81,7 +81,7 @@ def test_as_many_faces_as_are_allowed_go_where_it_bends() -> None:
 
 @CAMERAS
 def test_a_plane_takes_few_faces(camera: Camera) -> None:
-    surface = plane(camera, (0.3, 0.2), 5)
+    surface = plane(camera, (-0.3, -0.2, 1), -5)
     many, few = of(surface, 20_000), of(surface, 1000)
     distance = (few.vertices - POSE[:3, 3]) @ POSE[:3, :3] @ (-0.3, -0.2, 1)
     assert distance == pytest.approx(-5, abs=1e-4)
@@ -126,7 +126,7 @@ def test_a_mask_is_kept_to() -> None:
 
 @CAMERAS
 def test_steps_are_left_open_where_asked(camera: Camera) -> None:
-    front, back = plane(camera, (0, 0), 4), plane(camera, (0, 0), 6)
+    front, back = plane(camera, (0, 0, 1), -4), plane(camera, (0, 0, 1), -6)
     near = np.broadcast_to(np.arange(camera.width) < 60, front.mask.shape)
     step = HeightMap(np.where(near, front.heights.values, back.heights.values), front.mask, camera)
     closed = surface_mesh(step, front.normals)
@@ -170,7 +170,7 @@ def test_a_tiny_unit_is_kept_in_obj(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_made(tmp_path: Path) -> None:
-    surface = plane(orthographic(40, 40), (0, 0), 0)
+    surface = plane(orthographic(40, 40), (0, 0, 1))
     mesh = of(surface)
     for bad, words in (
         (lambda: of(surface, 0), "a mesh of 0 faces cannot be made"),
@@ -179,7 +179,7 @@ def test_what_cannot_be_made(tmp_path: Path) -> None:
         (lambda: of(surface, open_from=float("nan")), "between 0 and 90 degrees on, not nan"),
         (lambda: of(surface, 1), "no face is left of the surface"),
         *(
-            (lambda s=s: of(plane(orthographic(*s), (0, 0), 0)), "nowhere two pixels wide and high, so it has no face")
+            (lambda s=s: of(plane(orthographic(*s), (0, 0, 1))), "nowhere two pixels wide and high, so it has no face")
             for s in ((1, 1), (1, 300), (300, 1))
         ),
         (

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 import pytest
 from flat_weave import Weave
+from height_shapes import ball, orthographic
 from mirror_ball import photograph
-from reliefs import ball, orthographic
 from synthetic import listing, shaded_sphere
 from test_bake_textures import Bench
 from test_calibrate_cli import CIRCLE, SCENE

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.robust_statistics import biweight, spread
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.robust_statistics import biweight, deviation
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 
@@ -117,11 +117,6 @@ def at_origin(camera: Camera) -> Camera:
     return camera if is_there else replace(camera, world_from_camera=np.eye(4))
 
 
-def distant_camera(width: int, height: int) -> Camera:
-    """The camera of a photo whose lens is unknown: orthographic, with pixels for units."""
-    return Camera("orthographic", width, height, np.ones(2))
-
-
 def projected(camera: Camera, points: ArrayLike) -> NDArray[np.float64]:
     """(N, 2) where camera-space points (N, 3) lie in the photo, in pixels."""
     x, y, z = np.asarray(points, np.float64).T
@@ -144,7 +139,7 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     for turn in range(ROUNDS):
         centre, size = _solved(points, weight, camera, radius)
         error = _outline_error(points, centre, size, camera)
-        lighter = biweight(error, max(spread(error, weight > 0), 1e-3))
+        lighter = biweight(error, deviation(error[weight > 0], 1e-3))
         if np.abs(lighter - weight).max() < 1e-3 and turn > 3:
             break
         weight = lighter
@@ -197,8 +192,8 @@ def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray
         # Rays start beside the ball's middle, which has no depth: bring them before it.
         origins = origins - away * ball.radius * 2
     to_ball = ball.centre - origins
-    along = np.einsum("ni,ni->n", to_ball, away)
-    squared = ball.radius**2 - (np.einsum("ni,ni->n", to_ball, to_ball) - along**2)
+    along = dot(to_ball, away)
+    squared = ball.radius**2 - (dot(to_ball, to_ball) - along**2)
     place = origins + (along - np.sqrt(np.maximum(squared, 0)))[:, None] * away
     return place, normalised(place - ball.centre), -away
 
@@ -209,7 +204,7 @@ def mirrored(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArra
     The direction is 2 (n·v) n − v, of the normal n and the direction v to the camera: twice as far from v as n is.
     """
     place, normal, back = surface(ball, points)
-    return place, 2 * np.einsum("ni,ni->n", normal, back)[:, None] * normal - back
+    return place, 2 * dot(normal, back)[:, None] * normal - back
 
 
 def _solved(

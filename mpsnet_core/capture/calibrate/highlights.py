@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated, labelled
 from mpsnet_core.arrays.rasterize import extend_to_nearest
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import CHANNELS, Image
@@ -148,7 +149,7 @@ def _window(photo: Image, ball: Ball) -> _Window:
         raise GeometryError("the ball lies outside the photo, or is smaller than five pixels; check the circle")
     x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
     _, normal, back = surface(ball, np.stack([x.ravel(), y.ravel()], axis=-1))
-    inside = (np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)).reshape(x.shape)
+    inside = (dot(normal, back) > np.sqrt(1 - USED_RADIUS**2)).reshape(x.shape)
     pixels = np.nan_to_num(photo.pixels[top:bottom, left:right].astype(np.float64), posinf=0.0, neginf=0.0)
     background = np.median(pixels[inside], axis=0)
     excess = np.where(inside[..., None], np.clip(pixels - background, 0, None), 0)

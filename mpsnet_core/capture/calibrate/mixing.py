@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, spread
-from mpsnet_core.arrays.unit_vectors import angular_error, normalised
+from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
+from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
@@ -164,7 +164,7 @@ def _fitted(
         moved = moved + step
         ball = drawn.nudged(*moved[:3])
         error = _shading(ball, rig, points, moved[3:]) @ answer - colours
-        scale = spread(error, weight > 0)
+        scale = deviation(error[weight > 0])
         lighter = biweight(error, scale)
         settled = turn > 3 and np.abs(lighter - weight).mean() < 1e-3 and np.abs(step).max() < 1e-3
         weight = lighter
@@ -231,7 +231,7 @@ def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: in
     for _ in range(ROUNDS):
         answer = _joint_step(basis, still, colours, weight, np.eye(OTHERS), unmoved, free)[0]
         error = basis @ answer - colours
-        weight = biweight(error, spread(error, weight > 0))
+        weight = biweight(error, deviation(error[weight > 0]))
     return np.asarray(answer[3])
 
 
@@ -296,7 +296,7 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
     points = np.stack([x, y], axis=-1).astype(np.float64) + 0.5
     if len(points):
         _, normal, back = surface(ball, points)
-        inside = np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)
+        inside = dot(normal, back) > np.sqrt(1 - USED_RADIUS**2)
         colours = photo.pixels[y, x].astype(np.float64)
         usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
         chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MOST_PIXELS)]

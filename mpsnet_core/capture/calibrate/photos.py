@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size, size
-from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
+from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.capture.calibrate.lights import Sighting
@@ -19,7 +19,7 @@ from mpsnet_core.io.files import located
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.scene.camera import Camera, camera_of_lens
+from mpsnet_core.scene.camera import Camera, camera_of_lens, pixel_camera
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
 
 def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
     if photos.camera is None:
-        return distant_camera(width, height)
+        return pixel_camera(width, height)
     if not isinstance(photos.camera, Camera):
         return camera_of_lens(photos.camera, width, height)
     check_same_size("the camera", (photos.camera.height, photos.camera.width), "the photo", (height, width))

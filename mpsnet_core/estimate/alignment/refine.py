@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.rotations import cross_matrix
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
@@ -280,7 +280,7 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
 
 def _robust(residual: Floats) -> Floats:
     """Cauchy's weights, as wide as the residuals' own spread where that is larger than 1."""
-    spread = max(1.0, DEVIATIONS * float(np.median(np.abs(residual))))
+    spread = max(1.0, deviation(residual))
     weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
     return weights
 

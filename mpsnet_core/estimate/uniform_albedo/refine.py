@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sampling import sampled_rows
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
 from mpsnet_core.estimate.uniform_albedo.fit import LEAST_SPREAD, Floats, UniformAlbedo, find_uniform_albedo
@@ -264,19 +264,19 @@ def _two(
     """The first two lights of `order` reach, the third is blocked."""
     one, two, blocked = (lights[..., number, :] for number in order)
     a, b = light[:, order[0]], light[:, order[1]]
-    together = np.einsum("...i,...i->...", one, two)
+    together = dot(one, two)
     sine = np.sqrt(np.maximum(1 - together**2, 1e-6))
     across = np.cross(one, two) / sine[..., None]
     # The part of the normal in the plane of both lights, and what is left for the direction across it.
     plane = ((a - together * b) / sine**2)[:, None] * one + ((b - together * a) / sine**2)[:, None] * two
     length = np.linalg.norm(plane, axis=-1)
     height = np.sqrt(np.maximum(1 - length**2, 0))
-    side = np.where(np.einsum("...i,...i->...", normals, across) >= 0, height, -height)
+    side = np.where(dot(normals, across) >= 0, height, -height)
     vectors = normalised(plane + side[:, None] * across)
     steep = np.maximum(height, LEAST_SINE)
     off = np.hypot(error, BOUNCED) / steep
     likelihood = _density_of_direction(_angle(vectors, normals), np.hypot(own, off)) / (sine * steep)
-    likelihood *= _density_of_blocked(light[:, order[2]], np.einsum("...i,...i->...", vectors, blocked))
+    likelihood *= _density_of_blocked(light[:, order[2]], dot(vectors, blocked))
     likelihood *= np.exp(-0.5 * (np.maximum(length - 1, 0) / max(2 * albedo.spread, FULL - 1)) ** 2)
     likelihood *= (a > ARRIVING) & (b > ARRIVING) & (vectors[:, 2] > FACING)
     return _Hypothesis(vectors, likelihood, off, own)
@@ -285,7 +285,7 @@ def _two(
 def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: float, own: Floats) -> _Hypothesis:
     """One light reaches, the others are blocked."""
     towards, cosine = lights[..., number, :], np.clip(light[:, number], 0, 1)
-    away = normals - np.einsum("...i,...i->...", normals, towards)[:, None] * towards
+    away = normals - dot(normals, towards)[:, None] * towards
     away /= np.maximum(np.linalg.norm(away, axis=-1), 1e-6)[:, None]
     sine = np.sqrt(1 - cosine**2)
     vectors = normalised(cosine[:, None] * towards + sine[:, None] * away)
@@ -293,7 +293,7 @@ def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: flo
     off = np.hypot(error, BOUNCED) / steep
     likelihood = _gaussian(_angle(vectors, normals), np.hypot(own, off)) / steep
     for other in (number + 1) % 3, (number + 2) % 3:
-        full = np.einsum("...i,...i->...", vectors, lights[..., other, :])
+        full = dot(vectors, lights[..., other, :])
         likelihood *= _density_of_blocked(light[:, other], full)
     likelihood *= (light[:, number] > ARRIVING) & (light[:, number] < FULL)
     return _Hypothesis(vectors, likelihood, off, own, ERROR_LEFT_BY_ONE)

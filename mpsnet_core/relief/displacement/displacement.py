@@ -17,6 +17,7 @@ from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.bake.settings import check_texture
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
@@ -305,7 +306,7 @@ def _with_margin(
     offset = np.stack(np.meshgrid(*[np.arange(len(covered), dtype=np.float32)] * 2), axis=-1) - layers[..., 3:]
     distance = np.linalg.norm(offset, axis=-1, keepdims=True)
     offset *= np.minimum(1, CARRIED / np.maximum(distance, CARRIED))
-    values: NDArray[np.float32] = layers[..., 0] + np.einsum("...i,...i->...", layers[..., 1:3], offset)
+    values: NDArray[np.float32] = layers[..., 0] + dot(layers[..., 1:3], offset)
     del layers, offset, distance
     return push_pull(values, reached)
 

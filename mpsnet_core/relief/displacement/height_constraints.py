@@ -10,7 +10,7 @@ from mpsnet_core.arrays.graph_poisson import Graph
 from mpsnet_core.arrays.mask_regions import box_sums, eroded
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.uv_islands import welded
 from mpsnet_core.errors import GeometryError
@@ -90,23 +90,23 @@ def chords(
         if own is not base:
             wanted = np.where((own.triangle[more] >= 0)[..., None], wanted, normal)
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
-        facing_out += int(np.count_nonzero(_dot(wanted, normal)[: len(inside)][inside] >= 0))
+        facing_out += int(np.count_nonzero(dot(wanted, normal)[: len(inside)][inside] >= 0))
         for number, axis in enumerate((1, 0)):
             # Beyond the last column and row stands what is at the other end; there is no neighbour there.
             towards = wanted + np.roll(wanted, -1, axis)
             chord = np.roll(point, -1, axis) - point
             if shaded:
                 mean = normalised(upright + np.roll(upright, -1, axis))
-                chord -= _dot(chord, mean)[..., None] * mean
-            step = _dot(towards, chord)
-            first, second = _dot(towards, normal), _dot(towards, np.roll(normal, -1, axis))
+                chord -= dot(chord, mean)[..., None] * mean
+            step = dot(towards, chord)
+            first, second = dot(towards, normal), dot(towards, np.roll(normal, -1, axis))
             least = np.maximum(LEAST_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
             facing = np.maximum((first + second) / 2, least)
             flat[number, here] = (step / facing)[: len(inside)][inside]
             curved[number, here] = ((second - first) / facing)[: len(inside)][inside]
         if own is not base:
             (own_point,) = own.at(rows, own_surface[0])
-            apart = _dot(own_point - point[: len(inside)], normal[: len(inside)])
+            apart = dot(own_point - point[: len(inside)], normal[: len(inside)])
             outwards[here] = np.where(own.triangle[rows] >= 0, apart, 0)[inside]
     if facing_out < OUTWARDS_SHARE * numbers[-1]:
         raise GeometryError(
@@ -191,8 +191,3 @@ def seen_share(vectors: NDArray[np.float32], space: Space, own: Layout, fade: fl
     around, of_those = (box_sums(inside.astype(np.float32), reach) for inside in (covered, unseen))
     share = 2 * of_those / np.maximum(around, 1)
     return np.where(unseen, 0, np.clip(1 - share, 0, 1)).astype(np.float32)
-
-
-def _dot(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    product: NDArray[np.float64] = np.einsum("...i,...i->...", one, other)
-    return product

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import bounding_box, labelled
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.height_map import HeightMap, pixel_camera
+from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.integration.bilateral import bilateral
 from mpsnet_core.relief.integration.fast import fast
 from mpsnet_core.relief.integration.gradients import Gradients, gradients, pixels_per_unit
 from mpsnet_core.relief.sizes import check_size
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.normal_map import NormalMap
 
 Method = Literal["fast", "bilateral"]
@@ -41,7 +41,7 @@ def integrate(
     normals : NormalMap
         In camera space.
     camera : Camera, optional
-        What the pixels see; :func:`pixel_camera` by default.
+        What the pixels see; :func:`mpsnet_core.scene.camera.pixel_camera` by default.
     method : {"fast", "bilateral"}
         "fast" is least squares over all pixels: a continuous surface, smeared at depth discontinuities. "bilateral"
         preserves these: it cuts the links between pixels where one is likely.
@@ -69,7 +69,7 @@ def integrate(
     array([-1.125, -0.375,  0.375,  1.125], dtype=float32)
     """
     height, width = normals.mask.shape
-    camera = camera or pixel_camera(height, width)
+    camera = camera or pixel_camera(width, height)
     _check(normals, camera, method, distance)
     progress(0.0, "integrating")
     solve = fast if method == "fast" else bilateral

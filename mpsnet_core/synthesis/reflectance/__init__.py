@@ -18,8 +18,8 @@ from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
 
 __all__ = ["MerlFit", "MerlTable", "PrincipledBsdf", "Reflectance", "load_reflectance", "material_names"]
 
-# Tables of 17 MB kept by each process.
-_TABLES = 16
+_table = lru_cache(maxsize=16)(read_merl)  # of 17 MB each
+_fits = lru_cache(maxsize=2)(read_fits)
 
 
 class Reflectance(Protocol):
@@ -119,13 +119,3 @@ def _tinted(reflectance: Reflectance, tint: Colour) -> Reflectance:
         return reflectance
     factor = np.asarray(tint, np.float32)
     return lambda normals, lights, views, paint=None: reflectance(normals, lights, views, paint) * factor
-
-
-@lru_cache(maxsize=_TABLES)
-def _table(path: str) -> MerlTable:
-    return read_merl(path)
-
-
-@lru_cache(maxsize=2)
-def _fits(path: str) -> dict[str, MerlFit]:
-    return read_fits(path)

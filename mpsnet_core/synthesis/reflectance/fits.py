@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import read_arrays
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
@@ -39,13 +39,7 @@ class MerlFit(AboveSurface):
     def __init__(self, *layers: NDArray[np.float32]) -> None:
         self._layers = layers
 
-    def _evaluate(
-        self,
-        normals: NDArray[np.float32],
-        lights: NDArray[np.float32],
-        views: NDArray[np.float32],
-        paint: NDArray[np.float32] | None,
-    ) -> NDArray[np.float32]:
+    def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
         theta_half, theta_difference, phi_difference = rusinkiewicz_angles(normals, lights, views)
         azimuth = np.where(phi_difference < 0, phi_difference + np.float32(np.pi), phi_difference)
         off_half = np.sin(theta_difference)

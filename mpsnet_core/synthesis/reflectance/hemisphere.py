@@ -1,15 +1,17 @@
 """Where a reflectance is evaluated: pairs of directions above the surface, a block of them at a time."""
 
 from abc import ABC, abstractmethod
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
+
 # Points worked on at once: what they need stays in a core's own cache, which is worth a factor of two.
 BLOCK = 1 << 14
 
-T = TypeVar("T", bound=np.floating[Any])
+Floats = NDArray[np.float32]
 
 
 class AboveSurface(ABC):
@@ -40,17 +42,5 @@ class AboveSurface(ABC):
         return result
 
     @abstractmethod
-    def _evaluate(
-        self,
-        normals: NDArray[np.float32],
-        lights: NDArray[np.float32],
-        views: NDArray[np.float32],
-        paint: NDArray[np.float32] | None,
-    ) -> NDArray[np.float32]:
+    def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
         """(n, 3) reflectance of a block of points (n, 3), all above the surface."""
-
-
-def dot(a: NDArray[T], b: NDArray[T]) -> NDArray[T]:
-    """Dot products (N,) of vectors (N, 3)."""
-    products: NDArray[T] = np.einsum("ij,ij->i", a, b)
-    return products

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 
 # Half angle (by its square root: fine near the highlight), difference angle, difference azimuth (0 to pi).
@@ -39,13 +39,7 @@ class MerlTable(AboveSurface):
         # The azimuth is periodic: a bin more at either end, so that neighbours are always one step apart.
         self._rows = np.concatenate([values[:, :, -1:], values, values[:, :, :1]], axis=2).reshape(-1, 3)
 
-    def _evaluate(
-        self,
-        normals: NDArray[np.float32],
-        lights: NDArray[np.float32],
-        views: NDArray[np.float32],
-        paint: NDArray[np.float32] | None,
-    ) -> NDArray[np.float32]:
+    def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
         theta_half, theta_difference, phi_difference = rusinkiewicz_angles(normals, lights, views)
         quarter = np.float32(np.pi / 2)
         half, half_share = _between(np.sqrt(theta_half / quarter) * BINS[0] - 0.5, BINS[0])

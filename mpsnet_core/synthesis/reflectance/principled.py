@@ -13,6 +13,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance.ggx import (
@@ -25,7 +26,7 @@ from mpsnet_core.synthesis.reflectance.ggx import (
     ior_of_reflectance,
     reflectance_of_ior,
 )
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, dot
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
 from mpsnet_core.synthesis.reflectance.sheen import sheen, sheen_lobe
 
 COAT_IOR = 1.5
@@ -80,13 +81,7 @@ class PrincipledBsdf(AboveSurface):
         )
         self._by_view = np.stack(columns, axis=-1).astype(np.float32)
 
-    def _evaluate(
-        self,
-        normals: NDArray[np.float32],
-        lights: NDArray[np.float32],
-        views: NDArray[np.float32],
-        paint: NDArray[np.float32] | None,
-    ) -> NDArray[np.float32]:
+    def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
         base = np.clip(self._base if paint is None else self._base * paint, 0, 1)
         cos_light, cos_view = np.minimum(dot(normals, lights), 1), np.minimum(dot(normals, views), 1)
         position = cos_view * _STEPS

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.reflectance.hemisphere import dot
+from mpsnet_core.arrays.unit_vectors import dot
 
 
 def rusinkiewicz_angles(

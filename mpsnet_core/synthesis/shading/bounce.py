@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.reflectance.hemisphere import dot
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
 from mpsnet_core.synthesis.shading.lights import Light
 from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints

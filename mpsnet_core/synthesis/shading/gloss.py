@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.synthesis.reflectance import Reflectance
-from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import TURNS, Light
 

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.synthesis.recipe import Recipe
-from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.pattern import bumped
 from mpsnet_core.synthesis.shapes import Shape
 

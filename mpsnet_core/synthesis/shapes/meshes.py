@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.mesh_import import read_scene
@@ -244,7 +244,7 @@ def outward(vertices: Array, faces: Faces) -> Faces:
         label = least
     patch = label[faces[:, 0]]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    volume = np.bincount(patch, np.einsum("ij,ij->i", a, np.cross(b, c)), len(vertices))
+    volume = np.bincount(patch, dot(a, np.cross(b, c)), len(vertices))
     return np.where((volume < 0)[patch][:, None], faces[:, ::-1], faces)
 
 
@@ -263,7 +263,7 @@ def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np
     for step in range(int(count.max())):
         corner = corner[count[corner] > step]
         face, other = owner[corner], owner[start[corner] + step]
-        smooth = np.einsum("ij,ij->i", flat[face], flat[other]) >= least
+        smooth = dot(flat[face], flat[other]) >= least
         total[corner[smooth]] += area[other[smooth]]
     normals = np.empty((len(triangles) * 3, 3), np.float32)
     normals[order] = normalised(total)

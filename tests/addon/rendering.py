@@ -1,0 +1,63 @@
+"""What tests make with Blender: plain materials, pictures by Cycles, image files."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio
+
+
+def matte() -> "bpy.types.Material":
+    """White, without gloss: the core's Lambertian model in Blender."""
+    return principled("Matte", (0.8, 0.8, 0.8), **{"Specular IOR Level": 0.0})
+
+
+def principled(name: str, color: tuple[float, float, float], **inputs: Any) -> "bpy.types.Material":
+    """A material of one Principled BSDF; other inputs than the color by their names."""
+    material = bpy.data.materials.new(name)
+    shader = next(node for node in nodes_of(material).nodes if node.type == "BSDF_PRINCIPLED")
+    for key, value in {"Base Color": (*color, 1), **inputs}.items():
+        shader.inputs[key].default_value = value
+    return material
+
+
+def nodes_of(material: "bpy.types.Material") -> "bpy.types.NodeTree":
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    return material.node_tree
+
+
+def write_exr_files(render: "bpy.types.RenderSettings") -> None:
+    """Let renders be EXR files of floats."""
+    if bpy.app.version >= (5, 0):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+
+
+def rendered(path: Path, width: int, height: int, samples: int) -> np.ndarray:
+    """(H, W, C) what the scene's camera sees, by Cycles, which also writes it to the EXR file `path`."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = samples, False
+    scene.render.resolution_x, scene.render.resolution_y = width, height
+    write_exr_files(scene.render)
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return pixels(path)
+
+
+def save_png(path: Path, colours: np.ndarray) -> Path:
+    """Write colours (H, W, 3), row 0 on top, with 16 bits."""
+    height, width, _ = colours.shape
+    image = bpy.data.images.new(path.stem, width, height, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.dstack([colours[::-1], np.ones((height, width))]).astype(np.float32).ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+    return path
+
+
+def pixels(path: Path) -> np.ndarray:
+    """(H, W, C) of the first part of an EXR."""
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
