@@ -354,15 +354,18 @@ class _Under:
 
 
 def _averaged(points: Texture, samples: int) -> Texture:
-    """Texels of samples x samples points: the mean of those on the surface, as vectors; its length is brought to 1.
-    Of colours the mean of those that are known."""
+    """Texels of samples x samples points: the mean of those that a view sees, else of those on the surface, as vectors;
+    its length is brought to 1. Of colours the mean of those that are known."""
     height, width = (length // samples for length in points.covered.shape)
 
     def blocks(values: NDArray[T]) -> NDArray[T]:
         return values.reshape(height, samples, width, samples, *values.shape[2:])
 
-    weight = blocks(points.covered).sum(axis=(1, 3), dtype=np.float32)
-    vectors = blocks(np.where(points.covered[..., None], points.vectors, 0)).sum(axis=(1, 3))
+    seen = blocks(points.seen).any(axis=(1, 3), keepdims=True)
+    # A point that no view sees has the surface's own normal, which would flatten what the points beside it show.
+    counts = (blocks(points.covered) & (blocks(points.seen) | ~seen)).reshape(points.covered.shape)
+    weight = blocks(counts).sum(axis=(1, 3), dtype=np.float32)
+    vectors = blocks(np.where(counts[..., None], points.vectors, 0)).sum(axis=(1, 3))
     colours = None
     if points.colours is not None:
         # Unknown colours are zero, and so is what they count for.
@@ -371,11 +374,11 @@ def _averaged(points: Texture, samples: int) -> Texture:
     assert points.views is not None and points.spread is not None
     return Texture(
         normalised(vectors),
-        np.any(blocks(points.seen), axis=(1, 3)),
+        seen[:, 0, :, 0],
         weight > 0,
         points.space,
         blocks(points.views).max(axis=(1, 3)),
-        (blocks(points.spread).sum(axis=(1, 3)) / np.maximum(weight, 1)).astype(np.float32),
+        (blocks(np.where(counts, points.spread, 0)).sum(axis=(1, 3)) / np.maximum(weight, 1)).astype(np.float32),
         colours,
     )
 

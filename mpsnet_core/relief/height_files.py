@@ -32,6 +32,7 @@ from mpsnet_core.io.image_reading import image_description, read_channel, read_m
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
+from mpsnet_core.relief.integration.gradients import pixels_per_unit
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 HEIGHT_FORMAT = "mpsnet-height"
@@ -212,7 +213,7 @@ def _scale(heights: HeightMap, ends: tuple[float, float], unit: str) -> HeightSc
 
 def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: float) -> dict[str, Any]:
     """The scale as it is written. lowest, highest: of the heights in the mask."""
-    focal = float(heights.camera.focal.mean())
+    focal = pixels_per_unit(heights.camera)
     return {
         "format": HEIGHT_FORMAT,
         "version": HEIGHT_VERSION,

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.integration.gradients import pixels_per_unit
 
 
 def parallel_heights(heights: HeightMap) -> NDArray[np.float32]:
@@ -31,4 +32,4 @@ def mean_depth(heights: HeightMap) -> float:
 
 def pixel_size(heights: HeightMap) -> float:
     """How large a pixel is, in the camera's unit, at :func:`mean_depth`."""
-    return mean_depth(heights) / float(heights.camera.focal.mean())
+    return mean_depth(heights) / pixels_per_unit(heights.camera)

@@ -66,7 +66,7 @@ def test_float_files_hold_the_heights_themselves(tmp_path: Path) -> None:
     assert (data["black"], data["white"]) == (0, 1)
     # The mean height, far below 0 under a perspective camera, is what stays where it is.
     assert data["displace"]["midlevel"] == pytest.approx(NEAR.heights.values[NEAR.mask].mean(), rel=1e-5)
-    assert data["pixels_per_unit"] == pytest.approx(60.5 / NEAR.depth[NEAR.mask].mean(), rel=1e-5)
+    assert data["pixels_per_unit"] == pytest.approx(np.sqrt(60 * 61) / NEAR.depth[NEAR.mask].mean(), rel=1e-5)
 
 
 def test_heights_go_on_beyond_the_outline(tmp_path: Path) -> None:
