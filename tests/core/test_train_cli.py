@@ -212,6 +212,11 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, **{"options.width": 0}),
                 "width 0 is not a number above 0…mend the recipe",
             ),
+            (
+                "gradients of patches",
+                lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3),
+                "network mpsnet sees patches, not gradients; leave out gradient_weight",
+            ),
             ("crop that is too small", lambda b: train(b, crop=1), "on a crop of 1; choose a multiple of 1 from 2"),
             (
                 "samples missing",

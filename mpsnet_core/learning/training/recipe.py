@@ -76,8 +76,9 @@ class TrainingRecipe:
     learning_rate: it rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight
     line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
     weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
-    model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
-    difference between the normals' gradients and the true ones. augment: whether samples are turned by quarters,
+    model. error_weight: in the loss, of the squared error of the expected error, where the network predicts one.
+    gradient_weight: in the loss, of the difference between the normals' gradients and the true ones; patch-wise
+    networks have none. augment: whether samples are turned by quarters,
     mirrored, and their lights put in any order, anew each time they are seen; networks with a canonical frame turn them
     by themselves. frozen_norms: whether batch norms keep the means and variances that they begin with, for a network
     that is trained further: those of a small batch differ from step to step. capture: ranges and chances of
