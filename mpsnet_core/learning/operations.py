@@ -3,6 +3,8 @@
 They stand here because :mod:`mpsnet_core.learning.training` cannot be imported without PyTorch (extra ``train``).
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -82,22 +84,19 @@ class Train(Operation):
         from mpsnet_core.learning.training.recipe import read_recipe
 
         output = _model_path(self.output)
-        if self.threads:
-            import torch
-
-            torch.set_num_threads(self.threads)
         places = self._places(output)
-        trained = train(
-            read_recipe(self.recipe),
-            [Path(folder) for folder in self.samples],
-            [Path(folder) for folder in self.validation],
-            places=places,
-            precision=self.precision,
-            stop_after=self.stop_after,
-            anneal=self.anneal,
-            minutes=self.minutes,
-            progress=progress,
-        )
+        with _threads(self.threads):
+            trained = train(
+                read_recipe(self.recipe),
+                [Path(folder) for folder in self.samples],
+                [Path(folder) for folder in self.validation],
+                places=places,
+                precision=self.precision,
+                stop_after=self.stop_after,
+                anneal=self.anneal,
+                minutes=self.minutes,
+                progress=progress,
+            )
         step, steps = trained.step, trained.recipe.steps
         if trained.rank:  # of several processes one writes
             return NetworkTrained(step, text="")
@@ -162,6 +161,19 @@ class Quantize(Operation):
             round(twin.model_mae_deg, 4),
             text=f"wrote {output}: {twin.mae_deg:.2f}° on the samples, the model itself {twin.model_mae_deg:.2f}°",
         )
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
+    """PyTorch with so many threads, 0 for as many as it has; afterwards with as many as before."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(count or before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _resumed(name: str) -> Path:

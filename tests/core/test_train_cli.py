@@ -16,6 +16,8 @@ from bad_input import Bench, cut, gets_one_clear_sentence
 from networks import pass_through
 from sphere_sample import sphere_sample
 
+from mpsnet_core.errors import FileError
+from mpsnet_core.learning.operations import Train
 from mpsnet_core.synthesis.sample import write_sample
 
 NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")
@@ -104,6 +106,16 @@ def renamed(path: Path) -> Path:
     found = read_checkpoint(path)
     write_checkpoint(path, found._replace(weights={f"{name}s": value for name, value in found.weights.items()}))
     return path
+
+
+@NEEDS_TORCH
+def test_the_threads_of_a_training_are_its_own(tmp_path: Path) -> None:
+    import torch
+
+    before = torch.get_num_threads()
+    with pytest.raises(FileError, match="folder of samples"):
+        Train(recipe="psfcn", samples=[tmp_path / "no"], threads=before + 1, output=tmp_path / "m.onnx").run()
+    assert torch.get_num_threads() == before
 
 
 test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
