@@ -23,7 +23,7 @@ MIN_FACING = 0.1
 FACING_POWER = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """One photo's normals and the camera that took it.
 

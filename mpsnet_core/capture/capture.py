@@ -41,7 +41,7 @@ BLACK = 0.01
 DEPTH_MARGIN = 32
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Capture:
     """One photo under three lights at once, and a second one under white light where there is one.
 

@@ -39,7 +39,7 @@ SAME_SCALE = 1e-4
 PLY_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh; everything but `world_from_object` is in object space.
 

@@ -46,7 +46,7 @@ SPIKE, SEAM_STEPS = 0.02, 60
 COMMON = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Displacement:
     """How far the surface stands out from a mesh, along the mesh's smooth normals, on its UVs.
 
