@@ -124,6 +124,21 @@ def test_what_cannot_be_made_is_reported_and_the_rest_goes_on(tmp_path: Path) ->
     assert whole(tmp_path) == set(range(8)) - {3, 4}
 
 
+@posix
+def test_nothing_is_written_through_a_link_in_the_folder(tmp_path: Path) -> None:
+    folder, precious = tmp_path / "samples", tmp_path / "precious"
+    run(folder, 1)
+    precious.write_text("mine")
+    (folder / "sample_000001.exr").symlink_to(precious)
+    harvest = run(folder, 3)
+    assert harvest.made == 1 and "is a link to" in harvest.failed[1]
+    (folder / "job.json").rename(precious.with_name("job.json"))
+    (folder / "job.json").symlink_to(precious.with_name("job.json"))
+    with pytest.raises(InputError, match="is a link to"):
+        run(folder, 4)
+    assert precious.read_text() == "mine" and '"count": 3' in precious.with_name("job.json").read_text()
+
+
 def test_when_all_fail_it_stops(tmp_path: Path) -> None:
     for number in range(200):
         (tmp_path / f"fail_{number}").touch()
