@@ -201,7 +201,7 @@ class Align(RunsModel, ReadsPhotos):
     ) -> CameraFound:
         from mpsnet_core.estimate.alignment.points import off_by
         from mpsnet_core.io.files import written_together
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import write_camera
 
         best = fits[0]
@@ -227,7 +227,7 @@ class Align(RunsModel, ReadsPhotos):
             for path, fit in others:
                 write_camera(path, fit.camera)
             if self.overlay:
-                write_image(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
+                write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
         residuals = None if pairs is None else [round(float(one), 2) for one in off_by(best.camera, *pairs)]
         return CameraFound(
