@@ -314,15 +314,21 @@ def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
 
 
 def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> "Camera":
-    """A rough start as a perspective camera of the photo's size."""
+    """A rough start as a perspective camera of the photo's size.
+
+    Its principal point stays where its picture has the photo's shape, as that of a cropped photo; else, as of a
+    viewport's view, it is the photo's middle.
+    """
     import numpy as np
 
     if camera.projection != "perspective":
         raise GeometryError("the start is an orthographic camera; give a perspective one, as a photo is taken by")
     scale = max(width, height) / max(camera.width, camera.height)
-    middle = np.array([width, height]) / 2
+    size = np.array([width, height])
+    one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= 1
+    centre = camera.centre * scale if one_shape else size / 2
     return replace(
-        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=middle
+        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=centre
     )
 
 
