@@ -123,6 +123,7 @@ def displacement(
         Where the texture does not fit the mesh, or the base is another mesh.
     """
     progress(0.0, "laying out the UVs")
+    vectors = np.asarray(vectors, np.float32)
     own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
     covered = laid.triangle >= 0
     areas = laid.areas()[laid.triangle[covered]]
