@@ -336,7 +336,7 @@ def resolved(path: str | os.PathLike[str]) -> Path:
 
 
 def _takes(file: Path) -> bool:
-    """Whether a file's folder takes it, tested by creating its unfinished twin: permissions do not show it on Windows,
+    """Whether a file's folder takes it, tested by creating its unfinished file: permissions do not show it on Windows,
     nor for folders that are not on a disk. (tempfile would try two billion names in a folder of Windows that does not.)
     """
     probe = unfinished_path(file)

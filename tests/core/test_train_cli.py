@@ -351,37 +351,37 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
 )
 
 
-test_a_bad_int8_twin_gets_one_clear_sentence = NEEDS_TORCH(
+test_a_bad_int8_version_gets_one_clear_sentence = NEEDS_TORCH(
     gets_one_clear_sentence(
         [
             (
-                "twin over its model",
+                "int8 version over its model",
                 lambda b: b.run(
                     "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "m.onnx"
                 ),
                 "the result would overwrite …m.onnx, a file that it needs",
             ),
             (
-                "int8 twin of no model",
+                "int8 version of no model",
                 lambda b: b.run(
                     "quantize", b.bytes("m.onnx", b"x"), "--samples", sample_folder(b), "-o", b / "out.onnx"
                 ),
                 "m.onnx is not an ONNX model that can be run",
             ),
             (
-                "int8 twin of a single layer",
+                "int8 version of a single layer",
                 lambda b: b.run(
                     "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "out.onnx"
                 ),
                 "m.onnx has no layer between its first and its last; leave it as it is",
             ),
             (
-                "int8 twin without samples",
+                "int8 version without samples",
                 lambda b: b.run("quantize", pass_through(b / "m.onnx"), "-o", b / "out.onnx"),
                 "--samples; see mpsnet quantize --help",
             ),
             (
-                "int8 twin in another format",
+                "int8 version in another format",
                 lambda b: b.run("quantize", pass_through(b / "m.onnx"), "--samples", b.folder, "-o", b / "out.pth"),
                 "out.pth: models are written as .onnx; change the suffix",
             ),
