@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import ReadsPhotos
+from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
@@ -105,8 +106,8 @@ class Align(RunsModel, ReadsPhotos):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        low=1.0,
-        high=10000.0,
+        low=LEAST_FOCAL,
+        high=MOST_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
         unset="found as well",
     )
