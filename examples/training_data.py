@@ -32,9 +32,9 @@ print(f"rendered: {rendered} ({time.monotonic() - started:.0f} s)")
 
 # The same recipes, but for one bounce of light where Cycles has three.
 started = time.monotonic()
-harvest = make_samples(synthesised, SampleJob("synthesis", COUNT, SEED, PIXELS, shapes=read_job(rendered).shapes))
-if harvest.failed:
-    raise SystemExit(f"{len(harvest.failed)} samples failed: {next(iter(harvest.failed.values()))}")
+outcome = make_samples(synthesised, SampleJob("synthesis", COUNT, SEED, PIXELS, shapes=read_job(rendered).shapes))
+if outcome.failed:
+    raise SystemExit(f"{len(outcome.failed)} samples failed: {next(iter(outcome.failed.values()))}")
 print(f"synthesised: {synthesised} ({time.monotonic() - started:.0f} s)")
 
 pairs = [sample_path(folder, number) for number in range(COUNT) for folder in (rendered, synthesised)]

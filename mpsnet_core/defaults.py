@@ -9,6 +9,9 @@ ENCODINGS = {
 }
 CONVENTIONS = {"opengl": "green is up: Blender, glTF, Unity, Godot", "directx": "green is down: Unreal Engine"}
 
+# A lens's 35 mm equivalent focal length, in millimetres: fisheyes have some 8, telescopes a few thousand.
+LEAST_FOCAL, MOST_FOCAL = 1.0, 10_000.0
+
 # Textures: their side, and by how far the islands' borders are grown, in texels; what detail is multiplied by at most.
 TEXTURE_SIZE = 2048
 MAX_TEXTURE_SIZE = 16384

@@ -16,6 +16,14 @@ def size(shape: Sequence[int]) -> str:
 def check_same_size(
     name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = SAME_SIZE
 ) -> None:
-    """Raises GeometryError where two arrays differ in shape; `name` and `other` name them in the sentence."""
-    if tuple(shape) != tuple(expected):
-        raise GeometryError(f"{name} is {size(shape)} but {other} is {size(expected)}; {remedy}")
+    """Raises GeometryError where two arrays differ in shape; `name` and `other` name them in the sentence.
+
+    >>> check_same_size("the mask", (2, 3, 3), "the photo", (2, 3))
+    Traceback (most recent call last):
+    mpsnet_core.errors.GeometryError: the mask is (2, 3, 3) but the photo is (2, 3); they must be the same size
+    """
+    shape, expected = tuple(shape), tuple(expected)
+    if shape != expected:
+        by_shape = len(shape) < 2 or shape[:2] == expected[:2]
+        found, wanted = map(str if by_shape else size, (shape, expected))
+        raise GeometryError(f"{name} is {found} but {other} is {wanted}; {remedy}")

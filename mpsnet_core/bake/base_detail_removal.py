@@ -38,7 +38,7 @@ FAINT = 0.01
 PROBED_PIXELS = 128
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BaseMap:
     """The normal map that an object wears, to add detail to.
 

@@ -91,6 +91,7 @@ def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
     Reoriented Normal Mapping (Barré-Brisebois and Hill, "Blending in Detail", 2012).
     """
     check_blending(texture.space)
+    base_map = np.asarray(base_map, np.float32)
     height, width = texture.vectors.shape[:2]
     if base_map.shape[:2] != (height, width):
         base_map = resampled(base_map, height, width)

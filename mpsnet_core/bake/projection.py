@@ -23,7 +23,7 @@ MIN_FACING = 0.1
 FACING_POWER = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """One photo's normals and the camera that took it.
 
@@ -48,9 +48,12 @@ class View:
 
     def __post_init__(self) -> None:
         shape = self.normals.mask.shape
-        if self.colours is not None and self.colours.shape != (*shape, 3):
-            sizes = f"{size(self.colours.shape)} but the normal map is {size(shape)}"
-            raise GeometryError(f"the colours are {sizes}; {SAME_SIZE}")
+        if self.colours is not None:
+            colours = np.asarray(self.colours, np.float32)
+            if colours.shape != (*shape, 3):
+                sizes = f"{size(colours.shape)} but the normal map is {size(shape)}"
+                raise GeometryError(f"the colours are {sizes}; {SAME_SIZE}")
+            object.__setattr__(self, "colours", colours)
         check_same_size("the camera", (self.camera.height, self.camera.width), "its normal map", shape)
 
 

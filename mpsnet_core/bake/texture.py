@@ -14,7 +14,7 @@ Space = Literal["tangent", "object"]
 SPACES: tuple[Space, ...] = ("tangent", "object")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Texture:
     """Baked normals for every texel.
 

@@ -41,7 +41,7 @@ BLACK = 0.01
 DEPTH_MARGIN = 32
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Capture:
     """One photo under three lights at once, and a second one under white light where there is one.
 
@@ -110,7 +110,8 @@ class Capture:
         if not mask.any():
             raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
         if self.clipped is not None:
-            check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
+            object.__setattr__(self, "clipped", np.asarray(self.clipped, bool))
+            check_same_size("what is clipped", np.shape(self.clipped), "the photo", image.shape)
         image = _finite_and_lit(image, mask, "photo", "were the lights on, and is it the right mask?")
         if self.rig.near is not None and (self.camera is None or self.depth is None):
             raise GeometryError(
@@ -125,6 +126,8 @@ class Capture:
                 )
             object.__setattr__(self, "depth", depth)
         if self.white is not None:
+            if self.white_clipped is not None:
+                object.__setattr__(self, "white_clipped", np.asarray(self.white_clipped, bool))
             object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
         if self.white_light is not None:
             object.__setattr__(self, "white_light", _towards_lamp(self.white_light))

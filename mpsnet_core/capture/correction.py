@@ -25,7 +25,7 @@ LEAST_FLAT = 0.05
 BAD_SHARE = 0.001
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Correction:
     """What is subtracted from a photo, and what it is then multiplied by.
 

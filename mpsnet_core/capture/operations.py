@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
@@ -96,7 +97,11 @@ class HasLens(Operation):
         provenance="content",
     )
     focal: float | None = option(
-        default=None, metavar="MM", help="35 mm equivalent focal length of the real camera, in millimetres"
+        default=None,
+        metavar="MM",
+        low=LEAST_FOCAL,
+        high=MOST_FOCAL,
+        help="35 mm equivalent focal length of the real camera, in millimetres",
     )
 
     def lens(self) -> "Camera | float | None":

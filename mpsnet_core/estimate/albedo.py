@@ -122,9 +122,10 @@ def write_albedo(
         As :func:`write_image` does.
     """
     linear = bits == 32 or os.fspath(path).lower().endswith(".exr")
+    albedo = np.asarray(albedo)
     values = albedo if linear else linear_to_srgb(albedo)
     if mask is not None:
-        values = np.concatenate([values, mask[..., None]], axis=-1)
+        values = np.concatenate([values, np.asarray(mask, bool)[..., None]], axis=-1)
     write_image(path, values, bits=bits, color_space="lin_rec709_scene" if linear else "sRGB")
 
 

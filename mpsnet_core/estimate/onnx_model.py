@@ -33,8 +33,18 @@ PROVIDERS = {
     "coreml": "CoreMLExecutionProvider",
 }
 MAX_MODEL_BYTES = 2 << 30
-# What a network may hold in main memory as it runs.
-MAX_ARENA_BYTES = 16 << 30
+
+
+def _most_memory() -> int:
+    """What networks may hold in main memory as they run: half of the machine's, 16 GiB at most."""
+    try:
+        machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError):  # Windows, which gives nobody more than it has
+        machine = 32 << 30
+    return min(16 << 30, machine // 2)
+
+
+MAX_ARENA_BYTES = _most_memory()
 
 
 class OnnxModel:
@@ -101,7 +111,7 @@ class OnnxModel:
             if "memory" in str(error):
                 raise FormatError(
                     f"model file {self.path} failed on {shapes}: it needs more memory than there is, or than "
-                    f"{MAX_ARENA_BYTES >> 30} GiB; use smaller tiles"
+                    f"{MAX_ARENA_BYTES / (1 << 30):.3g} GiB; use smaller tiles"
                 ) from None
             reason = " ".join(str(error).split())[:200]
             raise FormatError(

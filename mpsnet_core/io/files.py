@@ -252,6 +252,13 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
+def check_no_link(path: Path) -> None:
+    """Raises FileError where a file would be written through a link: a folder from elsewhere may hold one that leads
+    to a file of the person's."""
+    if path.is_symlink():
+        raise FileError(f"{path} is a link to {path.readlink()}, through which nothing is written; remove the link")
+
+
 def _behind_link(path: Path) -> Path:
     """The file that a link leads to; what is no link stays as it is."""
     return resolved(path) if path.is_symlink() else path
@@ -329,7 +336,7 @@ def resolved(path: str | os.PathLike[str]) -> Path:
 
 
 def _takes(file: Path) -> bool:
-    """Whether a file's folder takes it, tested by creating its unfinished twin: permissions do not show it on Windows,
+    """Whether a file's folder takes it, tested by creating its unfinished file: permissions do not show it on Windows,
     nor for folders that are not on a disk. (tempfile would try two billion names in a folder of Windows that does not.)
     """
     probe = unfinished_path(file)

@@ -49,6 +49,7 @@ def write_image(
     SettingsError
         If the format or the bits are not supported.
     """
+    pixels = np.asarray(pixels)
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
     height, width, channels = pixels.shape
     write_bands(

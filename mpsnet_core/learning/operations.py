@@ -1,8 +1,10 @@
-"""Operations train and quantize: from samples to a network, and to its int8 twin.
+"""Operations train and quantize: from samples to a network, and to its int8 version.
 
 They stand here because :mod:`mpsnet_core.learning.training` cannot be imported without PyTorch (extra ``train``).
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -82,22 +84,19 @@ class Train(Operation):
         from mpsnet_core.learning.training.recipe import read_recipe
 
         output = _model_path(self.output)
-        if self.threads:
-            import torch
-
-            torch.set_num_threads(self.threads)
         places = self._places(output)
-        trained = train(
-            read_recipe(self.recipe),
-            [Path(folder) for folder in self.samples],
-            [Path(folder) for folder in self.validation],
-            places=places,
-            precision=self.precision,
-            stop_after=self.stop_after,
-            anneal=self.anneal,
-            minutes=self.minutes,
-            progress=progress,
-        )
+        with _threads(self.threads):
+            trained = train(
+                read_recipe(self.recipe),
+                [Path(folder) for folder in self.samples],
+                [Path(folder) for folder in self.validation],
+                places=places,
+                precision=self.precision,
+                stop_after=self.stop_after,
+                anneal=self.anneal,
+                minutes=self.minutes,
+                progress=progress,
+            )
         step, steps = trained.step, trained.recipe.steps
         if trained.rank:  # of several processes one writes
             return NetworkTrained(step, text="")
@@ -125,8 +124,8 @@ class Train(Operation):
 
 
 @dataclass(frozen=True)
-class TwinMade(Result):
-    """Where the twin is, and its mean angular error on the samples beside that of the model itself."""
+class ModelQuantized(Result):
+    """Where the int8 model is, and its mean angular error on the samples beside that of the model itself."""
 
     model: str
     mae_deg: float
@@ -135,7 +134,7 @@ class TwinMade(Result):
 
 @dataclass(frozen=True)
 class Quantize(Operation):
-    """Make a model's int8 twin: smaller and quicker."""
+    """Make a model's int8 version: smaller and quicker."""
 
     command: ClassVar[str] = "quantize"
 
@@ -146,8 +145,8 @@ class Quantize(Operation):
     count: int = option(default=64, low=1, help="how many photographs of the samples to calibrate on")
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
-    def run(self, progress: Progress = silent) -> TwinMade:
-        """Write the twin, and report what it costs in accuracy."""
+    def run(self, progress: Progress = silent) -> ModelQuantized:
+        """Write the int8 model, and report what it costs in accuracy."""
         from mpsnet_core.io.files import check_apart
         from mpsnet_core.learning.training.quantize import quantise
 
@@ -155,13 +154,26 @@ class Quantize(Operation):
         model = find_network(self.model).path
         check_apart([model], [output])
         samples = [Path(folder) for folder in self.samples]
-        twin = quantise(model, samples, output, count=self.count, progress=progress)
-        return TwinMade(
+        errors = quantise(model, samples, output, count=self.count, progress=progress)
+        return ModelQuantized(
             str(output),
-            round(twin.mae_deg, 4),
-            round(twin.model_mae_deg, 4),
-            text=f"wrote {output}: {twin.mae_deg:.2f}° on the samples, the model itself {twin.model_mae_deg:.2f}°",
+            round(errors.mae_deg, 4),
+            round(errors.model_mae_deg, 4),
+            text=f"wrote {output}: {errors.mae_deg:.2f}° on the samples, the model itself {errors.model_mae_deg:.2f}°",
         )
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
+    """PyTorch with so many threads, 0 for as many as it has; afterwards with as many as before."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(count or before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _resumed(name: str) -> Path:

@@ -67,6 +67,7 @@ def curvature(
     if perspective and (depth is None or np.shape(depth) != (height, width)):
         raise GeometryError("the curvature under a perspective camera needs the depth of every pixel")
     check_curvature(radius)
+    depth = None if depth is None else np.asarray(depth)
     sharp = np.zeros((height, width), np.float32)
     for rows in bands(height):
         progress(0.5 * rows.start / height, "curvature")
@@ -113,7 +114,7 @@ def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) 
     float
         99 of 100 pixels of the mask lie within plus and minus this; 1 where all are 0.
     """
-    inside = np.abs(values[mask])
+    inside = np.abs(np.asarray(values)[np.asarray(mask, bool)])
     limit = float(np.quantile(inside[:: -(-len(inside) // _SAMPLED)], PICTURE_QUANTILE))
     return limit if limit > 0 else 1.0
 
@@ -138,7 +139,7 @@ def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArra
     >>> curvature_picture(np.array([[-2.0, 0.0, 1.0]]), 2.0)
     array([[0.  , 0.5 , 0.75]], dtype=float32)
     """
-    picture: NDArray[np.float32] = np.clip(0.5 + 0.5 / limit * values, 0, 1).astype(np.float32)
+    picture: NDArray[np.float32] = np.clip(0.5 + 0.5 / limit * np.asarray(values), 0, 1).astype(np.float32)
     return picture
 
 

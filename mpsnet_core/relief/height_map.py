@@ -11,7 +11,7 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeightMap:
     """Heights in camera space along the z axis, which points towards the camera.
 

@@ -11,6 +11,7 @@ from mpsnet_core.defaults import (
     CONVENTIONS,
     CURVATURE_RADIUS,
     FACES,
+    LEAST_FOCAL,
     MARGIN,
     MAX_BEND,
     MAX_BUMPS,
@@ -20,6 +21,7 @@ from mpsnet_core.defaults import (
     MAX_TEXTURE_SIZE,
     MIN_MATERIAL_SIZE,
     MIN_OVERLAP,
+    MOST_FOCAL,
     OVERLAP,
 )
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -81,6 +83,8 @@ class HasScale(Operation):
     focal: float | None = option(
         default=None,
         metavar="MM",
+        low=LEAST_FOCAL,
+        high=MOST_FOCAL,
         help="35 mm equivalent focal length in millimetres, in place of a camera file",
     )
     pixel_size: float | None = option(

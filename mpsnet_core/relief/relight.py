@@ -57,6 +57,7 @@ def relit(
     light = np.asarray(direction, np.float64)
     if light.shape != (3,) or not np.isfinite(light).all() or not light.any():
         raise GeometryError("a light's direction is three finite numbers that are not all 0")
+    occlusion, albedo = (None if values is None else np.asarray(values) for values in (occlusion, albedo))
     for what, values in (("ambient occlusion", occlusion), ("albedo", albedo)):
         if values is not None:
             check_size(what, values.shape, normals)

@@ -32,7 +32,7 @@ class NoFaceError(GeometryError):
     """No triangle is left of a surface."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfaceMesh:
     """A surface in the camera's world.
 

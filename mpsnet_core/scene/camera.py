@@ -23,7 +23,7 @@ FULL_FRAME = 36.0  # mm, the longer side of the sensor that 35 mm equivalent foc
 Projection = Literal["orthographic", "perspective"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole or orthographic camera.
 

@@ -39,7 +39,7 @@ SAME_SCALE = 1e-4
 PLY_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh; everything but `world_from_object` is in object space.
 
@@ -364,30 +364,36 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
 def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
     """(N - 2, 3) triangles of one polygon (N, 3), seen along its normal.
 
-    Corners that turn outwards, with no other corner between them and their neighbours, are cut off one by one. Where
-    there is none, as in a polygon that crosses itself, the rest becomes a fan.
+    Corners that turn outwards, with no other corner between them and their neighbours, are cut off, of two beside each
+    other one. Where there is none, as in a polygon that crosses itself, the rest becomes a fan.
     """
     along = int(np.argmax(np.abs(normal)))
     flat = places[:, [(along + 1) % 3, (along + 2) % 3]] * [1, np.sign(normal[along])]
 
-    def doubled_area(a: int, b: int, c: Any) -> Any:
-        (x, y), (to_x, to_y) = flat[b] - flat[a], (flat[c] - flat[a]).T
-        return x * to_y - y * to_x
+    def doubled_area(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+        (x, y), (to_x, to_y) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
+        area: NDArray[np.float64] = x * to_y - y * to_x
+        return area
 
-    left, triangles, place, tried = np.arange(len(flat)), [], 0, 0
-    while len(left) > 3 and tried < len(left):
-        behind, ear, ahead = (int(left[place - step]) for step in (2, 1, 0))
-        is_ear = doubled_area(behind, ear, ahead) > 0
-        if is_ear:
-            # A corner may be there twice, where a seam leads to a hole.
-            others = left[(flat[left, None] != flat[[behind, ear, ahead]]).any(axis=2).all(axis=1)]
-            sides = [doubled_area(a, b, others) for a, b in ((behind, ear), (ear, ahead), (ahead, behind))]
-            is_ear = not (np.array(sides) >= 0).all(axis=0).any()
-        if is_ear:
-            triangles.append(sorted((behind, ear, ahead)))
-            left = left[left != ear]
-        tried = 0 if is_ear else tried + 1
-        place = (place + 1) % len(left)
+    left, triangles = np.arange(len(flat)), []
+    while len(left) > 3:
+        around = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
+        outwards = doubled_area(*np.moveaxis(flat[around], 1, 0)) > 0
+        ears, others = np.flatnonzero(outwards), flat[left[~outwards]]  # in a triangle is one of these, or none
+        behind, ear, ahead = np.moveaxis(flat[around[ears], None], 1, 0)
+        within = np.ones((len(ears), len(others)), bool)
+        for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
+            within &= doubled_area(a, b, others) >= 0
+            within &= (others != a).any(axis=-1)  # a corner may be there twice, where a seam leads to a hole
+        cut: list[int] = []
+        for place in map(int, ears[~within.any(axis=1)]):
+            if not cut or (place - cut[-1] > 1 and place - cut[0] < len(left) - 1):
+                cut.append(place)
+        if not cut:
+            break
+        cut = cut[: len(left) - 3]
+        triangles += np.sort(around[cut], axis=1).tolist()
+        left = np.delete(left, cut)
     triangles += [[int(left[0]), *map(int, pair)] for pair in pairwise(left[1:])]
     return np.array(sorted(triangles))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import GeometryError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Labels:
     """A name for each of T triangles.
 

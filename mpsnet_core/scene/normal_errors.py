@@ -11,7 +11,7 @@ from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import NormalMap, read_normals
+from mpsnet_core.scene.normal_map import Convention, NormalMap, read_normals
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,12 @@ class NormalErrors:
         return float(np.median(self.degrees[self.mask]))
 
 
-def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[str] | None = None) -> NormalMap:
+def read_true_normals(
+    path: str | os.PathLike[str], camera: str | os.PathLike[str] | None = None, *, convention: Convention = "opengl"
+) -> NormalMap:
     """True normals in camera space: of a normal map or, with the camera's file, of a render's passes in world space.
+
+    convention: of the normal map's green channel.
 
     Such a render is an OpenEXR file with the layers Normal and Combined, as Blender writes it. Pixels that the object
     fills only in part are left out: there the pass is a mean with the background. So is what is not finite.
@@ -40,7 +44,7 @@ def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[st
     """
     if camera is None:
         try:
-            return read_normals(path)
+            return read_normals(path, convention=convention)
         except FormatError:
             if any(layer.split(".")[-1] == "Normal" for layer in image_layers(path)):
                 raise SettingsError(
@@ -48,6 +52,8 @@ def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[st
                     "(--camera)"
                 ) from None
             raise
+    if convention != "opengl":
+        raise SettingsError(f"{path} with a camera is a render's passes, without a convention; leave one of them out")
     world, _ = read_data(path, layer="Normal")
     _, alpha = read_data(path, layer="Combined")
     if alpha is None:

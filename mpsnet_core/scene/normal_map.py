@@ -24,7 +24,7 @@ BACKGROUND = 0.1
 SAMPLED = 100_000  # pixels of a large map, to find its background
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NormalMap:
     """Surface normals in camera space (x right, y up, z towards the camera).
 

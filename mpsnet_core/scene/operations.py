@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from mpsnet_core.defaults import ENCODINGS
+from mpsnet_core.defaults import CONVENTIONS, ENCODINGS
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -135,6 +135,12 @@ class CompareNormals(Operation):
         help="camera file of the view: the true normals are in the world's axes",
         unset="they are in the camera's",
     )
+    convention: Literal["opengl", "directx"] = option(
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
+    )
+    truth_convention: Literal["opengl", "directx"] = option(
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the true normal map points"
+    )
     output: str | None = option(
         default=None, short="-o", metavar="FILE", help="picture of the errors with its scale: .png, .tif or .exr"
     )
@@ -151,8 +157,8 @@ class CompareNormals(Operation):
             writable_image(self.output)
             check_apart([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
         progress(0.0, "reading the normals")
-        estimate = read_normals(self.normals)
-        errors = normal_errors(estimate, read_true_normals(self.truth, self.camera))
+        estimate = read_normals(self.normals, convention=self.convention)
+        errors = normal_errors(estimate, read_true_normals(self.truth, self.camera, convention=self.truth_convention))
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
             write_picture(self.output, scaled_error_picture(errors.degrees, errors.mask))

@@ -53,7 +53,7 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
     return three
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NearLights:
     """Point lights so near that direction and irradiance vary over the object.
 
@@ -110,7 +110,7 @@ class NearLights:
         return lights
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LightRig:
     """Three lights in camera space, distant or near (:func:`near_rig`), and the mixing of their colours.
 

@@ -13,7 +13,7 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, rig_data, write_rig_data
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WorldLights:
     """Three lights in the world that mesh and cameras share.
 

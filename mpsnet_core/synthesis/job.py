@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.claims import Claims
-from mpsnet_core.io.files import ensure_folder, read_json, write_json
+from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
@@ -162,8 +162,10 @@ def read_job(folder: str | os.PathLike[str]) -> SampleJob:
 
 
 def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
-    """Keep the job in its folder, whole or not at all."""
-    write_json(Path(folder) / JOB_FILE, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
+    """Keep the job in its folder, whole or not at all. Raises FileError where a link is in its place."""
+    path = Path(folder) / JOB_FILE
+    check_no_link(path)
+    write_json(path, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
 
 
 def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:

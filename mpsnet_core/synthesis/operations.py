@@ -64,7 +64,7 @@ class RunsWorkers(Operation):
         """
         from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
 
-        harvest = make_samples(
+        outcome = make_samples(
             folder,
             job,
             SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon),
@@ -73,13 +73,13 @@ class RunsWorkers(Operation):
             cluster_trusted=self.cluster_trusted,
             progress=progress,
         )
-        facts = f"{harvest.made} made, {harvest.there} there already"
-        if harvest.failed:
-            number, sentence = min(harvest.failed.items())
-            count = len(harvest.failed)
+        facts = f"{outcome.made} made, {outcome.there} there already"
+        if outcome.failed:
+            number, sentence = min(outcome.failed.items())
+            count = len(outcome.failed)
             raise InputError(f"{folder}: {count} of {job.count} samples failed, {facts}; sample {number}: {sentence}")
         sheet = str(Path(folder) / CONTACT_SHEET)
-        return SamplesMade(folder, harvest.made, harvest.there, sheet, text=f"{folder}: {facts}")
+        return SamplesMade(folder, outcome.made, outcome.there, sheet, text=f"{folder}: {facts}")
 
 
 @dataclass(frozen=True)

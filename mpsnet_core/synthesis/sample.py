@@ -38,7 +38,7 @@ _HALF_MAX = 65504.0
 _NO_DATE = "1970:01:01 00:00:00"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """One view under each of three white lights, H x W pixels, row 0 on top.
 

@@ -2,10 +2,12 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 
 import bumpy_ball
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from bumpy_ball import Photo
 from mesh_file import write_mesh
@@ -17,6 +19,7 @@ from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import camera_from_points
 from mpsnet_core.estimate.alignment.refine import refined
 from mpsnet_core.estimate.alignment.search import searched
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import near_rig, published_rig, write_rig
@@ -190,6 +193,30 @@ class TestCommand:
         assert result["poor"] is False
         assert result["overlap"] > 0.98
         assert_the_same(read_camera(files / "camera.json"), photographed().camera)
+
+    def test_the_start_of_a_cropped_photo_keeps_its_principal_point(self, mpsnet, files):
+        photo, (left, top) = photographed(), (90, 30)
+        image = np.dstack([photo.image, photo.mask])[top:, left:]
+        write_file(files / "photo.exr", image, "float")
+
+        def cropped(camera: Camera) -> Camera:
+            height, width, _ = image.shape
+            return replace(camera, width=width, height=height, centre=camera.centre - (left, top))
+
+        write_camera(files / "start.json", cropped(looking(46, 10, 4)))
+        done = self.align(mpsnet, files, "--start", files / "start.json")
+        assert done.returncode == 0, done.stderr
+        assert_the_same(read_camera(files / "camera.json"), cropped(photo.camera))
+
+    def test_the_overlay_is_a_picture_of_srgb_values_as_others_are(self, mpsnet, files):
+        write_camera(files / "start.json", looking(46, 10, 4))
+        shown = []
+        for name in ("overlay.png", "overlay.exr"):
+            done = self.align(mpsnet, files, "--start", files / "start.json", "--overlay", files / name)
+            assert done.returncode == 0, done.stderr
+            shown.append(read_image(files / name).pixels)
+        assert oiio.ImageInput.open(str(files / "overlay.png")).spec().format == oiio.UINT8
+        np.testing.assert_allclose(*shown, atol=0.01)
 
     def test_a_large_photo_under_near_lights_is_made_smaller(self, mpsnet, files, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("mpsnet_core.estimate.alignment.operation.LONGEST", 240)

@@ -23,7 +23,7 @@ from test_farm import alive, job, posix, start, until, workers
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm import cluster as dask
 from mpsnet_core.synthesis.farm.address import check_address
-from mpsnet_core.synthesis.farm.run import Harvest, make_samples
+from mpsnet_core.synthesis.farm.run import JobOutcome, make_samples
 from mpsnet_core.synthesis.job import write_job
 
 pytestmark = pytest.mark.long
@@ -35,15 +35,15 @@ def cluster() -> Iterator[LocalCluster]:
         yield local
 
 
-def run(cluster: LocalCluster, folder: Path, count: int, **options: object) -> Harvest:
+def run(cluster: LocalCluster, folder: Path, count: int, **options: object) -> JobOutcome:
     return make_samples(folder, job(count), COMMAND, cluster=cluster.scheduler_address, **options)  # type: ignore[arg-type]
 
 
 def test_every_sample_is_made_once_and_what_is_there_is_not_made_again(cluster: LocalCluster, tmp_path: Path) -> None:
     told: list[str] = []
-    assert run(cluster, tmp_path, 20) == Harvest(made=20)
-    harvest = run(cluster, tmp_path, 30, progress=lambda fraction, words: told.append(words))
-    assert harvest == Harvest(made=10, there=20)
+    assert run(cluster, tmp_path, 20) == JobOutcome(made=20)
+    outcome = run(cluster, tmp_path, 30, progress=lambda fraction, words: told.append(words))
+    assert outcome == JobOutcome(made=10, there=20)
     assert whole(tmp_path) == set(range(30))
     assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(30), 1)
     assert told[-1] == "30 of 30" and next(words for words in told if "looking" not in words) == "20 of 30"
@@ -69,11 +69,11 @@ def test_a_killed_dask_worker_loses_only_its_current_sample(cluster: LocalCluste
 
     killer = threading.Thread(target=kill)
     killer.start()
-    harvest = run(cluster, tmp_path, 60)
+    outcome = run(cluster, tmp_path, 60)
     killer.join()
     with Client(cluster, set_as_default=False) as client:
         assert killed[0] not in client.run(os.getpid).values()
-    assert harvest.made + harvest.there == 60 and not harvest.failed
+    assert outcome.made + outcome.there == 60 and not outcome.failed
     assert whole(tmp_path) == set(range(60))
     assert [name for name in listing(tmp_path) if "unfinished" in name] == []
     times = [len(pids) for pids in begun(tmp_path).values()]
@@ -84,8 +84,8 @@ def test_a_killed_dask_worker_loses_only_its_current_sample(cluster: LocalCluste
 def test_failures_are_reported_and_deaths_of_our_process_are_retried(cluster: LocalCluster, tmp_path: Path) -> None:
     (tmp_path / "fail_3").touch()
     (tmp_path / "die_5").touch()
-    harvest = run(cluster, tmp_path, 10)
-    assert harvest == Harvest(made=9, failed={3: "sample 3 shows nothing; choose another"})
+    outcome = run(cluster, tmp_path, 10)
+    assert outcome == JobOutcome(made=9, failed={3: "sample 3 shows nothing; choose another"})
     assert len(begun(tmp_path)[5]) == 2
 
 
@@ -103,8 +103,8 @@ def test_cancelling_ends_tasks_and_processes(cluster: LocalCluster, tmp_path: Pa
     assert 6 <= len(made) < 20
     time.sleep(0.3)
     assert whole(tmp_path) == made
-    harvest = run(cluster, tmp_path, 40)
-    assert harvest.made + harvest.there == 40 and whole(tmp_path) == set(range(40))
+    outcome = run(cluster, tmp_path, 40)
+    assert outcome.made + outcome.there == 40 and whole(tmp_path) == set(range(40))
 
 
 def test_a_run_here_and_one_on_the_cluster_share_a_folder(cluster: LocalCluster, tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_a_tls_address_needs_the_certificates_of_its_cluster(
     how = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(protocol="tls", security=security, **how) as local:
 
-        def made_with(certificate: str | None) -> Harvest:
+        def made_with(certificate: str | None) -> JobOutcome:
             named = dict.fromkeys(("distributed.comm.tls.ca-file", "distributed.comm.tls.client.cert"), certificate)
             with dask_config.set(named):
                 return make_samples(tmp_path, job(3), COMMAND, cluster=local.scheduler_address)
@@ -213,7 +213,7 @@ def test_a_tls_address_needs_the_certificates_of_its_cluster(
         with pytest.raises(InputError, match=r"^no Dask scheduler answers at tls://"):
             made_with(theirs)
         monkeypatch.undo()
-        assert made_with(ours) == Harvest(made=3)
+        assert made_with(ours) == JobOutcome(made=3)
 
 
 def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:

@@ -47,6 +47,24 @@ def test_mean_and_median_are_those_of_the_angles(tmp_path: Path, capsys: pytest.
     assert np.ptp(bright[:, SIZE // 2 :]) == 0  # the background
 
 
+def test_each_map_has_its_convention(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    normals = NormalMap(tilted(angles())[..., [1, 0, 2]], np.ones((SIZE, SIZE), bool))  # they lean up
+    for convention in ("opengl", "directx"):
+        write_normals(tmp_path / f"{convention}.exr", normals, convention=convention)
+    gl, dx = tmp_path / "opengl.exr", tmp_path / "directx.exr"
+    for arguments, mean in (
+        ((dx, "--convention", "directx", "--truth", gl), 0),
+        ((gl, "--truth", dx, "--truth-convention", "directx"), 0),
+        ((gl, "--truth", dx), 21),
+    ):
+        assert compare(capsys, *arguments)[1]["mean"] == pytest.approx(mean, abs=0.01)
+    write_camera(tmp_path / "c.json", camera_looking((0.5, -1, 0.7), size=SIZE))
+    code, _, sentence = compare(
+        capsys, gl, "--truth", dx, "--truth-convention", "directx", "--camera", tmp_path / "c.json"
+    )
+    assert code == 2 and "is a render's passes, without a convention" in sentence
+
+
 def test_the_picture_is_linear_in_an_exr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_normals(tmp_path / "n.exr", NormalMap(tilted(angles()), np.ones((SIZE, SIZE), bool)))
     for name in ("e.png", "e.exr"):

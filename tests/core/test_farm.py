@@ -17,7 +17,7 @@ from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.child_process import LAST_WORDS, LONGEST_WORDS
-from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
+from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, JobOutcome, blender_command, duration, make_samples
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Worker, clear_unfinished
 from mpsnet_core.synthesis.job import SampleJob
 
@@ -28,8 +28,8 @@ from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob
 from stand_in import COMMAND
 
-harvest = make_samples(sys.argv[1], SampleJob("synthesis", int(sys.argv[2]), seed=5), COMMAND, processes=2)
-print(harvest.made, harvest.there, len(harvest.failed))
+outcome = make_samples(sys.argv[1], SampleJob("synthesis", int(sys.argv[2]), seed=5), COMMAND, processes=2)
+print(outcome.made, outcome.there, len(outcome.failed))
 """
 posix = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")
 
@@ -38,7 +38,7 @@ def job(count: int, **changes: object) -> SampleJob:
     return SampleJob("synthesis", count, seed=5, **changes)  # type: ignore[arg-type]
 
 
-def run(folder: Path, count: int, processes: int = 2, **changes: object) -> Harvest:
+def run(folder: Path, count: int, processes: int = 2, **changes: object) -> JobOutcome:
     return make_samples(folder, job(count, **changes), COMMAND, processes=processes)
 
 
@@ -79,10 +79,10 @@ def unfinished(folder: Path) -> list[str]:
 
 def test_every_sample_is_made_once_and_the_way_is_reported(tmp_path: Path) -> None:
     told: list[tuple[float, str]] = []
-    harvest = make_samples(
+    outcome = make_samples(
         tmp_path / "new", job(30), COMMAND, processes=2, progress=lambda fraction, words: told.append((fraction, words))
     )
-    assert harvest == Harvest(made=30)
+    assert outcome == JobOutcome(made=30)
     assert whole(tmp_path / "new") == set(range(30))
     assert {number: len(pids) for number, pids in begun(tmp_path / "new").items()} == dict.fromkeys(range(30), 1)
     assert len(workers(tmp_path / "new")) == 2
@@ -94,16 +94,16 @@ def test_every_sample_is_made_once_and_the_way_is_reported(tmp_path: Path) -> No
 
 
 def test_what_is_there_is_not_made_again_and_a_larger_count_extends_it(tmp_path: Path) -> None:
-    assert run(tmp_path, 4) == Harvest(made=4)
+    assert run(tmp_path, 4) == JobOutcome(made=4)
     (tmp_path / "sample_000001.exr").unlink()
     (tmp_path / "sample_000002.exr").write_bytes(b"")
     half = (tmp_path / "sample_000003.exr").read_bytes()[:-20]
     (tmp_path / "sample_000003.exr").write_bytes(half)
     (tmp_path / "begun").unlink()
-    assert run(tmp_path, 6) == Harvest(made=5, there=1)
+    assert run(tmp_path, 6) == JobOutcome(made=5, there=1)
     assert set(begun(tmp_path)) == {1, 2, 3, 4, 5}
     assert whole(tmp_path) == set(range(6))
-    assert run(tmp_path, 3, sample_seconds=60) == Harvest(there=3)
+    assert run(tmp_path, 3, sample_seconds=60) == JobOutcome(there=3)
 
 
 def test_neighbours_of_one_shape_go_to_one_worker(tmp_path: Path) -> None:
@@ -118,10 +118,25 @@ def test_neighbours_of_one_shape_go_to_one_worker(tmp_path: Path) -> None:
 def test_what_cannot_be_made_is_reported_and_the_rest_goes_on(tmp_path: Path) -> None:
     for number in (3, 4):
         (tmp_path / f"fail_{number}").touch()
-    harvest = run(tmp_path, 8)
-    assert harvest.made == 6
-    assert harvest.failed == {n: f"sample {n} shows nothing; choose another" for n in (3, 4)}
+    outcome = run(tmp_path, 8)
+    assert outcome.made == 6
+    assert outcome.failed == {n: f"sample {n} shows nothing; choose another" for n in (3, 4)}
     assert whole(tmp_path) == set(range(8)) - {3, 4}
+
+
+@posix
+def test_nothing_is_written_through_a_link_in_the_folder(tmp_path: Path) -> None:
+    folder, precious = tmp_path / "samples", tmp_path / "precious"
+    run(folder, 1)
+    precious.write_text("mine")
+    (folder / "sample_000001.exr").symlink_to(precious)
+    outcome = run(folder, 3)
+    assert outcome.made == 1 and "is a link to" in outcome.failed[1]
+    (folder / "job.json").rename(precious.with_name("job.json"))
+    (folder / "job.json").symlink_to(precious.with_name("job.json"))
+    with pytest.raises(InputError, match="is a link to"):
+        run(folder, 4)
+    assert precious.read_text() == "mine" and '"count": 3' in precious.with_name("job.json").read_text()
 
 
 def test_when_all_fail_it_stops(tmp_path: Path) -> None:
@@ -134,7 +149,7 @@ def test_when_all_fail_it_stops(tmp_path: Path) -> None:
 
 def test_a_worker_that_dies_loses_only_its_sample_which_is_made_anew(tmp_path: Path) -> None:
     (tmp_path / "die_2").touch()
-    assert run(tmp_path, 8, processes=1) == Harvest(made=8)
+    assert run(tmp_path, 8, processes=1) == JobOutcome(made=8)
     assert whole(tmp_path) == set(range(8))
     first, second = begun(tmp_path)[2]
     assert first != second
@@ -145,16 +160,16 @@ def test_a_worker_that_dies_loses_only_its_sample_which_is_made_anew(tmp_path: P
 
 def test_a_sample_is_made_though_its_worker_dies_before_it_says_so(tmp_path: Path) -> None:
     (tmp_path / "die_late_2").touch()
-    assert run(tmp_path, 5) == Harvest(made=5)
+    assert run(tmp_path, 5) == JobOutcome(made=5)
     assert whole(tmp_path) == set(range(5)) and len(begun(tmp_path)[2]) == 1
 
 
 def test_a_sample_that_every_worker_dies_of_is_given_up(tmp_path: Path) -> None:
     (tmp_path / "always_die_2").touch()
-    harvest = run(tmp_path, 5)
-    assert harvest.made == 4
-    assert list(harvest.failed) == [2]
-    assert harvest.failed[2].startswith("the worker died of it twice (signal 9; " if os.name == "posix" else "the ")
+    outcome = run(tmp_path, 5)
+    assert outcome.made == 4
+    assert list(outcome.failed) == [2]
+    assert outcome.failed[2].startswith("the worker died of it twice (signal 9; " if os.name == "posix" else "the ")
     assert len(begun(tmp_path)[2]) == 2
     assert unfinished(tmp_path) == []
 
@@ -201,8 +216,8 @@ def test_a_program_that_is_no_worker_of_ours_is_reported(tmp_path: Path, command
 
 
 def test_a_sample_that_is_said_to_be_made_has_to_be_there(tmp_path: Path) -> None:
-    harvest = make_samples(tmp_path, job(1), answering('{"result": {"number": 0, "state": "made"}}'), processes=1)
-    assert harvest == Harvest(failed={0: "its worker says that it is made, but it is not in the folder"})
+    outcome = make_samples(tmp_path, job(1), answering('{"result": {"number": 0, "state": "made"}}'), processes=1)
+    assert outcome == JobOutcome(failed={0: "its worker says that it is made, but it is not in the folder"})
 
 
 def test_of_a_line_without_end_the_last_words_are_kept(tmp_path: Path) -> None:
@@ -221,8 +236,8 @@ print('{{"ready": true}}', flush=True)
 while sys.stdin.readline():
     pass
 """
-    harvest = make_samples(tmp_path, job(1, sample_seconds=1), [THIS_PYTHON, "-c", script], processes=1)
-    assert harvest == Harvest(failed={0: "the worker died of it twice (no answer in 1 s)"})
+    outcome = make_samples(tmp_path, job(1, sample_seconds=1), [THIS_PYTHON, "-c", script], processes=1)
+    assert outcome == JobOutcome(failed={0: "the worker died of it twice (no answer in 1 s)"})
     pids = [int(line) for line in (tmp_path / "silent").read_text().split()]
     assert len(pids) == 2
     until(lambda: not any(map(alive, pids)))
@@ -255,7 +270,7 @@ def test_cancelling_ends_the_workers_at_once_and_the_next_run_goes_on(tmp_path: 
     made = whole(tmp_path)
     assert 6 <= len(made) < 40
     (tmp_path / "slow").unlink()
-    assert run(tmp_path, 40) == Harvest(made=40 - len(made), there=len(made))
+    assert run(tmp_path, 40) == JobOutcome(made=40 - len(made), there=len(made))
     assert whole(tmp_path) == set(range(40))
 
 
@@ -283,7 +298,7 @@ def test_what_killed_runs_left_is_cleared_by_the_next(tmp_path: Path) -> None:
     assert len(unfinished(tmp_path)) == 2
     left_by(parent.pid, tmp_path / "contact_sheet.png").touch()
     (tmp_path / "slow").unlink()
-    assert run(tmp_path, 4) == Harvest(made=4)
+    assert run(tmp_path, 4) == JobOutcome(made=4)
     assert whole(tmp_path) == set(range(4))
     assert unfinished(tmp_path) == []
 
@@ -330,11 +345,11 @@ def test_killing_workers_at_random_moments_leaves_whole_samples_only(tmp_path: P
 
     killer = threading.Thread(target=kill)
     killer.start()
-    harvest = run(tmp_path, 200)
+    outcome = run(tmp_path, 200)
     done.set()
     killer.join()
     assert kills == 20 and len(looks[-1]) > len(looks[0])
-    assert whole(tmp_path) == set(range(200)) - set(harvest.failed)
+    assert whole(tmp_path) == set(range(200)) - set(outcome.failed)
     assert unfinished(tmp_path) == []
     run(tmp_path, 200)
     assert whole(tmp_path) == set(range(200))

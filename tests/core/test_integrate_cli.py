@@ -181,7 +181,7 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height h.png --camera small.json", "camera small.json is 8 x 8 but n.png is 72 x 64"),
     ("n.png --height h.png --camera camera.json --focal 50", "--camera and --focal define the same camera; give one"),
     ("n.png --height h.png --focal 50 --pixel-size 1", "--focal and --pixel-size define the same camera; give one"),
-    ("n.png --height h.png --focal -50", "a focal length is a number of millimetres above 0"),
+    ("n.png --height h.png --focal -50", "focal -50 is out of range; choose 1 to 10000"),
     ("n.png --height h.png --pixel-size 0", "--pixel-size 0 is no size; give a number above 0"),
     ("n.png --height h.png --pixel-size nan", "--pixel-size nan is no size"),
     ("n.png --height h.png --focal 50 --distance 0", "distance must be a number above 0"),

@@ -20,7 +20,7 @@ from synthetic import degrees_between
 
 from mpsnet_core import View, bake_normals, read_camera, read_normals
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, _triangulated, read_mesh, smooth_corner_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [2, 1, 1]]
@@ -101,6 +101,30 @@ def test_a_notch_in_a_polygon_stays_open(tmp_path: Path, first: int, behind: boo
     in_notch = np.broadcast_to([-2.5 if behind else 2.5, 2.5], (6, 2))
     sides = [doubled_areas(corners[:, n], corners[:, n - 2], in_notch) for n in range(3)]
     assert not (np.array(sides) >= 0).all(axis=0).any()
+
+
+@pytest.mark.parametrize("shape", ["star", "comb", "spiral", "ring"])
+def test_a_polygon_of_many_notches_is_covered_once(shape: str) -> None:
+    """All triangles face one way and have together the area by the shoelace formula: none overlap, none is missing."""
+    turn = np.linspace(0, 2 * np.pi, 256, endpoint=False)
+    circle = np.c_[np.cos(turn), np.sin(turn)]
+    if shape == "star":
+        around = circle * np.random.default_rng(0).uniform(1, 1.5, (256, 1))
+    elif shape == "comb":
+        x = np.arange(128.0)
+        around = np.r_[np.c_[x, np.zeros(128)], np.c_[x, np.where(x % 2, 5, 1)][::-1]]
+    elif shape == "spiral":
+        turned = np.c_[np.cos(3 * turn), np.sin(3 * turn)]
+        around = np.r_[turned * (1 + 3 * turn)[:, None], (turned * (0.6 + 3 * turn)[:, None])[::-1]]
+    else:  # a seam leads to its hole, whose corner and whose seam's are there twice
+        hole = circle[::2]
+        around = np.r_[2 * hole, 2 * hole[:1], hole[:1], hole[::-1]]
+    places = np.c_[around, np.zeros(len(around))]
+    corners = places[_triangulated(places, np.array([len(around)]))]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    x, y = around.T
+    assert len(areas) == len(around) - 2 and (areas > -1e-9).all()
+    assert areas.sum() == pytest.approx((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 
 
 def test_obj_names_are_read_as_they_stand(tmp_path: Path) -> None:

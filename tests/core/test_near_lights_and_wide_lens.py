@@ -222,7 +222,7 @@ def test_the_command_line_takes_camera_and_distance(
     [
         ((), "the rig's lights stand near the object, so its distance counts: give the camera"),
         (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both define the lens"),
-        (("--focal", "0"), "a focal length is a number of millimetres above 0"),
+        (("--focal", "0"), "focal 0 is out of range; choose 1 to 10000"),
         (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
         (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both define how far"),
         (("--camera", "camera.json", "--distance", "-3"), "the object's distance is a number above 0, not -3"),

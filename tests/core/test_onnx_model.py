@@ -20,7 +20,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
-from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.estimate.onnx_model import MAX_ARENA_BYTES, OnnxModel
 from mpsnet_core.estimate.patches import PATCHES_A_BATCH
 
 
@@ -298,6 +298,12 @@ def own_operator(path: Path) -> Path:
     return path
 
 
+@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="where Linux says how much memory there is")
+def test_a_network_may_take_half_of_the_machine_s_memory() -> None:
+    kilobytes = int(Path("/proc/meminfo").read_text().split()[1])  # MemTotal
+    assert min(16 << 30, 511 * kilobytes) <= MAX_ARENA_BYTES <= min(16 << 30, 512 * kilobytes)
+
+
 test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (
@@ -328,7 +334,7 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
                     ]
                 )
             ),
-            "m.onnx failed on x (1, 3, 16, 16): it needs more memory than there is, or than 16 GiB; use smaller tiles",
+            "m.onnx failed on x (1, 3, 16, 16): it needs more memory than there is, or than…GiB; use smaller tiles",
         ),
         (
             "a card that is no UTF-8",

@@ -1,4 +1,4 @@
-"""The int8 twin of a model: what is in eight bits, what is not, and that it answers as the model does."""
+"""The int8 version of a model: what is in eight bits, what is not, and that it answers as the model does."""
 
 import json
 from pathlib import Path
@@ -22,7 +22,7 @@ from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer
-from mpsnet_core.learning.training.quantize import CROP, SEED, Twin, quantise
+from mpsnet_core.learning.training.quantize import CROP, SEED, QuantizationErrors, quantise
 from mpsnet_core.learning.training.recipe import recipe_from_data
 from mpsnet_core.learning.training.validation import measured
 from mpsnet_core.synthesis.job import sample_path
@@ -62,7 +62,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(model: Path, samples: Path) -> tuple[Path, Twin]:
+def made(model: Path, samples: Path) -> tuple[Path, QuantizationErrors]:
     path = model.with_name("int8.onnx")
     return path, quantise(model, [samples], path, count=3)
 
@@ -77,7 +77,7 @@ def convolutions(path: Path) -> dict[str, np.ndarray]:
     }
 
 
-def test_all_but_the_ends_and_the_lights_is_in_eight_bits(model: Path, made: tuple[Path, Twin]) -> None:
+def test_all_but_the_ends_and_the_lights_is_in_eight_bits(model: Path, made: tuple[Path, QuantizationErrors]) -> None:
     before, after = convolutions(model), convolutions(made[0])
     assert before.keys() == after.keys()
     plain = {name for name, weights in after.items() if weights.dtype == np.float32}
@@ -93,7 +93,7 @@ def test_all_but_the_ends_and_the_lights_is_in_eight_bits(model: Path, made: tup
         assert (np.abs(after[name].astype(int)).reshape(len(after[name]), -1).max(axis=1) >= 62).all()
 
 
-def test_the_formula_s_arithmetic_is_not(made: tuple[Path, Twin]) -> None:
+def test_the_formula_s_arithmetic_is_not(made: tuple[Path, QuantizationErrors]) -> None:
     graph = onnx.load(made[0]).graph
     rounded = {node.output[0] for node in graph.node if node.op_type == "DequantizeLinear"}
     arithmetic = {"Mul", "Div", "Sqrt", "Log", "Exp", "Tanh", "Sigmoid", "Softplus", "Reciprocal"}
@@ -101,7 +101,7 @@ def test_the_formula_s_arithmetic_is_not(made: tuple[Path, Twin]) -> None:
     assert seen <= {"Mul"}, "the rig's scale and shift take what convolutions in eight bits give"
 
 
-def test_the_twin_answers_as_the_model_does(model: Path, made: tuple[Path, Twin]) -> None:
+def test_the_twin_answers_as_the_model_does(model: Path, made: tuple[Path, QuantizationErrors]) -> None:
     float32, int8, sphere = OnnxModel(model), OnnxModel(made[0]), shaded_sphere(50)
     for image in (sphere.image, sphere.image * np.float32([0.5, 1, 2])):
         expected, found = float32(sphere.capture(image=image)), int8(sphere.capture(image=image))
@@ -110,7 +110,7 @@ def test_the_twin_answers_as_the_model_does(model: Path, made: tuple[Path, Twin]
         assert np.abs(found.confidence - expected.confidence)[sphere.mask].mean() < 0.02
 
 
-def test_the_twin_says_what_it_is(model: Path, made: tuple[Path, Twin]) -> None:
+def test_the_twin_says_what_it_is(model: Path, made: tuple[Path, QuantizationErrors]) -> None:
     before, after = OnnxModel(model).card, OnnxModel(made[0]).card
     assert after.name == "tiny-int8"
     assert {**after.__dict__, "name": "tiny"} == before.__dict__
@@ -126,7 +126,7 @@ def test_the_twin_says_what_it_is(model: Path, made: tuple[Path, Twin]) -> None:
 
 
 def test_what_it_costs_is_measured_on_photographs_that_did_not_calibrate(
-    model: Path, made: tuple[Path, Twin], samples: Path
+    model: Path, made: tuple[Path, QuantizationErrors], samples: Path
 ) -> None:
     """The model's part of it; on all scales, each with the model's own answer on the scale before."""
     network, photographer = untrained("multiscale"), Photographer(PackedSamples([samples]), seed=SEED, window=CROP)
@@ -156,11 +156,13 @@ def test_who_stops_it_finds_nothing(model: Path, samples: Path, tmp_path: Path) 
     assert not listing(tmp_path)
 
 
-def test_what_has_no_int8_twin_is_reported(made: tuple[Path, Twin], model: Path, samples: Path, tmp_path: Path) -> None:
+def test_what_has_no_int8_version_is_reported(
+    made: tuple[Path, QuantizationErrors], model: Path, samples: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "twin.onnx"
     with pytest.raises(InputError, match="in eight bits already; give the one that it was made from"):
         quantise(made[0], [samples], out)
-    with pytest.raises(InputError, match="works patch by patch; only those that do not have int8 twins"):
+    with pytest.raises(InputError, match="works patch by patch; only those that do not have int8 versions"):
         quantise(exported("mpsnet", tmp_path / "mpsnet.onnx"), [samples], out)
     with pytest.raises(InputError, match=r"folder of samples .* does not exist"):
         quantise(model, [tmp_path / "no"], out)

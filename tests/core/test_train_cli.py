@@ -16,6 +16,8 @@ from bad_input import Bench, cut, gets_one_clear_sentence
 from networks import pass_through
 from sphere_sample import sphere_sample
 
+from mpsnet_core.errors import FileError
+from mpsnet_core.learning.operations import Train
 from mpsnet_core.synthesis.sample import write_sample
 
 NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")
@@ -104,6 +106,16 @@ def renamed(path: Path) -> Path:
     found = read_checkpoint(path)
     write_checkpoint(path, found._replace(weights={f"{name}s": value for name, value in found.weights.items()}))
     return path
+
+
+@NEEDS_TORCH
+def test_the_threads_of_a_training_are_its_own(tmp_path: Path) -> None:
+    import torch
+
+    before = torch.get_num_threads()
+    with pytest.raises(FileError, match="folder of samples"):
+        Train(recipe="psfcn", samples=[tmp_path / "no"], threads=before + 1, output=tmp_path / "m.onnx").run()
+    assert torch.get_num_threads() == before
 
 
 test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
@@ -211,6 +223,11 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 "width of nothing",
                 lambda b: train(b, **{"options.width": 0}),
                 "width 0 is not a number above 0…mend the recipe",
+            ),
+            (
+                "gradients of patches",
+                lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3),
+                "network mpsnet sees patches, not gradients; leave out gradient_weight",
             ),
             ("crop that is too small", lambda b: train(b, crop=1), "on a crop of 1; choose a multiple of 1 from 2"),
             (
@@ -334,37 +351,37 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
 )
 
 
-test_a_bad_int8_twin_gets_one_clear_sentence = NEEDS_TORCH(
+test_a_bad_int8_version_gets_one_clear_sentence = NEEDS_TORCH(
     gets_one_clear_sentence(
         [
             (
-                "twin over its model",
+                "int8 version over its model",
                 lambda b: b.run(
                     "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "m.onnx"
                 ),
                 "the result would overwrite …m.onnx, a file that it needs",
             ),
             (
-                "int8 twin of no model",
+                "int8 version of no model",
                 lambda b: b.run(
                     "quantize", b.bytes("m.onnx", b"x"), "--samples", sample_folder(b), "-o", b / "out.onnx"
                 ),
                 "m.onnx is not an ONNX model that can be run",
             ),
             (
-                "int8 twin of a single layer",
+                "int8 version of a single layer",
                 lambda b: b.run(
                     "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "out.onnx"
                 ),
                 "m.onnx has no layer between its first and its last; leave it as it is",
             ),
             (
-                "int8 twin without samples",
+                "int8 version without samples",
                 lambda b: b.run("quantize", pass_through(b / "m.onnx"), "-o", b / "out.onnx"),
                 "--samples; see mpsnet quantize --help",
             ),
             (
-                "int8 twin in another format",
+                "int8 version in another format",
                 lambda b: b.run("quantize", pass_through(b / "m.onnx"), "--samples", b.folder, "-o", b / "out.pth"),
                 "out.pth: models are written as .onnx; change the suffix",
             ),

@@ -59,6 +59,12 @@ def test_a_switch_is_true_or_false(name: str) -> None:
         recipe_from_data(recipe_data("multiscale", **{name: 1}))
 
 
+def test_the_capture_model_s_own_numbers_may_stand_in_a_recipe() -> None:
+    own = CaptureModel()
+    assert recipe_from_data(recipe_data("multiscale", capture=vars(own))).capture == vars(own)
+    assert capture_model(vars(own)) == own
+
+
 def test_a_recipe_changes_ranges_of_the_capture_model() -> None:
     model = capture_model({"crosstalk": [0, 0], "exact": 1.0, "bits": [16]})
     assert model == replace(CaptureModel(), crosstalk=(0, 0), exact=1.0, bits=(16,))
@@ -70,9 +76,17 @@ def test_a_recipe_changes_ranges_of_the_capture_model() -> None:
     ("capture", "words"),
     [
         ({"crostalk": [0, 0]}, "has no 'crostalk'; choose crosstalk, "),
-        ({"crosstalk": 0.1}, r"needs numbers like \[0.0, 0.4\] as crosstalk, not 0.1"),
+        ({"crosstalk": 0.1}, r"needs numbers like \[0.0, 0.4\] as crosstalk, from 0 to 0.9, not 0.1"),
         ({"crosstalk": [0, "much"]}, "needs numbers like"),
-        ({"crosstalk": [0, 0.1, 0.2]}, "needs numbers like"),
+        ({"crosstalk": [0, 0.1, 0.2]}, "needs the least and the most crosstalk, not"),
+        ({"blur": [1.2, 0.3]}, r"needs the least and the most blur, not \[1.2, 0.3\]"),
+        ({"blur": [0, 1000]}, r"needs numbers like \[0.0, 1.2\] as blur, from 0 to 16, not \[0, 1000\]"),
+        ({"light_strengths": [0, 1]}, "as light_strengths, from 0.001 to 1000, not"),
+        ({"light_strengths": [1.0, float("nan")]}, "as light_strengths, from 0.001 to 1000, not"),
+        ({"exact": float("nan")}, "as exact, from 0 to 1, not nan"),
+        ({"exact": True}, "as exact, from 0 to 1, not True"),
+        ({"mask_error": [-3.5, 2]}, "as mask_error, from -32 to 32, not"),
+        ({"bits": []}, "has no bits; name at least one"),
         ({"exact": [1.0]}, "needs a number like 0.33 as exact"),
         ({"exact": -1}, "needs a number like 0.33 as exact"),
         ([1], "must be a table"),

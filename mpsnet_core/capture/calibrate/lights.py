@@ -68,7 +68,7 @@ class Sighting:
         return angular_error(mirrored(near, [spot.point for spot in self.highlights])[1], self.rays()[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LightsFound:
     """Where N lights stand, in camera space.
 

@@ -49,7 +49,7 @@ POOR = 0.05
 AMBIENT = 0.03
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MixingFound:
     """A mixing matrix and how well it describes the photo.
 

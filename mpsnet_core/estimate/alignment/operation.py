@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import ReadsPhotos
+from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
@@ -105,8 +106,8 @@ class Align(RunsModel, ReadsPhotos):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        low=1.0,
-        high=10000.0,
+        low=LEAST_FOCAL,
+        high=MOST_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
         unset="found as well",
     )
@@ -201,7 +202,7 @@ class Align(RunsModel, ReadsPhotos):
     ) -> CameraFound:
         from mpsnet_core.estimate.alignment.points import off_by
         from mpsnet_core.io.files import written_together
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import write_camera
 
         best = fits[0]
@@ -227,7 +228,7 @@ class Align(RunsModel, ReadsPhotos):
             for path, fit in others:
                 write_camera(path, fit.camera)
             if self.overlay:
-                write_image(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
+                write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
         residuals = None if pairs is None else [round(float(one), 2) for one in off_by(best.camera, *pairs)]
         return CameraFound(
@@ -314,15 +315,21 @@ def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
 
 
 def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> "Camera":
-    """A rough start as a perspective camera of the photo's size."""
+    """A rough start as a perspective camera of the photo's size.
+
+    Its principal point stays where its picture has the photo's shape, as that of a cropped photo; else, as of a
+    viewport's view, it is the photo's middle.
+    """
     import numpy as np
 
     if camera.projection != "perspective":
         raise GeometryError("the start is an orthographic camera; give a perspective one, as a photo is taken by")
     scale = max(width, height) / max(camera.width, camera.height)
-    middle = np.array([width, height]) / 2
+    size = np.array([width, height])
+    one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= 1
+    centre = camera.centre * scale if one_shape else size / 2
     return replace(
-        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=middle
+        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=centre
     )
 
 

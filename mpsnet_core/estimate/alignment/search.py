@@ -113,12 +113,13 @@ def _views(estimate: NormalMap, faces: MeshFaces, focal: float, progress: Progre
         frames.append(_Frame.of(mask))
         scores[number] = _likeness(photo, _standard(normals, mask, frames[-1], 0.0))
     cameras: list[Camera] = []
+    middle = np.array(estimate.mask.shape[::-1]) / 2
     for choice in np.argsort(-scores, axis=None):
         number, roll = divmod(int(choice), ROLLS)
         angle = float(_rolls()[roll])
         if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
-        cameras.append(_placed(estimate.mask, faces, looks[number], focal, frames[number], angle))
+        cameras.append(_placed(estimate.mask, faces, looks[number], focal, middle, frames[number], angle))
         if len(cameras) == TRIED:
             break
     return cameras
@@ -133,7 +134,7 @@ def brought_to_the_object(estimate: NormalMap, faces: MeshFaces, camera: Camera)
     _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(estimate.mask), focal))
     if not mask.any():  # a sheet seen from its edge
         return camera
-    placed = _placed(estimate.mask, faces, rotation, focal, _Frame.of(mask), 0.0)
+    placed = _placed(estimate.mask, faces, rotation, focal, camera.centre, _Frame.of(mask), 0.0)
     return max(camera, placed, key=lambda one: measured(estimate, faces, one).overlap)
 
 
@@ -143,12 +144,17 @@ def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]
 
 
 def _placed(
-    photo: NDArray[np.bool_], faces: MeshFaces, rotation: Floats, focal: float, view: _Frame, angle: float
+    photo: NDArray[np.bool_],
+    faces: MeshFaces,
+    rotation: Floats,
+    focal: float,
+    centre: Floats,
+    view: _Frame,
+    angle: float,
 ) -> Camera:
     """The camera that sees the mesh in the mask's place and size. view: of its small picture, turned by `angle`."""
     (height, width), frame = photo.shape, _Frame.of(photo)
     small_focal, distance = _small(faces, frame, focal)
-    centre = np.array([width / 2, height / 2])
     rotation = _turn(angle).T @ rotation
     scale = frame.spread / view.spread
     far = distance * focal / small_focal / scale

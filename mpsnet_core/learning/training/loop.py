@@ -204,6 +204,8 @@ def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
             )
         if recipe.patches:
             raise SettingsError(f"network {recipe.network} does not see patches; leave them out of the recipe")
+    elif recipe.gradient_weight:
+        raise SettingsError(f"network {recipe.network} sees patches, not gradients; leave out gradient_weight")
     elif not recipe.patches:
         raise SettingsError(f"network {recipe.network} sees patches; say in the recipe how many from each picture")
     elif 0 < recipe.crop < max(2, network.patch):

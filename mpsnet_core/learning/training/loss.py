@@ -55,11 +55,11 @@ def loss_of(
     count = weights.sum().clamp(min=1)
     angle = angle_between(prediction.normals, truth)
     mean = (angle * weights).sum() / count
-    if prediction.expected_error is None:
-        return Loss(mean, mean.detach(), torch.zeros_like(mean))
-    residual = prediction.expected_error.squeeze(1) - angle.detach()
-    expected = (residual * residual * weights).sum() / count
-    total = mean + error_weight * expected
+    total, expected = mean, torch.zeros_like(mean)
+    if prediction.expected_error is not None:
+        residual = prediction.expected_error.squeeze(1) - angle.detach()
+        expected = (residual * residual * weights).sum() / count
+        total = total + error_weight * expected
     if gradient_weight:
         total = total + gradient_weight * _gradient_length(prediction.normals - truth, weights)
     if prediction.inside is not None and lit is not None:

@@ -1,4 +1,4 @@
-"""Quantisation: the int8 twin of a dense model or a pyramid, calibrated on photographs of samples.
+"""Quantisation: a dense model or a pyramid in 8 bits (int8), calibrated on photographs of samples.
 
 Convolutions in eight bits are two to three times as quick on processors that have instructions for them, and the file
 is about a third of the size. All between the convolutions that see the picture's own values and the last one is in
@@ -45,8 +45,8 @@ SEED = 2  # of the photographs
 PREPARED = {"onnx.quant.pre_process": "onnxruntime.quant"}
 
 
-class Twin(NamedTuple):
-    """Mean angular errors, in degrees, of its model and of the twin, on the same photographs."""
+class QuantizationErrors(NamedTuple):
+    """Mean angular errors, in degrees, of a model and of its int8 version, on the same photographs."""
 
     model_mae_deg: float
     mae_deg: float
@@ -59,8 +59,8 @@ def quantise(
     *,
     count: int = 64,
     progress: Progress = silent,
-) -> Twin:
-    """Write the int8 twin of a model (QDQ, weights by channel), named after it with "-int8", with its record.
+) -> QuantizationErrors:
+    """Write the int8 version of a model (QDQ, weights by channel), named after it with "-int8", with its record.
 
     model: an ONNX file of ours, of a dense network or a pyramid. samples: folders of samples such as it was trained on.
     count: how many photographs of them calibrate it, and how many others measure its error.
@@ -75,7 +75,7 @@ def quantise(
     source = OnnxModel(model)
     card = source.card
     if card.kind == "patch":
-        raise FormatError(f"model file {source.path} works patch by patch; only those that do not have int8 twins")
+        raise FormatError(f"model file {source.path} works patch by patch; only those that do not have int8 versions")
     try:
         graph = onnx.load(str(source.path))
     except onnx.checker.ValidationError as error:
@@ -90,19 +90,19 @@ def quantise(
     packed = PackedSamples(samples)
     photographer = Photographer.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
     model_answer = _Answer(source.session, card)
-    twin = _quantised(graph, inner, _Photographs(photographer, model_answer, count, part(progress, 0, 0.5)))
-    session = onnxruntime.InferenceSession(twin.SerializeToString(), providers=["CPUExecutionProvider"])
+    quantised = _quantised(graph, inner, _Photographs(photographer, model_answer, count, part(progress, 0, 0.5)))
+    session = onnxruntime.InferenceSession(quantised.SerializeToString(), providers=["CPUExecutionProvider"])
     first = -(-count // len(packed)) * len(packed)  # of the epoch after those that calibrated
     errors = _errors([model_answer, _Answer(session, card)], photographer, first, count, part(progress, 0.5, 1))
-    figures = Twin(*errors)
+    figures = QuantizationErrors(*errors)
     record = record_from_metadata({entry.key: entry.value for entry in graph.metadata_props})
     record["int8"] = {"of": card.name, "photographs": count, "mae_deg": round(figures.mae_deg, 3)}
     record["int8"]["mae_deg_of_model"] = round(figures.model_mae_deg, 3)
-    twin_card = replace(card, name=f"{card.name}-int8")
-    del twin.metadata_props[:]
-    onnx.helper.set_model_props(twin, {CARD_KEY: twin_card.to_json(), TRAINING_KEY: json.dumps(record)})
+    int8_card = replace(card, name=f"{card.name}-int8")
+    del quantised.metadata_props[:]
+    onnx.helper.set_model_props(quantised, {CARD_KEY: int8_card.to_json(), TRAINING_KEY: json.dumps(record)})
     with written_whole(output) as unfinished:
-        unfinished.write_bytes(twin.SerializeToString())
+        unfinished.write_bytes(quantised.SerializeToString())
     return figures
 
 

@@ -17,7 +17,6 @@ RECIPES = Path(__file__).parent / "recipes"
 MAX_RECIPE_BYTES = 1 << 13
 OPTIMISERS = ("adamw", "muon")
 
-MOST_CAPTURE = 1e6
 # Smallest and largest value of each number of a recipe.
 _RANGES: dict[str, tuple[float, float]] = {
     "steps": (1, 100_000_000),
@@ -33,6 +32,36 @@ _RANGES: dict[str, tuple[float, float]] = {
     "error_weight": (0.0, 100.0),
     "gradient_weight": (0.0, 100.0),
 }
+# The same of its capture. What is drawn log-uniformly stays above 0; a crosstalk of 1 leaves no inverse of the mixing.
+_CAPTURE_RANGES: dict[str, tuple[float, float]] = {
+    "crosstalk": (0.0, 0.9),
+    "colour_overlap": (0.0, 1.0),
+    "overlap_shares": (0.0, 1.0),
+    "light_strengths": (0.001, 1000.0),
+    "channel_gains": (0.001, 1000.0),
+    "exact": (0.0, 1.0),
+    "rendered": (0.0, 1.0),
+    "measured": (0.0, 1.0),
+    "mixing_error": (0.0, 1.0),
+    "direction_error": (0.0, 90.0),
+    "bad_mixing_error": (0.0, 1.0),
+    "bad_direction_error": (0.0, 90.0),
+    "unknown": (0.0, 1.0),
+    "exposure": (0.001, 1000.0),
+    "highlights": (1e-6, 1.0),
+    "full_well": (1.0, 1e9),
+    "read_noise": (1e-6, 1e6),
+    "bits": (0, 16),
+    "srgb": (0.0, 1.0),
+    "jpeg": (0.0, 1.0),
+    "jpeg_quality": (1, 100),
+    "halved_chroma": (0.0, 1.0),
+    "blur": (0.0, 16.0),
+    "mosaic": (0.0, 1.0),
+    "white": (0.0, 1.0),
+    "white_strengths": (0.001, 1000.0),
+    "mask_error": (-32, 32),
+}
 
 
 @dataclass(frozen=True)
@@ -47,8 +76,9 @@ class TrainingRecipe:
     learning_rate: it rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight
     line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
     weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
-    model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
-    difference between the normals' gradients and the true ones. augment: whether samples are turned by quarters,
+    model. error_weight: in the loss, of the squared error of the expected error, where the network predicts one.
+    gradient_weight: in the loss, of the difference between the normals' gradients and the true ones; patch-wise
+    networks have none. augment: whether samples are turned by quarters,
     mirrored, and their lights put in any order, anew each time they are seen; networks with a canonical frame turn them
     by themselves. frozen_norms: whether batch norms keep the means and variances that they begin with, for a network
     that is trained further: those of a small batch differ from step to step. capture: ranges and chances of
@@ -99,8 +129,8 @@ class TrainingRecipe:
             if not isinstance(value, bool):
                 raise SettingsError(f"the recipe's {name} must be true or false, not {reprlib.repr(value)}")
         for name, (low, high) in _RANGES.items():
-            value, kind = getattr(self, name), type(getattr(self, name))
-            if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
+            value = getattr(self, name)
+            if not _within(value, low, high):
                 raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {reprlib.repr(value)}")
         if self.warm_up + self.decay > self.steps:
             raise SettingsError(
@@ -127,15 +157,24 @@ def capture_model(changes: Any) -> CaptureModel:
         default = vars(own).get(name)
         if default is None:
             raise SettingsError(f"the recipe's capture has no {name!r}; choose {', '.join(vars(own))}")
-        entries, like = (value, default) if isinstance(default, tuple) else ((value,), (default,))
-        fits = isinstance(entries, list | tuple) and (
-            len(entries) == len(like) or (name == "bits" and len(entries) > 0)
-        )
-        if not fits or not all(type(entry) in (int, float) and 0 <= entry <= MOST_CAPTURE for entry in entries):
+        low, high = _CAPTURE_RANGES[name]
+        entries = value if isinstance(default, tuple) else [value]
+        if not isinstance(entries, list | tuple) or not all(_within(entry, low, high) for entry in entries):
             wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
-            raise SettingsError(f"the recipe's capture needs {wanted} as {name}, not {reprlib.repr(value)}")
+            raise SettingsError(
+                f"the recipe's capture needs {wanted} as {name}, from {low:g} to {high:g}, not {reprlib.repr(value)}"
+            )
+        if name == "bits" and not entries:
+            raise SettingsError("the recipe's capture has no bits; name at least one")
+        if name != "bits" and isinstance(default, tuple) and (len(entries) != 2 or entries[0] > entries[1]):
+            raise SettingsError(f"the recipe's capture needs the least and the most {name}, not {reprlib.repr(value)}")
         values[name] = tuple(entries) if isinstance(default, tuple) else value
     return replace(own, **values)
+
+
+def _within(value: Any, low: float, high: float) -> bool:
+    """Whether it is a number of this range, a whole one where the range's ends are."""
+    return type(value) in (int, float) and not (type(value) is float and isinstance(low, int)) and low <= value <= high
 
 
 def recipe_names() -> list[str]:

@@ -47,7 +47,7 @@ SPIKE, SEAM_STEPS = 0.02, 60
 COMMON = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Displacement:
     """How far the surface stands out from a mesh, along the mesh's smooth normals, on its UVs.
 
@@ -124,6 +124,7 @@ def displacement(
         Where the texture does not fit the mesh, or the base is another mesh.
     """
     progress(0.0, "laying out the UVs")
+    vectors = np.asarray(vectors, np.float32)
     own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
     covered = laid.triangle >= 0
     areas = laid.areas()[laid.triangle[covered]]

@@ -34,7 +34,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 BRIGHTEST = 0.95
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Material:
     """A tile of a flat material. Every picture continues beyond its last row and column in its first.
 

@@ -30,7 +30,7 @@ _TURNS: dict[int, NDArray[np.int64]] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PosedPhoto:
     """A photo's camera and lens.
 

@@ -54,7 +54,7 @@ def answers_from_cluster(
     waiting, held = deque(numbers), deque[tuple[float, int]]()
     pending: dict[int, Future] = {}
     finished = queue.SimpleQueue[tuple[int, Future]]()
-    with _client(address) as client, _crew(client, command, folder) as crew:
+    with _client(address) as client, _sample_workers(client, command, folder) as plugin:
         try:
             while waiting or held or pending:
                 while held and held[0][0] <= time.monotonic():
@@ -62,7 +62,7 @@ def answers_from_cluster(
                 while waiting and len(pending) < TASKS_AHEAD:
                     number = waiting.popleft()
                     task = client.submit(
-                        _make, crew, number, key=f"{crew}-{number}-{uuid.uuid4()}", pure=False, priority=-number
+                        _make, plugin, number, key=f"{plugin}-{number}-{uuid.uuid4()}", pure=False, priority=-number
                     )
                     pending[number] = task
                     task.add_done_callback(partial(_put, finished, number))
@@ -173,11 +173,11 @@ def _client(address: str) -> Iterator[Client]:
 
 
 @contextlib.contextmanager
-def _crew(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]:
-    """A crew on each of the cluster's workers, present and to come, under a name of its own."""
+def _sample_workers(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]:
+    """A :class:`_SampleWorkers` on each of the cluster's workers, present and to come, under a name of its own."""
     name = f"mpsnet-{uuid.uuid4()}"
     try:
-        client.register_plugin(_Crew(command, folder), name=name)
+        client.register_plugin(_SampleWorkers(command, folder), name=name)
     except ImportError as error:
         raise InputError(f"the cluster's workers lack mpsnet ({error}); install it on each machine") from None
     try:
@@ -187,12 +187,12 @@ def _crew(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]
             client.unregister_worker_plugin(name)
 
 
-def _make(crew: str, number: int) -> Answer:
-    own: Any = get_worker().plugins[crew]
+def _make(plugin: str, number: int) -> Answer:
+    own: Any = get_worker().plugins[plugin]
     return own.make(number)
 
 
-class _Crew(WorkerPlugin):
+class _SampleWorkers(WorkerPlugin):
     """On each Dask worker: processes that make samples, as many as it runs tasks at once, started when needed."""
 
     def __init__(self, command: Sequence[str], folder: Path) -> None:

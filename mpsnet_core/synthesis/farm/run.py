@@ -47,7 +47,7 @@ SHEET_SHARE = 0.05
 
 
 @dataclass
-class Harvest:
+class JobOutcome:
     """What a run brought. made: samples made by it. there: samples that were there already, or made by another run.
     failed: the sentence of each sample that could not be made."""
 
@@ -80,7 +80,7 @@ def make_samples(
     cluster: str = "",
     cluster_trusted: bool = False,
     progress: Progress = silent,
-) -> Harvest:
+) -> JobOutcome:
     """Make the samples of `job` that `folder` does not hold yet, and keep its contact sheet growing.
 
     command: starts a worker (:mod:`mpsnet_core.synthesis.farm.work`). processes: workers on this machine, 0 for as many
@@ -115,11 +115,11 @@ def make_samples(
                 if answer is not None:
                     tally.add(answer)
                 tally.report()
-                sheet.grow(tally.harvest.made)
+                sheet.grow(tally.outcome.made)
     finally:
         clear_unfinished(folder)
     sheet.draw()
-    return tally.harvest
+    return tally.outcome
 
 
 def _whole_samples(folder: Path, progress: Progress) -> set[int]:
@@ -211,7 +211,7 @@ class _Tally:
     """Counts answers, and reports how far the job is."""
 
     def __init__(self, count: int, there: int, progress: Progress) -> None:
-        self.harvest = Harvest(there=there)
+        self.outcome = JobOutcome(there=there)
         self._count, self._progress = count, progress
         self._start, self._before = time.monotonic(), there
         self._failures_in_a_row = 0
@@ -219,7 +219,7 @@ class _Tally:
     def add(self, answer: Answer) -> None:
         """Raises InputError where nothing but failures comes."""
         if answer.state == "failed":
-            self.harvest.failed[answer.number] = answer.error
+            self.outcome.failed[answer.number] = answer.error
             self._failures_in_a_row += 1
             if self._failures_in_a_row == FAILURES_IN_A_ROW:
                 raise InputError(
@@ -229,18 +229,18 @@ class _Tally:
             return
         self._failures_in_a_row = 0
         if answer.state == "made":
-            self.harvest.made += 1
+            self.outcome.made += 1
         else:
-            self.harvest.there += 1
+            self.outcome.there += 1
 
     def report(self) -> None:
-        done = self.harvest.made + self.harvest.there + len(self.harvest.failed)
+        done = self.outcome.made + self.outcome.there + len(self.outcome.failed)
         message = f"{done} of {self._count}"
         if self._before < done < self._count:
             seconds = (time.monotonic() - self._start) / (done - self._before) * (self._count - done)
             message += f", {duration(seconds)} left"
-        if self.harvest.failed:
-            message += f", {len(self.harvest.failed)} failed"
+        if self.outcome.failed:
+            message += f", {len(self.outcome.failed)} failed"
         self._progress(done / self._count, message)
 
 

@@ -25,7 +25,7 @@ from typing import Any, Literal, get_args
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
-from mpsnet_core.io.files import remove_abandoned
+from mpsnet_core.io.files import check_no_link, remove_abandoned
 from mpsnet_core.io.image_writing import is_whole
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
@@ -90,6 +90,7 @@ def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
     try:
         if is_whole(path):
             return Answer(number, "there")
+        check_no_link(path)
         make(job, number, path)
     except InputError as error:
         return Answer(number, "failed", str(error))
