@@ -723,7 +723,6 @@ TIPS = {
         "Kamera sollten sich zusammen bewegen, falls sie es tun: die des ersten Bilds gelten für alle"
     ),
     "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
-    "Where it hid them": "Wo sie sie verbarg",
     "seams between views vanish": (
         "Große Formen vom Objekt nehmen und nur das Detail von den Fotos, was auch immer die Schätzungen sonst "
         "sagen: Nähte zwischen Ansichten verschwinden"
@@ -910,6 +909,7 @@ TIPS = {
         "Namen ausgenommen"
     ),
     "Where a mask picture is white": "Wo ein Maskenbild weiß ist",
+    "Where it hid them": "Der View-Layer, in dem sie sie verbarg",
     (
         "Where photos, normal maps and textures go. Empty: beside the saved .blend file, else Blender's temporary "
         "folder"

@@ -568,7 +568,6 @@ TIPS = {
         "should move together if they move: those of the first frame count for all"
     ): ("为场景从首帧到末帧的每一帧拍一张照片，存入文件夹。灯光和摄像机若移动应一起移动：以第一帧为准"),
     "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
-    "Where it hid them": "在哪个视图层中隐藏了它们",
     "seams between views vanish": ("大形状取自物体，只有细节取自照片，无论估计结果如何：视角之间的接缝消失"),
     "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces": (
         "在光线在表面之间反弹之处，用 OpenImageDenoise 去除每盏灯画面的噪点"
@@ -721,6 +720,7 @@ TIPS = {
         "你在各步骤设置中所作的更改成为下一个新文件的初始值，文件和名称除外"
     ),
     "Where a mask picture is white": "遮罩图片为白色之处",
+    "Where it hid them": "在哪个视图层中隐藏了它们",
     (
         "Where photos, normal maps and textures go. Empty: beside the saved .blend file, else Blender's temporary "
         "folder"
