@@ -13,6 +13,7 @@ from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
 from synthetic import Sphere, listing, write_file
 from test_cli import events
+from test_farm import posix
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.contact_sheet import (
@@ -164,6 +165,17 @@ def test_the_contact_sheet_grows_with_the_samples(tmp_path: Path, sample: Sample
     assert heights and round(heights[0] / ROW) < 6
     assert round(pixels(tmp_path / "contact_sheet.png").shape[0] / ROW) == 6
     assert "unfinished" not in " ".join(listing(tmp_path))
+
+
+@posix
+def test_the_contact_sheet_is_not_drawn_through_a_link(tmp_path: Path, sample: Sample) -> None:
+    folder, precious = tmp_path / "samples", tmp_path / "precious.png"
+    folder.mkdir()
+    write_sample(folder / "template.exr", sample)
+    precious.write_text("mine")
+    (folder / "contact_sheet.png").symlink_to(precious)
+    assert make_samples(folder, SampleJob("synthesis", 2), COMMAND, processes=1).made == 2
+    assert precious.read_text() == "mine"
 
 
 def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, sample: Sample) -> None:

@@ -17,7 +17,7 @@ from mpsnet_core.arrays.row_bands import usable_cores
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
-from mpsnet_core.io.files import resolved, writable_path
+from mpsnet_core.io.files import check_no_link, resolved, writable_path
 from mpsnet_core.io.image_writing import is_whole
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
@@ -285,4 +285,5 @@ class _GrowingSheet:
             return
         with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
             if ours:  # another run that writes one shows the same samples
+                check_no_link(self._folder / CONTACT_SHEET)
                 write_sheet(self._folder / CONTACT_SHEET, picture, line)
