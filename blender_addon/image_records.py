@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import bpy
 
+from mpsnet_core.io.files import resolved
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.rig import read_rig
 
@@ -64,8 +65,8 @@ def origin(image: bpy.types.Image) -> Path:
 
 def images_of(files: Iterable[Path]) -> Iterator[bpy.types.Image]:
     """The images in use that show one of these files, however its path is written."""
-    resolved = {file.resolve() for file in files}
-    return (image for image in bpy.data.images if image.users and origin(image).resolve() in resolved)
+    meant = {resolved(file) for file in files}
+    return (image for image in bpy.data.images if image.users and resolved(origin(image)) in meant)
 
 
 def from_json(text: str | None, kind: type[Stored]) -> Stored:

@@ -66,6 +66,14 @@ def test_an_artists_image_is_known_by_the_file_that_it_is_of(estimated, scene, t
         bpy.ops.mps.bake(output=f"{tmp_path}/link/")
 
 
+def test_an_image_behind_a_link_to_itself_is_in_nobodys_way(estimated, scene, tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    image = bpy.data.images.new("lost", 4, 4)
+    image.source, image.filepath, image.use_fake_user = "FILE", str(tmp_path / "loop" / "lost.png"), True
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
+    assert (tmp_path / "texture.png").is_file()
+
+
 def test_an_artists_image_stays_as_it_is_when_its_file_is_opened_as_the_photo(scene, tmp_path):
     for number, change in enumerate((brighten, lambda image: (brighten(image), image.pack()))):
         image = painted(tmp_path / f"{number}.png", 0.5)
