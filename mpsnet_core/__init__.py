@@ -12,7 +12,6 @@ Camera space everywhere: x right, y up, z towards the camera, right-handed.
 
 import importlib
 import os
-import pkgutil
 
 __version__ = "0.2.0"
 
@@ -23,7 +22,7 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 # Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh. The stub
 # that type checkers read says where each is: `from MODULE import NAME as NAME`.
-_STUB = (pkgutil.get_data(__name__, "__init__.pyi") or b"").decode()
+_STUB = __spec__.loader.get_data(f"{__file__}i").decode()  # type: ignore[union-attr]  # of files and of zips
 _HOME = {words[3]: words[1] for words in map(str.split, _STUB.splitlines()) if words[:1] == ["from"]}
 
 __all__ = sorted(_HOME)
