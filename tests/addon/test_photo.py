@@ -142,6 +142,25 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     ]
 
 
+def test_a_camera_that_blurs_the_photo_is_named(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig(projection="PERSPECTIVE")
+    given = {"width": 48, "height": 48, "samples": 8, "output": str(tmp_path / "photo.exr")}
+
+    def blurred():
+        """The share of the photo that is neither the sphere nor beside it."""
+        bpy.ops.mps.render_photo(**given)
+        alpha = read_image(tmp_path / "photo.exr").alpha
+        return np.mean((alpha > 0.02) & (alpha < 0.98))
+
+    sharp = blurred()
+    assert notes_of(scene, "render_photo") == []
+    focus = scene.mps.rig.camera.data.dof
+    focus.use_dof, focus.focus_distance, focus.aperture_fstop = True, 0.5, 0.1
+    assert blurred() > 2 * sharp
+    (note,) = notes_of(scene, "render_photo")
+    assert note.startswith('"MPS Camera" has depth of field on')
+
+
 def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(sphere, scene, tmp_path):
     """The object is hidden from renders, or the camera looks past it; in an animation, in all frames."""
     bpy.ops.mps.add_rig()
