@@ -7,6 +7,7 @@ import pytest
 from dng import write_dng
 
 from blender_addon.image_records import origin
+from blender_addon.panels.photo import note_of_step
 from blender_addon.photo.studio import render_normals
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.camera import scene_camera
@@ -398,8 +399,9 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     for number in range(3, 6):
         sphere.scale = [1 + (number - 3) / 10] * 3
         sphere.keyframe_insert("scale", frame=number)
-    scene.frame_start, scene.frame_end = 3, 5
+    scene.frame_start, scene.frame_end, scene.frame_step = 3, 5, 2
     scene.frame_set(4, subframe=0.25)
+    assert note_of_step(scene) == ""
     photo = {"width": 64, "height": 64, "samples": 1}
     with pytest.raises(RuntimeError, match="no folder is named for the frames"):
         bpy.ops.mps.render_photo(animation=True, **photo)  # the file is not saved, and frames cannot be packed
@@ -411,6 +413,9 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     assert [file.name for file in files] == [f"shots_{number:04d}.exr" for number in range(3, 6)]
     areas = [(read_image(file).alpha > 0.5).sum() for file in files]
     np.testing.assert_allclose(np.sqrt(np.array(areas) / areas[0]), [1, 1.1, 1.2], rtol=0.02)
+    assert note_of_step(scene).startswith("All frames are rendered")
+    scene.frame_step = 1
+    assert note_of_step(scene) == ""
     assert (scene.frame_current, scene.frame_subframe) == (4, 0.25)
     assert scene.mps.photo.image.source == "SEQUENCE"
 
