@@ -19,6 +19,7 @@ from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
 from blender_addon.panels.what_counts import camera_of, lights_of
 from blender_addon.provenance import seen_lately
+from blender_addon.settings.record import notes_of
 from mpsnet_core.scene.rig import near_rig, write_rig
 
 
@@ -416,8 +417,12 @@ def test_an_error_that_is_dismissed_is_gone(photographed):
     bpy.ops.mps.dismiss(verb="estimate")  # nothing is left to take away
 
 
-def test_notes_stay_with_the_step(estimated, scene):
-    assert "read as linear (float file)" in scene.mps.records["estimate"].notes
+def test_notes_stay_with_the_step_but_for_what_the_add_on_knows_of_its_own_photo(estimated, scene, tmp_path):
+    said = "read as linear (float file)"
+    assert said not in notes_of(scene, "estimate")
+    bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "alone.exr"))
+    bpy.ops.mps.estimate()
+    assert said in notes_of(scene, "estimate")
 
 
 def test_made_from_what_no_add_on_wrote_is_not_out_of_date(estimated, scene):
