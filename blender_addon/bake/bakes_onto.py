@@ -37,6 +37,9 @@ from .texture_sets import (
     with_tokens,
 )
 
+# One photo sees some third of an object.
+_HARDLY_SEEN = 0.1
+
 
 class BakesOnto(RunsCore):
     """What the operators share that bake: the objects that get textures, and the settings of the step Bake."""
@@ -185,7 +188,8 @@ class BakesOnto(RunsCore):
         if "seen" not in result:  # of a sequence whose textures were all there
             return ()
         filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
-        return [f"{result['seen']:.0%} of the surface seen{filled}"]
+        moved = "; was the object or the camera moved since the photo?" if result["seen"] < _HARDLY_SEEN else ""
+        return [f"{result['seen']:.0%} of the surface seen{filled}{moved}"]
 
 
 def _worn(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:

@@ -57,6 +57,11 @@ def store_coverage(texture: Any, coverage: Any) -> None:
         bpy.data.images.remove(before)
 
 
+def hides_materials(space: Any) -> bool:
+    """Whether a space is a viewport in whose shading no material is seen."""
+    return space is not None and space.type == "VIEW_3D" and space.shading.type in {"WIREFRAME", "SOLID"}
+
+
 def _begin(context: Any) -> None:
     scene = context.scene
     refuse_linked_scene(scene)
@@ -77,7 +82,7 @@ def _begin(context: Any) -> None:
         out = overlay.modifiers.new(NAME, "DISPLACE")
         out.strength, out.mid_level = _OUT * radius / max(max(map(abs, obj.matrix_world.to_scale())), 1e-9), 0
     space = context.space_data
-    if space is not None and space.type == "VIEW_3D" and space.shading.type in {"WIREFRAME", "SOLID"}:
+    if hides_materials(space):
         place = [context.screen.name, list(context.screen.areas).index(context.area)]
         scene.mps.bake.shading = json.dumps([*place, space.shading.type])
         space.shading.type = "MATERIAL"

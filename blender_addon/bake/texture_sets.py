@@ -109,8 +109,7 @@ def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]
     """The objects' materials and what each shall show. Made where there are none; copied where they are another file's,
     or others wear them who do not show the same."""
     for one in worn:
-        if not one.target.material_slots:
-            one.target.data.materials.append(None)
+        _give_slot(one.target)
     wearing = {_wearer(slot): one for one in worn for slot in one.target.material_slots}
     copies: dict[tuple[Any, Any, str], Any] = {}
     materials: dict[Any, tuple[Any, str]] = {}
@@ -132,11 +131,18 @@ def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]
 
 def keep_materials_to_itself(target: Any) -> None:
     """Have an object whose mesh holds materials of others too hold its own, so that the others keep theirs."""
+    _give_slot(target)
     slots = (slot for other in bpy.data.objects if other != target for slot in other.material_slots)
     if target.data in {_wearer(slot) for slot in slots}:
         for slot in target.material_slots:
             material, slot.link = slot.material, "OBJECT"
             slot.material = material
+
+
+def _give_slot(target: Any) -> None:
+    """Give an object without a material slot an empty one, and with it all that share its mesh."""
+    if not target.material_slots:
+        target.data.materials.append(None)
 
 
 def _wearer(slot: Any) -> Any:

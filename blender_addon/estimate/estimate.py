@@ -15,7 +15,7 @@ from ..image_records import remember, remembered
 from ..images import fine_preview, frame_pattern, image_file, load_frames, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import FORMATS, output_frames, output_path, overruled_format
-from ..photo.camera import chosen_camera, lens_stamp
+from ..photo.camera import chosen_camera, is_real, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import result_name, rig_at
@@ -62,6 +62,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         name = result_name(scene, "normals")
         self._output = output_frames(self.output, name) if moves else output_path(self.output, name, self.file_format)
         self._notes = self._unused(scene.mps.estimate, rig_file)
+        # As everything that Render Photo writes is.
+        self._goes_without_saying = () if is_real(image) else ("read as linear (float file)",)
         if self.albedo and not self.white and not moves:
             raise SettingsError(
                 "the albedo is made from a white photo and none is named; choose one in Photo > Lens and Corrections"

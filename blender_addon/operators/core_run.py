@@ -70,6 +70,7 @@ class RunsCore(ReportingOperator):
 
     bl_options = {"UNDO"}
     _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
+    _goes_without_saying: Sequence[str] = ()  # of the core's notes
     _slices: list[Slices]
 
     @classmethod
@@ -126,7 +127,8 @@ class RunsCore(ReportingOperator):
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         self._stored: list[str] = []
-        for sentence in [*self._notes, *result.get("notes", []), *self.remarks(result)]:
+        notes = [note for note in result.get("notes", []) if note not in self._goes_without_saying]
+        for sentence in [*self._notes, *notes, *self.remarks(result)]:
             self.note(sentence)
         self.finish(context, result)
         self._store_record(notes=self._stored)

@@ -7,6 +7,7 @@ from mpsnet_core.errors import InputError
 
 from ..bake.bake import NO_CAMERA
 from ..bake.base_maps import usable_maps
+from ..bake.coverage import hides_materials
 from ..bake.texture_sets import BakeTarget, with_tokens
 from ..image_records import remembered
 from ..photo.camera import chosen_camera
@@ -14,6 +15,7 @@ from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import target_of
 from .step import Step
+from .text import wrapped
 from .what_counts import lacks_file, lacks_named
 
 
@@ -41,6 +43,8 @@ class MPS_PT_bake(Step):
         if context.scene.mps.rigs:
             column.prop(bake, "all_rigs")
         self.progress_or(context, "bake", "TEXTURE")
+        if bake.image and hides_materials(context.space_data):
+            wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
         self.picture(bake.image, folded="texture")
         lit = context.scene.mps.relight.lamp is not None
         if bake.image or lit or bake.overlays:

@@ -81,8 +81,17 @@ class MPS_PT_render(Step):
         column = self.column()
         column.prop(photo, "animation")
         column.prop(photo, "output", text="Folder" if photo.animation else "File", placeholder="Automatic")
+        if note := note_of_step(context.scene):
+            wrapped(self.layout, note, icon="INFO")
         self.layout.template_ID(photo, "image", open="mps.open_photo")
         self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
+
+
+def note_of_step(scene: Any) -> str:
+    """A sentence where all frames will be rendered though the scene's own render leaves some out; "" elsewhere."""
+    if not scene.mps.photo.animation or scene.frame_step == 1:
+        return ""
+    return f"All frames are rendered. The scene's frame step of {scene.frame_step} would leave gaps in the texture"
 
 
 class MPS_PT_real(Step):

@@ -19,6 +19,7 @@ from ..photo.options import rig_file_for
 from ..provenance import is_there
 from ..rig.light_rig import drawn_rig
 
+VIRTUAL_RIG = "the virtual rig"
 NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 
 
@@ -40,8 +41,16 @@ def lights_of(scene: Any) -> Lights:
     if photo is not None and remembered(photo, "rig") is not None:
         return Lights("the rig file beside the photo" if is_real(photo) else "as the photo was rendered")
     if scene.mps.rig.lights:
-        return _lights("the virtual rig", lambda: drawn_rig(scene))
+        return _lights(VIRTUAL_RIG, lambda: drawn_rig(scene))
     return Lights("not known", lacks=NO_LIGHTS)
+
+
+def doubt_of_lights(scene: Any) -> str:
+    """A sentence where the lights of a real photo are taken to be those of the virtual rig; "" elsewhere."""
+    photo = scene.mps.photo.image
+    if lights_of(scene).words != VIRTUAL_RIG or not (photo is None or is_real(photo)):
+        return ""
+    return "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
 
 
 def _lights(words: str, read: Callable[[], LightRig]) -> Lights:

@@ -73,7 +73,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         depsgraph = studio.view_layers[0].depsgraph
         rig = drawn_rig(scene, depsgraph)
         taken_by = scene_camera(camera.evaluated_get(depsgraph), scene, (photo.width, photo.height))
-        notes = _leave_target_out(studio, scene.mps.bake)
+        notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
         # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
@@ -254,6 +254,13 @@ def _in_one_place(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     reach = _SAME_PLACE * np.linalg.norm(one[1] - one[0])
     # Most pairs of a scene with many objects are told apart by a single number.
     return bool(abs(one[0, 0] - other[0, 0]) < reach and np.abs(one - other).max() < reach)
+
+
+def _out_of_focus(camera: Any) -> list[str]:
+    """A sentence where the camera blurs what is out of its focus."""
+    if not camera.data.dof.use_dof:
+        return []
+    return [f'"{camera.name}" has depth of field on: where the photo is blurred, so are its normals; switch it off']
 
 
 def _refuse_other_light(studio: Any) -> None:

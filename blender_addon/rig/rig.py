@@ -48,6 +48,11 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
         if active is not None and active.mode != "OBJECT":
             cls.poll_message_set("Switch to Object Mode first")
             return False
+        try:
+            _selected(context)
+        except InputError as error:
+            cls.poll_message_set(str(error))
+            return False
         return True
 
     def act(self, context: Any) -> None:
@@ -81,12 +86,7 @@ def add_rig(context: Any) -> None:
     """
     scene, settings = context.scene, context.scene.mps.rig
     refuse_linked_scene(scene)
-    old = set(rig_objects(scene))
-    selected = [obj for obj in context.view_layer.objects.selected if obj not in old]
-    if not selected:
-        if context.view_layer.objects.active is not None:  # a hidden one becomes that by a click in the outliner
-            refuse_unselectable(context.view_layer.objects.active)
-        raise InputError("nothing is selected; select the object that the rig shall stand around")
+    selected = _selected(context)
     orientation = _orientation(context, settings.view)
     points = surface_points(context.evaluated_depsgraph_get(), selected)
     centre, radius = sphere_around(points, orientation)
@@ -150,6 +150,17 @@ def rig_objects(scene: Any) -> Iterable[Any]:
     around = settings.collection.objects if settings.collection is not None else ()
     cameras = [obj for obj in around if obj.type == "CAMERA" and obj.parent == settings.target]
     return [obj for obj in (*every, *cameras) if obj is not None]
+
+
+def _selected(context: Any) -> list[Any]:
+    """The selected objects that are not the rig's own. Raises InputError where there are none."""
+    old, objects = set(rig_objects(context.scene)), context.view_layer.objects
+    selected = [obj for obj in objects.selected if obj not in old]
+    if not selected:
+        if objects.active is not None:  # a hidden one becomes that by a click in the outliner
+            refuse_unselectable(objects.active)
+        raise InputError("nothing is selected; select the object that the rig shall stand around")
+    return selected
 
 
 def _orientation(context: Any, view: str) -> Matrix:

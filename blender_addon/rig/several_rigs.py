@@ -115,7 +115,8 @@ class MPS_OT_drop_rig(_OnRigs):
     @classmethod
     def poll(cls, context: Any) -> bool:
         if not context.scene.mps.rigs:
-            cls.poll_message_set("There is only one rig in this scene")
+            number = "only one" if context.scene.mps.rig.target else "no"
+            cls.poll_message_set(f"There is {number} rig in this scene")
             return False
         return super().poll(context)
 

@@ -346,8 +346,14 @@ TIPS = {
     "How often light goes from surface to surface at most, drawn anew for each sample. 0: none": (
         "Wie oft Licht höchstens von Oberfläche zu Oberfläche geht, für jedes Beispiel neu gezogen. 0: gar nicht"
     ),
-    "How often the mesh is subdivided first: each makes four times as many faces. 0: it is fine enough as it is": (
-        "Wie oft das Mesh zuerst unterteilt wird: jedes Mal viermal so viele Flächen. 0: es ist fein genug"
+    (
+        "How often the mesh is subdivided first: each makes four times as many faces, which take more of the relief's "
+        "shape. But a low poly's facets show more in its shadows, as Cycles softens those of large faces. 0: its own "
+        "vertices move, and the normal map shows the rest"
+    ): (
+        "Wie oft das Mesh zuerst unterteilt wird: jedes Mal viermal so viele Flächen, die mehr von der Form des "
+        "Reliefs annehmen. Die Facetten eines Low-Poly-Meshs zeigen sich dann aber mehr in seinen Schatten, da Cycles "
+        "die großer Flächen weicher macht. 0: seine eigenen Vertices bewegen sich, und die Normalmap zeigt den Rest"
     ),
     "How the camera that comes with the rig projects": "Wie die Kamera abbildet, die zum Rig gehört",
     "How the last run of each of its operators ended": "Wie der letzte Lauf jedes seiner Operatoren endete",
@@ -677,12 +683,12 @@ TIPS = {
     ),
     "Several objects beside each other on a ground": "Mehrere Objekte nebeneinander auf einem Boden",
     (
-        "Shade the displaced surface by the baked normals, as a texture in object space: the relief shows once, with "
-        "what is finer than the mesh. Off, for objects that bend: by the displaced surface alone"
+        "Shade the displaced surface by the baked normals, subdivided as a texture in object space: the relief shows "
+        "once, with what is finer than the mesh. Off, for objects that bend: by the displaced surface alone"
     ): (
-        "Die verschobene Oberfläche mit den gebackenen Normalen schattieren, als Textur im Objektraum: das Relief "
-        "erscheint einmal, mit dem, was feiner ist als das Mesh. Aus, für Objekte, die sich biegen: nur durch die "
-        "verschobene Oberfläche"
+        "Die verschobene Oberfläche mit den gebackenen Normalen schattieren, unterteilt als Textur im Objektraum: das "
+        "Relief erscheint einmal, mit dem, was feiner ist als das Mesh. Aus, für Objekte, die sich biegen: nur durch "
+        "die verschobene Oberfläche"
     ),
     "Shapes made up from the seed: nothing else is needed": (
         "Formen, aus dem Startwert erdacht: sonst wird nichts gebraucht"
@@ -722,8 +728,10 @@ TIPS = {
         "Von jedem Bild der Szene, vom ersten bis zum letzten, ein Foto in einen Ordner aufnehmen. Lichter und "
         "Kamera sollten sich zusammen bewegen, falls sie es tun: die des ersten Bilds gelten für alle"
     ),
-    "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
-    "seams between views vanish": (
+    (
+        "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
+        "seams between views vanish"
+    ): (
         "Große Formen vom Objekt nehmen und nur das Detail von den Fotos, was auch immer die Schätzungen sonst "
         "sagen: Nähte zwischen Ansichten verschwinden"
     ),
@@ -744,8 +752,8 @@ TIPS = {
     ),
     "The angles between the normals and the true ones": "Die Winkel zwischen den Normalen und den wahren",
     "The baked normal texture": "Die gebackene Normalentextur",
-    "The baseline for a matt surface of one colour: each channel is divided by its own mean first": (
-        "Der Vergleichsmaßstab für eine matte Oberfläche von einer Farbe: jeder Kanal wird zuerst durch sein eigenes "
+    "The baseline for flat, matt cloth, leather or plaster of one colour: each channel divided by its mean": (
+        "Der Vergleichsmaßstab für flachen, matten Stoff, Leder oder Putz von einer Farbe: jeder Kanal durch sein "
         "Mittel geteilt"
     ),
     "The baseline, at once: a matt surface of one grey (equation 2 of the paper)": (
@@ -761,9 +769,6 @@ TIPS = {
     ),
     "The copies that show the coverage, while it is shown": (
         "Die Kopien, die die Abdeckung zeigen, solange sie gezeigt wird"
-    ),
-    "The default as stills get it, three passes averaged, for sequences too": (
-        "Die Vorgabe, wie Standbilder sie bekommen, drei Durchläufe gemittelt, auch für Sequenzen"
     ),
     "The default in 8-bit numbers and one pass: quicker": "Die Vorgabe mit 8-Bit-Zahlen und einem Durchlauf: schneller",
     "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is": (
@@ -786,8 +791,8 @@ TIPS = {
     "The mesh becomes round, edges with a crease apart: for one that is made for it": (
         "Das Mesh wird rund, Kanten mit Falte ausgenommen: für eines, das dafür gemacht ist"
     ),
-    "The mesh keeps its shape, and the heights make its facets round": (
-        "Das Mesh behält seine Form, und die Höhen machen seine Facetten rund"
+    "The mesh keeps its shape, its smooth shading and its sharp edges": (
+        "Das Mesh behält seine Form, seine glatte Schattierung und seine scharfen Kanten"
     ),
     "The mesh objects that are selected in this scene": "Die Mesh-Objekte, die in dieser Szene ausgewählt sind",
     "The meshes in a folder, alone and several together: OBJ, PLY, STL, OFF or glTF files": (
@@ -795,6 +800,9 @@ TIPS = {
     ),
     "The normals of that photo": "Die Normalen dieses Fotos",
     "The objects that wear the texture": "Die Objekte, die die Textur tragen",
+    "The old name of the default with --passes 3: three passes averaged, for sequences too": (
+        "Der alte Name der Vorgabe mit --passes 3: drei Durchläufe gemittelt, auch für Sequenzen"
+    ),
     "The paper's layers over the whole picture: quick, and not the same network": (
         "Die Schichten der Veröffentlichung über das ganze Bild: schnell und nicht dasselbe Netz"
     ),
@@ -909,7 +917,6 @@ TIPS = {
         "Namen ausgenommen"
     ),
     "Where a mask picture is white": "Wo ein Maskenbild weiß ist",
-    "Where it hid them": "Der View-Layer, in dem sie sie verbarg",
     (
         "Where photos, normal maps and textures go. Empty: beside the saved .blend file, else Blender's temporary "
         "folder"
@@ -917,6 +924,7 @@ TIPS = {
         "Wohin Fotos, Normalmaps und Texturen kommen. Leer: neben die gespeicherte .blend-Datei, sonst in Blenders "
         "temporären Ordner"
     ),
+    "Where it hid them": "Wo sie sie verbarg",
     "Where the photo comes from, and so which settings the panel shows": (
         "Woher das Foto kommt und damit, welche Einstellungen das Panel zeigt"
     ),

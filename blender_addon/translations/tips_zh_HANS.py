@@ -278,8 +278,13 @@ TIPS = {
     "How often light goes from surface to surface at most, drawn anew for each sample. 0: none": (
         "光线在表面之间最多反弹多少次，每个样本重新抽取。0：不反弹"
     ),
-    "How often the mesh is subdivided first: each makes four times as many faces. 0: it is fine enough as it is": (
-        "先将网格细分多少次：每次面数变为四倍。0：网格已足够细"
+    (
+        "How often the mesh is subdivided first: each makes four times as many faces, which take more of the relief's "
+        "shape. But a low poly's facets show more in its shadows, as Cycles softens those of large faces. 0: its own "
+        "vertices move, and the normal map shows the rest"
+    ): (
+        "先将网格细分多少次：每次面数变为四倍，从而更多地呈现浮雕的形状。但低模的棱面在其阴影中会更明显，因为 Cycles "
+        "会柔化大面的阴影。0：只移动网格自身的顶点，其余由法线贴图显示"
     ),
     "How the camera that comes with the rig projects": "灯架自带摄像机的投影方式",
     "How the last run of each of its operators ended": "其每个操作项上次运行的结果",
@@ -533,10 +538,10 @@ TIPS = {
     ),
     "Several objects beside each other on a ground": "地面上并排的多个物体",
     (
-        "Shade the displaced surface by the baked normals, as a texture in object space: the relief shows once, with "
-        "what is finer than the mesh. Off, for objects that bend: by the displaced surface alone"
+        "Shade the displaced surface by the baked normals, subdivided as a texture in object space: the relief shows "
+        "once, with what is finer than the mesh. Off, for objects that bend: by the displaced surface alone"
     ): (
-        "用烘焙的法线（物体空间纹理）为置换后的表面着色：浮雕只出现一次，并包含比网格更细的部分。对会弯曲的物体请关闭"
+        "用烘焙的法线（细分时为物体空间纹理）为置换后的表面着色：浮雕只出现一次，并包含比网格更细的部分。对会弯曲的物体请关闭"
         "：仅用置换后的表面"
     ),
     "Shapes made up from the seed: nothing else is needed": "由随机种生成的形状：不需要其他东西",
@@ -567,8 +572,10 @@ TIPS = {
         "Take a photo of each frame of the scene, from its first to its last, into a folder. Lights and camera "
         "should move together if they move: those of the first frame count for all"
     ): ("为场景从首帧到末帧的每一帧拍一张照片，存入文件夹。灯光和摄像机若移动应一起移动：以第一帧为准"),
-    "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
-    "seams between views vanish": ("大形状取自物体，只有细节取自照片，无论估计结果如何：视角之间的接缝消失"),
+    (
+        "Take large shapes from the object and only detail from the photos, whatever else the estimates say: "
+        "seams between views vanish"
+    ): ("大形状取自物体，只有细节取自照片，无论估计结果如何：视角之间的接缝消失"),
     "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces": (
         "在光线在表面之间反弹之处，用 OpenImageDenoise 去除每盏灯画面的噪点"
     ),
@@ -583,8 +590,8 @@ TIPS = {
     "The 3D viewport shows the mesh about as the photo does": "3D 视图中网格的样子与照片大致相同",
     "The angles between the normals and the true ones": "估计的法线与真实法线之间的夹角",
     "The baked normal texture": "烘焙的法线纹理",
-    "The baseline for a matt surface of one colour: each channel is divided by its own mean first": (
-        "用于单一颜色哑光表面的基线：每个通道先除以自身的平均值"
+    "The baseline for flat, matt cloth, leather or plaster of one colour: each channel divided by its mean": (
+        "用于单一颜色的平整哑光布料、皮革或石膏的基线：每个通道除以其平均值"
     ),
     "The baseline, at once: a matt surface of one grey (equation 2 of the paper)": (
         "基线，即时完成：单一灰度的哑光表面（论文公式 2）"
@@ -596,9 +603,6 @@ TIPS = {
         "集群的地址不必是 tls://。其网络中的任何人都可能在本机运行代码"
     ),
     "The copies that show the coverage, while it is shown": "显示覆盖范围期间的副本",
-    "The default as stills get it, three passes averaged, for sequences too": (
-        "与静态照片相同的默认网络，三次结果取平均，也用于序列"
-    ),
     "The default in 8-bit numbers and one pass: quicker": "默认网络的 8 位版本，只算一次：更快",
     "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is": (
         "默认：一个由粗到细的网络，内含公式 2，并给出其把握程度"
@@ -617,13 +621,16 @@ TIPS = {
     "The mesh becomes round, edges with a crease apart: for one that is made for it": (
         "网格变得圆滑，带折痕的边除外：用于为此制作的网格"
     ),
-    "The mesh keeps its shape, and the heights make its facets round": "网格保持形状，由高度使其棱面变圆",
+    "The mesh keeps its shape, its smooth shading and its sharp edges": "网格保持其形状、平滑着色和锐边",
     "The mesh objects that are selected in this scene": "此场景中选中的网格物体",
     "The meshes in a folder, alone and several together: OBJ, PLY, STL, OFF or glTF files": (
         "文件夹中的网格，单个或多个一起：OBJ、PLY、STL、OFF 或 glTF 文件"
     ),
     "The normals of that photo": "该照片的法线",
     "The objects that wear the texture": "使用该纹理的物体",
+    "The old name of the default with --passes 3: three passes averaged, for sequences too": (
+        "默认网络加 --passes 3 的旧名称：三次结果取平均，也用于序列"
+    ),
     "The paper's layers over the whole picture: quick, and not the same network": (
         "论文的各层作用于整张图片：快，但不是同一个网络"
     ),
@@ -720,11 +727,11 @@ TIPS = {
         "你在各步骤设置中所作的更改成为下一个新文件的初始值，文件和名称除外"
     ),
     "Where a mask picture is white": "遮罩图片为白色之处",
-    "Where it hid them": "在哪个视图层中隐藏了它们",
     (
         "Where photos, normal maps and textures go. Empty: beside the saved .blend file, else Blender's temporary "
         "folder"
     ): ("照片、法线贴图和纹理的存放位置。留空：保存的 .blend 文件旁，否则为 Blender 的临时文件夹"),
+    "Where it hid them": "在哪个视图层中隐藏了它们",
     "Where the photo comes from, and so which settings the panel shows": "照片的来源，决定面板显示哪些设置",
     "Where the photo differs from one of the scene without the object": "照片与不含物体的场景照片不同之处",
     "Where the photo is brighter than a threshold": "照片比阈值更亮之处",

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.bake.coverage import hides_materials
 from blender_addon.settings.record import notes_of
 
 from .rendering import pixels
@@ -32,6 +33,15 @@ def test_the_share_seen_stays_with_the_step_and_is_that_of_the_map(baked, scene,
     assert shares == pytest.approx([seen, filled], abs=0.02)
     bpy.ops.mps.bake()
     assert len([image for image in bpy.data.images if image.name.startswith("MPS Sphere Coverage")]) == 1
+
+
+def test_an_object_that_was_moved_after_the_photo_is_hardly_seen_and_the_note_asks(baked, scene):
+    asks = "was the object or the camera moved since the photo?"
+    assert asks not in "".join(notes_of(scene, "bake"))
+    baked.location.x = 1.8  # all but its edge is beside where it was in the photo
+    bpy.ops.mps.bake()
+    (note,) = [note for note in notes_of(scene, "bake") if "of the surface seen" in note]
+    assert int(note.split("%")[0]) < 10 and note.endswith(f"filled; {asks}")
 
 
 def look(scene, path):
@@ -103,6 +113,18 @@ def test_the_viewport_that_shows_it_is_given_its_shading_back(baked):
     assert shading.type == "MATERIAL"
     bpy.ops.mps.show_coverage()
     assert shading.type == "SOLID"
+
+
+def test_materials_are_hidden_by_the_shadings_in_which_a_bake_changes_nothing(scene):
+    view = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
+
+    def hidden(shading):
+        view.shading.type = shading
+        return hides_materials(view)
+
+    assert [hidden(shading) for shading in ("WIREFRAME", "SOLID", "MATERIAL", "RENDERED")] == [True, True, False, False]
+    others = [area.spaces.active for area in bpy.context.window.screen.areas if area.type != "VIEW_3D"]
+    assert others and not any(map(hides_materials, (None, *others)))
 
 
 def test_coverage_survives_the_file_and_its_copys_deletion(baked, scene, tmp_path):

@@ -9,6 +9,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from blender_addon.appearance.modifiers import move_by_modifier
+from blender_addon.appearance.nodes import DISPLACEMENT_NODE, find_node
 from blender_addon.commands import main
 from blender_addon.panels.heights import MPS_PT_displace
 from blender_addon.settings.record import notes_of
@@ -288,6 +289,19 @@ def test_displacing_a_duplicate_leaves_the_original_alone(worn, scene, tmp_path)
     bpy.ops.mps.displace(target=copy.name, method="MODIFIER", levels=0, output=str(tmp_path / "second.exr"))
     shown = [Path(one.modifiers["MPS Displace"].texture.image.filepath).name for one in (worn, copy)]
     assert shown == ["first.exr", "second.exr"]
+
+
+def test_a_linked_duplicate_without_a_material_gets_one_of_its_own(worn, scene, tmp_path):
+    for material in list(bpy.data.materials):
+        bpy.data.materials.remove(material)
+    worn.data.materials.clear()
+    bpy.ops.object.duplicate(linked=True)
+    copy = bpy.context.object
+    assert copy.data == worn.data
+    bpy.ops.mps.displace(target=copy.name, method="MATERIAL", levels=0, output=str(tmp_path / "height.exr"))
+    (mine,), (others,) = copy.material_slots, worn.material_slots
+    assert mine.link == "OBJECT" and find_node(mine.material.node_tree, DISPLACEMENT_NODE)
+    assert others.material is None and list(copy.data.materials) == [None]
 
 
 @pytest.mark.parametrize("given_back_by", ["MODIFIER", "BAKE"])

@@ -448,7 +448,7 @@ def test_registering_loads_nothing_heavy():
     assert not {"onnxruntime", "trimesh", "OpenImageIO", "tqdm", "torch"} & set(loaded)
 
 
-def test_what_nobody_foresaw_is_one_sentence_that_names_a_log(scene, tmp_path, monkeypatch, capfd):
+def test_what_nobody_foresaw_is_one_sentence_that_names_a_log(sphere, tmp_path, monkeypatch, capfd):
     """To a script, and on the command line."""
 
     def fails(self, context):

@@ -11,6 +11,7 @@ from blender_addon.images import fine_preview, image_file, load_image
 from blender_addon.outputs import output_path
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
+from blender_addon.settings.record import notes_of
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_data
@@ -123,8 +124,7 @@ def test_a_result_is_not_written_over_what_another_step_made(photographed, scene
 
 def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_reported(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
-    told = {"estimate": scene.mps.records["estimate"].notes}
-    assert "ending" not in told["estimate"], "no format was chosen"
+    assert "ending" not in "".join(notes_of(scene, "estimate")), "no format was chosen"
     bpy.ops.mps.estimate(file_format="TIFF")
     bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "t.exr"))
     bpy.ops.mps.integrate(file_format="PNG", mesh=False, output=str(tmp_path / "h.tif"))
@@ -201,7 +201,7 @@ def test_a_rendered_photo_has_its_own_rig_and_an_opened_one_that_of_the_rig_file
     write_rig(tmp_path / "measured.json", published_rig(45.0))
     measured = normals(rig_file=str(tmp_path / "measured.json"))
     assert measured != own, "what the call names counts"
-    assert "measured.json" not in scene.mps.records["estimate"].notes
+    assert "measured.json" not in "".join(notes_of(scene, "estimate"))
     # What is left in the panel from then is of other photos.
     assert normals() == own
     assert "measured.json not used" in scene.mps.records["estimate"].notes

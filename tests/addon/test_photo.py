@@ -7,6 +7,7 @@ import pytest
 from dng import write_dng
 
 from blender_addon.image_records import origin
+from blender_addon.panels.photo import note_of_step
 from blender_addon.photo.studio import render_normals
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.camera import scene_camera
@@ -140,6 +141,25 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     assert shot("parts") == [
         '"Sphere" is left out of the photo: it is the target of the bake, and "Half -1" and 1 more are in its place'
     ]
+
+
+def test_a_camera_that_blurs_the_photo_is_named(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig(projection="PERSPECTIVE")
+    given = {"width": 48, "height": 48, "samples": 8, "output": str(tmp_path / "photo.exr")}
+
+    def blurred():
+        """The share of the photo that is neither the sphere nor beside it."""
+        bpy.ops.mps.render_photo(**given)
+        alpha = read_image(tmp_path / "photo.exr").alpha
+        return np.mean((alpha > 0.02) & (alpha < 0.98))
+
+    sharp = blurred()
+    assert notes_of(scene, "render_photo") == []
+    focus = scene.mps.rig.camera.data.dof
+    focus.use_dof, focus.focus_distance, focus.aperture_fstop = True, 0.5, 0.1
+    assert blurred() > 2 * sharp
+    (note,) = notes_of(scene, "render_photo")
+    assert note.startswith('"MPS Camera" has depth of field on')
 
 
 def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(sphere, scene, tmp_path):
@@ -379,8 +399,9 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     for number in range(3, 6):
         sphere.scale = [1 + (number - 3) / 10] * 3
         sphere.keyframe_insert("scale", frame=number)
-    scene.frame_start, scene.frame_end = 3, 5
+    scene.frame_start, scene.frame_end, scene.frame_step = 3, 5, 2
     scene.frame_set(4, subframe=0.25)
+    assert note_of_step(scene) == ""
     photo = {"width": 64, "height": 64, "samples": 1}
     with pytest.raises(RuntimeError, match="no folder is named for the frames"):
         bpy.ops.mps.render_photo(animation=True, **photo)  # the file is not saved, and frames cannot be packed
@@ -392,6 +413,9 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     assert [file.name for file in files] == [f"shots_{number:04d}.exr" for number in range(3, 6)]
     areas = [(read_image(file).alpha > 0.5).sum() for file in files]
     np.testing.assert_allclose(np.sqrt(np.array(areas) / areas[0]), [1, 1.1, 1.2], rtol=0.02)
+    assert note_of_step(scene).startswith("All frames are rendered")
+    scene.frame_step = 1
+    assert note_of_step(scene) == ""
     assert (scene.frame_current, scene.frame_subframe) == (4, 0.25)
     assert scene.mps.photo.image.source == "SEQUENCE"
 

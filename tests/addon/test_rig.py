@@ -94,6 +94,21 @@ def test_adding_again_replaces_the_rig(sphere, scene):
     assert not bpy.data.lights and not bpy.data.collections
 
 
+def test_a_rig_can_be_added_or_replaced_where_something_besides_it_is_selected(sphere, scene):
+    def can():
+        return bpy.ops.mps.add_rig.poll(), bpy.ops.mps.add_rig_ring.poll()
+
+    for _ in range(2):
+        sphere.select_set(False)
+        assert can() == (False, False)
+        for light in scene.mps.rig.lights:
+            light.object.select_set(True)
+        assert can() == (False, False)
+        sphere.select_set(True)
+        assert can() == (True, True)
+        bpy.ops.mps.add_rig()
+
+
 def test_removing_takes_the_rigs_own_collection_alone(sphere, scene):
     bpy.ops.mps.add_rig()
     scene.mps.rig.collection.name = "Lamps"

@@ -128,6 +128,9 @@ def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, sc
     assert len(bpy.data.lights) == 3
     with pytest.raises(RuntimeError, match="only one rig"):
         bpy.ops.mps.drop_rig()
+    bpy.ops.mps.remove_rig()
+    with pytest.raises(RuntimeError, match="There is no rig"):
+        bpy.ops.mps.drop_rig()
 
 
 def test_a_rig_that_is_not_there(estimated):

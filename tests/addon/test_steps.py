@@ -17,8 +17,9 @@ from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
-from blender_addon.panels.what_counts import camera_of, lights_of
+from blender_addon.panels.what_counts import camera_of, doubt_of_lights, lights_of
 from blender_addon.provenance import seen_lately
+from blender_addon.settings.record import notes_of
 from mpsnet_core.scene.rig import near_rig, write_rig
 
 
@@ -257,6 +258,24 @@ def test_it_is_said_which_lights_and_which_camera_count(photographed, scene, tmp
     assert said()[1] == "aligned, 0.4 px"
 
 
+def test_it_is_doubted_that_the_virtual_rig_lit_a_real_photo(photographed, scene, tmp_path):
+    assert doubt_of_lights(scene) == ""
+    rig = scene.mps.photo.image["mpsnet_rig"]
+    bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "taken.exr"))
+    assert "virtual rig" in doubt_of_lights(scene)
+    (tmp_path / "measured.json").write_text(rig, encoding="utf-8")
+    scene.mps.estimate.rig_file = str(tmp_path / "measured.json")
+    assert doubt_of_lights(scene) == ""
+    scene.mps.estimate.rig_file = ""
+    (tmp_path / "taken.rig.json").write_text(rig, encoding="utf-8")
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "taken.exr"))  # whose own rig lies beside it
+    assert doubt_of_lights(scene) == ""
+    scene.mps.photo.image = None
+    assert "virtual rig" in doubt_of_lights(scene)
+    bpy.ops.mps.remove_rig()
+    assert doubt_of_lights(scene) == ""
+
+
 def no_lights(scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "alone.exr"))
     bpy.ops.mps.remove_rig()
@@ -416,8 +435,12 @@ def test_an_error_that_is_dismissed_is_gone(photographed):
     bpy.ops.mps.dismiss(verb="estimate")  # nothing is left to take away
 
 
-def test_notes_stay_with_the_step(estimated, scene):
-    assert "read as linear (float file)" in scene.mps.records["estimate"].notes
+def test_notes_stay_with_the_step_but_for_what_the_add_on_knows_of_its_own_photo(estimated, scene, tmp_path):
+    said = "read as linear (float file)"
+    assert said not in notes_of(scene, "estimate")
+    bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "alone.exr"))
+    bpy.ops.mps.estimate()
+    assert said in notes_of(scene, "estimate")
 
 
 def test_made_from_what_no_add_on_wrote_is_not_out_of_date(estimated, scene):

@@ -200,10 +200,12 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
     photographer.photograph("to_do")
     run("bpy.context.scene.mps.way = 'RENDER'")
     photographer.photograph("to_do_render", "rig", "photo")
+    run("bpy.data.objects['Camera'].select_set(True)")  # around which no rig can stand
     work("add_rig")
     photographer.photograph("failed", "rig")
     run(
         "bpy.ops.mps.dismiss(verb='add_rig'); cube = bpy.data.objects['Cube']; cube.select_set(True)\n"
+        "bpy.data.objects['Camera'].select_set(False)\n"
         "bpy.context.view_layer.objects.active = cube"
     )
     photographer.photograph("ready", "rig")
