@@ -141,9 +141,9 @@ def _write(
                 closed = target.close()
         # OpenImageIO reports success where a full disk cut a file short.
         if not (closed and done and is_whole(file)):
-            reason = complaint(target) or complaint(oiio) or "the file was cut short"
-            reason = reason.replace(str(file), path.name)
-            raise FileError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+            # libpng has a line for each piece that the disk does not take.
+            reason = complaint(target, lines=1) or complaint(oiio) or "the file was cut short"
+            raise FileError(f"cannot write {path} ({reason.replace(str(file), path.name)}); make room on the disk")
 
 
 def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> Any:
