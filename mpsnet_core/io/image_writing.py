@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS
-from mpsnet_core.errors import FileError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import checked_bits, temporary_folder, written_whole
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
@@ -47,9 +47,13 @@ def write_image(
     FileError
         If the file cannot be written.
     SettingsError
-        If the format or the bits are not supported.
+        If the format, the bits or the shape are not supported.
     """
     pixels = np.asarray(pixels)
+    if pixels.ndim not in (2, 3) or not pixels.size or pixels.shape[2:] > (4,):
+        raise SettingsError(
+            f"{path}: an array of shape {pixels.shape} is no image; give rows and columns, and one to four channels"
+        )
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
     height, width, channels = pixels.shape
     write_bands(
