@@ -120,7 +120,7 @@ class Align(RunsModel, ReadsPhotos):
         path="file",
         provenance="none",
     )
-    output: str = option(short="-o", help="the camera file (.json)", path="file", provenance="none")
+    output: str = option(help="the camera file (.json)", path="file", provenance="none")
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay where it is requested."""
