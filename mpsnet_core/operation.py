@@ -36,8 +36,6 @@ class Option:
     help
         What it does, for people who meet it on the command line or in Blender: without flags, without a full stop. The
         command line does not list an option without.
-    short
-        Its short flag on the command line, as ``-o``.
     positional
         Whether the command line takes it without a flag.
     metavar
@@ -55,7 +53,6 @@ class Option:
     """
 
     help: str
-    short: str
     positional: bool
     metavar: str | None
     choices: Mapping[Any, str]
@@ -70,7 +67,6 @@ def option(
     *,
     default: Any = dataclasses.MISSING,
     help: str,
-    short: str = "",
     positional: bool = False,
     metavar: str | None = None,
     choices: Mapping[Any, str] | None = None,
@@ -81,7 +77,7 @@ def option(
     provenance: Provenance = "value",
 ) -> Any:
     """A field of an operation; one without a default has to be given. See :class:`Option`."""
-    described = Option(help, short, positional, metavar, choices or {}, low, high, unset, path, provenance)
+    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, provenance)
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
 
@@ -118,8 +114,8 @@ class Setting:
 
     @property
     def flags(self) -> list[str]:
-        """What stands before its value on the command line, the long flag last."""
-        return [*filter(None, [self.option.short]), "--" + self.name.replace("_", "-")]
+        """What stands before its value on the command line, the long flag last; an ``output`` has a short one."""
+        return [*(["-o"] if self.name == "output" else []), "--" + self.name.replace("_", "-")]
 
 
 @dataclass(frozen=True)

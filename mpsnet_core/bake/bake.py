@@ -20,7 +20,7 @@ from mpsnet_core.bake.texel_surface import Place, UnderTexels
 from mpsnet_core.bake.texture import Space, Texture
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.bake.uv_islands import islands_of
-from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, seen_triangles
+from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, masks_hide_all, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress, part, silent
@@ -145,6 +145,11 @@ def bake_texture_sets(
             raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
         raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
+        if not hopeful and masks_hide_all(meshes, bake.projectors):
+            raise GeometryError(
+                "no view sees any of the mesh within its mask, although the cameras see it; check that the masks (the "
+                "normal maps' alpha) show the object, and that each camera is that of its photo"
+            )
         raise GeometryError(
             "no view sees any of the mesh; check that the cameras and the mesh share one world, and that its normals "
             "point outwards"

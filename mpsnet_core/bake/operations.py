@@ -278,7 +278,6 @@ class Bake(LaysOnto):
         default=None, help="png, tif or exr, where the output is a folder", unset="png", provenance="none"
     )
     output: str = option(
-        short="-o",
         help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
         "material or object; a folder for a sequence, or for a preset's name",
         path="file",
@@ -520,7 +519,6 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     )
     json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON", provenance="none")
     output: str = option(
-        short="-o",
         help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
         "material or object; a folder for a preset's name",
         path="file",

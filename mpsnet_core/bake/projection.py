@@ -110,6 +110,24 @@ class Projector:
         the weighted colour and its weight behind them. The points are relative to the scene's middle, the normals in
         world space.
         """
+        seen, facing, x, y = self.faced(points, normals)
+        sampled = self._sample(x, y)
+        kept = _unless_all(sampled[:, 3] > 0)
+        if kept is not None:
+            seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
+        facing = facing.take(seen)
+        for _ in range(2):  # to FACING_POWER
+            facing *= facing
+        sampled *= _repeated(facing, sampled.shape[1])
+        return seen, sampled
+
+    def faced(
+        self, points: NDArray[np.float32], normals: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Which points, as of :meth:`look`, the camera sees, whatever the view's mask: (M,) their numbers.
+
+        And (N,) the cosine between normal and camera of all points, and (M,) x and (M,) y of the pixels.
+        """
         flat = self.camera.projection == "orthographic"
         if flat:
             (facing,) = transformed(self.turn[2:], normals)
@@ -140,15 +158,7 @@ class Projector:
         kept = _unless_all(self.visibility.seen(points, x, y, depth))
         if kept is not None:
             seen, x, y = _some(kept, seen, x, y)
-        sampled = self._sample(x, y)
-        kept = _unless_all(sampled[:, 3] > 0)
-        if kept is not None:
-            seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
-        facing = facing.take(seen)
-        for _ in range(2):  # to FACING_POWER
-            facing *= facing
-        sampled *= _repeated(facing, sampled.shape[1])
-        return seen, sampled
+        return seen, facing, x, y
 
     def _sample(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
         """Bilinear, between pixel centres; pixels outside the mask take no part."""

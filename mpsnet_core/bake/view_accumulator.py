@@ -123,9 +123,7 @@ def seen_triangles(
     meshes: Sequence[Mesh], projectors: Projectors, scene: RayScene, progress: Progress
 ) -> list[NDArray[np.bool_]]:
     """For each mesh, (T,) whether any view sees the triangle's middle."""
-    middles, outwards = (
-        np.concatenate(parts, axis=1) for parts in zip(*(_faces(m, scene.middle) for m in meshes), strict=True)
-    )
+    middles, outwards = _all_faces(meshes, scene)
     seen = np.zeros(middles.shape[1], bool)
     for batch in projectors.batches():
         progress(0.0, "laying out the UVs")
@@ -133,6 +131,18 @@ def seen_triangles(
             seen[projector.look(middles, outwards)[0]] = True
             del projector
     return np.split(seen, np.cumsum([len(mesh.triangles) for mesh in meshes])[:-1])
+
+
+def masks_hide_all(meshes: Sequence[Mesh], projectors: Projectors) -> bool:
+    """Whether a camera sees a triangle's middle, where no view does."""
+    faces = _all_faces(meshes, projectors.scene)
+    return any(len(projector.faced(*faces)[0]) for batch in projectors.batches() for projector in batch)
+
+
+def _all_faces(meshes: Sequence[Mesh], scene: RayScene) -> list[NDArray[np.float32]]:
+    """The faces of all meshes, as :func:`_faces` has those of one."""
+    parts = [_faces(mesh, scene.middle) for mesh in meshes]
+    return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
 
 
 def _faces(mesh: Mesh, middle: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

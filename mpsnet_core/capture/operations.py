@@ -175,7 +175,6 @@ class Superpose(ReadsPictures):
         "which is the rig's, and those of a folder or pattern by their numbers",
     )
     output: str = option(
-        short="-o",
         help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)",
     )
 
@@ -234,7 +233,7 @@ class FindMask(ReadsPhotos):
         "object), threshold:0.05, or a mask file to look at",
     )
     overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
-    output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")
+    output: str = option(help="mask file, white on the object: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay where one is requested."""

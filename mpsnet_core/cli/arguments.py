@@ -18,6 +18,20 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise SettingsError(f"{message}; see {self.prog} --help")
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        # argparse would hand a verb's unknown arguments to its parent, whose help does not list the verb's options.
+        parsed, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return parsed, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        # argparse would list the verbs without help, too, which are for programs.
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            listed = ", ".join(verb.dest for verb in action._choices_actions)
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {listed})")
+        super()._check_value(action, value)
+
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         # argparse before Python 3.13 loses the value of --open=-- and then stumbles over it.
         if action.option_strings and arg_strings == ["--"]:

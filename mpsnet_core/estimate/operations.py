@@ -178,7 +178,6 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="frames of a sequence or video before and behind, with which each is averaged where they show the same",
     )
     output: str = option(
-        short="-o",
         help="normal map to write: .png, .tif or .exr; a folder where there are several photos: frames that it holds "
         "already are not made again",
         path="file",

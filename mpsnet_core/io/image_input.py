@@ -118,10 +118,13 @@ def libraries_silent() -> Iterator[None]:
 _stderr_lock = threading.RLock()
 
 
-def complaint(source: Any) -> str:
-    """The pending error message of OpenImageIO, or of its reader or writer, as one line; clears it."""
+def complaint(source: Any, lines: int | None = None) -> str:
+    """The pending error message of OpenImageIO, or of its reader or writer, as one line; clears it.
+
+    lines: how many of its lines are wanted, the first ones; all by default.
+    """
     try:
-        return " ".join(source.geterror().split())
+        return " ".join(" ".join(source.geterror().strip().splitlines()[:lines]).split())
     except UnicodeDecodeError:  # it quotes the file
         return "a text in it is not UTF-8"
 

@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS
-from mpsnet_core.errors import FileError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import checked_bits, temporary_folder, written_whole
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
@@ -47,9 +47,13 @@ def write_image(
     FileError
         If the file cannot be written.
     SettingsError
-        If the format or the bits are not supported.
+        If the format, the bits or the shape are not supported.
     """
     pixels = np.asarray(pixels)
+    if pixels.ndim not in (2, 3) or not pixels.size or pixels.shape[2:] > (4,):
+        raise SettingsError(
+            f"{path}: an array of shape {pixels.shape} is no image; give rows and columns, and one to four channels"
+        )
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
     height, width, channels = pixels.shape
     write_bands(
@@ -141,9 +145,9 @@ def _write(
                 closed = target.close()
         # OpenImageIO reports success where a full disk cut a file short.
         if not (closed and done and is_whole(file)):
-            reason = complaint(target) or complaint(oiio) or "the file was cut short"
-            reason = reason.replace(str(file), path.name)
-            raise FileError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+            # libpng has a line for each piece that the disk does not take.
+            reason = complaint(target, lines=1) or complaint(oiio) or "the file was cut short"
+            raise FileError(f"cannot write {path} ({reason.replace(str(file), path.name)}); make room on the disk")
 
 
 def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> Any:

@@ -75,7 +75,7 @@ class Train(Operation):
         choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
         help="numbers that the layers compute with",
     )
-    output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
+    output: str = option(metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> NetworkTrained:
         """Train to the recipe's end and write the network, or stop before it and leave the checkpoint."""
@@ -143,7 +143,7 @@ class Quantize(Operation):
     )
     samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to calibrate on")
     count: int = option(default=64, low=1, help="how many photographs of the samples to calibrate on")
-    output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
+    output: str = option(metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> ModelQuantized:
         """Write the int8 model, and report what it costs in accuracy."""

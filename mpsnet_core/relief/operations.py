@@ -506,7 +506,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
     )
     name: str | None = option(default=None, help="what the files' names begin with", unset="as the photo's")
-    output: str = option(short="-o", metavar="FOLDER", help="folder for the pictures", path="folder", provenance="none")
+    output: str = option(metavar="FOLDER", help="folder for the pictures", path="folder", provenance="none")
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""

@@ -29,10 +29,10 @@ MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
 # In any unit: products of three such lengths stay finite.
 MOST = 1e12
-# No modeller's faces have more corners, and fans of thin triangles carry no texture.
+# No modeller's faces have more corners, and cutting ears takes their square in time.
 MAX_CORNERS = 4096
-# Notches stay open in faces of up to so many corners: cutting ears takes their square in time, or more.
-MOST_NOTCHED = 512
+# Pairs of corners that cutting ears looks at together: few enough to stay in a core's cache.
+CORNERS_AT_ONCE = 1 << 15
 # Scales that differ by less than this share stretch nothing.
 SAME_SCALE = 1e-4
 # The names of a PLY file's UVs, by MeshLab, others and Blender; the last that is there counts.
@@ -338,7 +338,7 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
     """(T, 3) the corners of polygons' triangles, those of one polygon in a row.
 
     places: (C, 3) of the corners, polygon after polygon. sizes: (F,) their numbers. A polygon with a corner that turns
-    inwards loses ear after ear, so that its notches stay open; any other, or one of very many corners, becomes a fan.
+    inwards loses ear after ear, so that its notches stay open; any other becomes a fan.
     """
     ends = np.cumsum(sizes)
     starts, polygon = ends - sizes, np.repeat(np.arange(len(sizes)), sizes)
@@ -354,7 +354,7 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
     turns = np.cross(places - places[behind], places[ahead] - places)
     inwards = dot(turns, normals[polygon])
     notched = np.unique(polygon[inwards < 0])
-    for number in notched[sizes[notched] <= MOST_NOTCHED]:
+    for number in notched:
         start, end = starts[number], ends[number]
         first = start - 2 * number  # each polygon before it has two triangles fewer than corners
         triangles[first : first + sizes[number] - 2] = start + _ears(around[start:end], normals[number])
@@ -375,24 +375,36 @@ def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[n
         area: NDArray[np.float64] = x * to_y - y * to_x
         return area
 
-    left, triangles = np.arange(len(flat)), []
-    while len(left) > 3:
-        around = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
-        outwards = doubled_area(*np.moveaxis(flat[around], 1, 0)) > 0
-        ears, others = np.flatnonzero(outwards), flat[left[~outwards]]  # in a triangle is one of these, or none
-        behind, ear, ahead = np.moveaxis(flat[around[ears], None], 1, 0)
-        within = np.ones((len(ears), len(others)), bool)
+    def is_free(triangles: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(E,) whether no other corner (O, 2) is in a triangle (E, 3, 2)."""
+        behind, ear, ahead = np.moveaxis(triangles[:, None], 2, 0)
+        within = np.ones((len(triangles), len(others)), bool)
         for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
             within &= doubled_area(a, b, others) >= 0
             within &= (others != a).any(axis=-1)  # a corner may be there twice, where a seam leads to a hole
+        free: NDArray[np.bool_] = ~within.any(axis=1)
+        return free
+
+    left, triangles = np.arange(len(flat)), []
+    is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes what the two corners beside it are, and no other
+    while len(left) > 3:
+        around = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
+        outwards = doubled_area(*np.moveaxis(flat[around], 1, 0)) > 0
+        others = flat[left[~outwards]]  # in a triangle is one of these, or none
+        is_ear[changed] = False
+        maybe = np.searchsorted(left, changed)
+        maybe = maybe[outwards[maybe]]
+        for some in np.array_split(maybe, 1 + len(maybe) * len(others) // CORNERS_AT_ONCE):
+            is_ear[left[some]] = is_free(flat[around[some]], others)
         cut: list[int] = []
-        for place in map(int, ears[~within.any(axis=1)]):
+        for place in map(int, np.flatnonzero(is_ear[left])):
             if not cut or (place - cut[-1] > 1 and place - cut[0] < len(left) - 1):
                 cut.append(place)
         if not cut:
             break
         cut = cut[: len(left) - 3]
         triangles += np.sort(around[cut], axis=1).tolist()
+        changed = np.setdiff1d(around[cut][:, [0, 2]], left[cut])
         left = np.delete(left, cut)
     triangles += [[int(left[0]), *map(int, pair)] for pair in pairwise(left[1:])]
     return np.array(sorted(triangles))

@@ -44,7 +44,6 @@ class WriteCameras(ReadsPictures):
     )
     photos: str = option(metavar="FOLDER", help="the photos, one for each camera", provenance="files")
     output: str = option(
-        short="-o",
         metavar="FOLDER",
         help="folder for NAME.camera.json, and, where the lens distorts the picture, NAME.exr undistorted",
         provenance="none",
@@ -142,7 +141,7 @@ class CompareNormals(Operation):
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the true normal map points"
     )
     output: str | None = option(
-        default=None, short="-o", metavar="FILE", help="picture of the errors with its scale: .png, .tif or .exr"
+        default=None, metavar="FILE", help="picture of the errors with its scale: .png, .tif or .exr"
     )
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
@@ -190,9 +189,7 @@ class PreviewLights(Operation):
     rig: str = option(help="rig file (.json, or .lp with three lights)", path="file", provenance="content")
     camera: str = option(help="camera file", path="file", provenance="content")
     size: int = option(default=256, low=1, high=4096, metavar="PIXELS", help="the photo's longer side, at most")
-    output: str = option(
-        short="-o", metavar="FILE", help="picture: .png or .tif; .npy for NumPy's arrays", provenance="none"
-    )
+    output: str = option(metavar="FILE", help="picture: .png or .tif; .npy for NumPy's arrays", provenance="none")
 
     def run(self, progress: Progress = silent) -> LightsPreviewed:
         """Trace the mesh, and write the picture."""

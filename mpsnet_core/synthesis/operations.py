@@ -128,7 +128,6 @@ class Synthesize(RunsWorkers):
     )
     supersampling: int = job_number("supersampling", "rays along a pixel's side")
     output: str = option(
-        short="-o",
         metavar="FOLDER",
         help="folder of the samples; one that the same settings began is gone on with",
         path="folder",
@@ -232,7 +231,7 @@ class ShowSamples(Operation):
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
     count: int = option(default=8, low=1, help="how many of a folder's samples, evenly spread")
     output: str | None = option(
-        default=None, short="-o", help="picture: .png or .tif", unset="beside what it shows", provenance="none"
+        default=None, help="picture: .png or .tif", unset="beside what it shows", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:

@@ -208,6 +208,13 @@ class TestCommand:
         assert done.returncode == 0, done.stderr
         assert_the_same(read_camera(files / "camera.json"), cropped(photo.camera))
 
+    def test_a_start_of_pixels_that_are_not_square_is_refused(self, mpsnet, files):
+        write_camera(files / "start.json", replace(looking(46, 10, 4), focal=np.array([800.0, 600.0])))
+        done = self.align(mpsnet, files, "--start", files / "start.json")
+        assert done.returncode == 2
+        assert "the start's focal lengths are 800 along x and 600 along y" in done.stderr
+        assert not (files / "camera.json").exists()
+
     def test_the_overlay_is_a_picture_of_srgb_values_as_others_are(self, mpsnet, files):
         write_camera(files / "start.json", looking(46, 10, 4))
         shown = []

@@ -312,9 +312,11 @@ def test_cancelled_from_progress_ends_the_bake(after: float) -> None:
 def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
     mesh, view = plane(), constant_view(camera_looking((0, 0, 1)), [0, 0, 1.0])
     away = constant_view(camera_looking((0, 0, -1)), [0, 0, -1.0])
+    corner = replace(view.normals, mask=np.arange(view.normals.mask.size).reshape(view.normals.mask.shape) == 0)
     for arguments, said in [
         (([],), "no view to bake; give at least one camera"),
         (([away],), "no view sees any of the mesh; check that the cameras and the mesh share one world"),
+        (([away, replace(view, normals=corner)],), "within its mask, although the cameras see it; check that the mask"),
     ]:
         with pytest.raises(InputError, match=said):
             bake_normals(mesh, *arguments)

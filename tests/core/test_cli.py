@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -179,6 +180,12 @@ def test_help_names_the_verbs(mpsnet_process: Mpsnet, asked: tuple[str, ...]) ->
     assert all(verb in done.stdout for verb in ("estimate", "bake", "evaluate", "models"))
 
 
+def test_an_unknown_verb_gets_those_that_the_help_lists(mpsnet: Mpsnet) -> None:
+    listed = re.findall(r"^    (\w+)(?: |$)", mpsnet().stdout, re.MULTILINE)
+    offered = mpsnet("paint").stderr.partition("(choose from ")[2].partition(")")[0].split(", ")
+    assert offered == listed and "estimate" in listed and "job" not in listed
+
+
 def test_evaluate_reports_rows_skipped_objects_and_progress(tmp_path: Path, mpsnet_process: Mpsnet) -> None:
     diligent_object(tmp_path / "pmsData", "ball")
     report, rows = tmp_path / "report.html", tmp_path / "rows.json"
@@ -331,7 +338,12 @@ test_a_bad_command_gets_one_clear_sentence = gets_one_clear_sentence(
         ("no verb", lambda b: b.run("--progress", "none"), "see mpsnet --help"),
         ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
         ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
-        ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet"),
+        ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet estimate --help"),
+        (
+            "unknown option of a verb of two words",
+            lambda b: b.run("evaluate", "diligent", "pmsData", "--colour"),
+            "--colour; see mpsnet evaluate diligent --help",
+        ),
         (
             "a number of passes that no network takes",
             lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"),

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import struct
 import zlib
 from collections.abc import Callable
@@ -14,7 +15,7 @@ import pytest
 from bad_input import SPHERE, Bench, cut, gets_one_clear_sentence
 from synthetic import listing, named, write_file, write_parts
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_data, read_image, read_mask, read_size
@@ -378,6 +379,13 @@ class TestWriting:
         buffer = oiio.ImageBuf(str(tmp_path / "a.png"))
         assert buffer.nchannels == 1
         assert buffer.get_pixels(oiio.FLOAT) == pytest.approx(np.full((3, 4, 1), 0.25), abs=1e-5)
+
+    @pytest.mark.parametrize("shape", [(), (4,), (2, 2, 2, 2), (0, 4), (4, 0, 3), (2, 2, 0), (2, 2, 5)])
+    @pytest.mark.parametrize("suffix", [".png", ".tif", ".exr"])
+    def test_what_is_no_image_is_refused(self, tmp_path: Path, shape: tuple[int, ...], suffix: str) -> None:
+        with pytest.raises(SettingsError, match=rf"a{suffix}: an array of shape {re.escape(str(shape))} is no image"):
+            write_image(tmp_path / f"a{suffix}", np.zeros(shape))
+        assert not any(tmp_path.iterdir())
 
     def test_integer_files_clip(self, tmp_path: Path) -> None:
         write_image(tmp_path / "a.png", np.tile(np.float32([-1, 0.5, 7]), (2, 2, 1)))

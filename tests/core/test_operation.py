@@ -49,7 +49,7 @@ class Grind(UsesMill):
     recipe: str | None = option(default=None, help="file of a recipe", provenance="content")
     sieves: tuple[int, ...] = option(default=(3, 5), help="in a row")
     crank: str | None = option(default=None, help="", provenance="none")
-    output: str = option(short="-o", help="bag for the powder", provenance="none")
+    output: str = option(help="bag for the powder", provenance="none")
 
     def run(self, progress: Progress = silent) -> Answer:
         progress(1.0, "done")

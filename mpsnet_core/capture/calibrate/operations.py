@@ -162,7 +162,6 @@ class CalibrateLights(LooksAtBall):
     )
     distant: bool = option(default=False, help="write directions, though positions could be found")
     output: str = option(
-        short="-o",
         metavar="RIG",
         help="rig file (.json), or .lp with any number of directions",
         provenance="none",
@@ -367,7 +366,7 @@ class CalibrateMixing(LooksAtBall):
     normal: str | None = option(
         default=None, metavar="X,Y,Z", help="where the card faces, in camera space", unset="towards the camera"
     )
-    output: str = option(short="-o", metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
+    output: str = option(metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
         """Write the rig with its mixing, and what else is requested."""

@@ -34,6 +34,8 @@ POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.006, 35.0, 0.9
 AMBIGUOUS = 1.3
 LEAST_SIDE = 4  # pixels of the object's shorter side on the coarsest scale, where a mesh is placed first
 CANDIDATES = 3
+# Focal lengths along x and y that differ by up to this factor, as photogrammetry finds them of square pixels, are one.
+SQUARE = 1.005
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class Align(RunsModel, ReadsPhotos):
         path="file",
         provenance="none",
     )
-    output: str = option(short="-o", help="the camera file (.json)", path="file", provenance="none")
+    output: str = option(help="the camera file (.json)", path="file", provenance="none")
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay where it is requested."""
@@ -324,6 +326,12 @@ def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> 
 
     if camera.projection != "perspective":
         raise GeometryError("the start is an orthographic camera; give a perspective one, as a photo is taken by")
+    if camera.focal.max() > SQUARE * camera.focal.min():
+        along_x, along_y = camera.focal
+        raise GeometryError(
+            f"the start's focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square pixels "
+            "only; resize the photo so that its pixels are square, and give a start with one focal length"
+        )
     scale = max(width, height) / max(camera.width, camera.height)
     size = np.array([width, height])
     one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= 1

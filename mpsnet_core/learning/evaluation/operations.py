@@ -52,7 +52,7 @@ class MeasuresModels(Operation):
     )
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
-        default=None, short="-o", metavar="REPORT", help="write an HTML report with pictures", provenance="none"
+        default=None, metavar="REPORT", help="write an HTML report with pictures", provenance="none"
     )
 
     def evaluation(self) -> "Evaluation":
@@ -245,7 +245,7 @@ class EvaluatePatchSizes(Operation):
     patches: int = option(default=500_000, low=1, help="how many patches to measure on")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
-        default=None, short="-o", metavar="REPORT", help="write an HTML report with a chart", provenance="none"
+        default=None, metavar="REPORT", help="write an HTML report with a chart", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> Measured:
