@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+from documentation import PROJECT
 
 from blender_addon.estimate.estimate import MPS_OT_estimate
 from blender_addon.outputs import file_name
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
-from blender_addon.rig.several_rigs import result_name
+from blender_addon.rig.several_rigs import all_rigs, result_name
 from blender_addon.settings.record import notes_of
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
@@ -155,6 +156,19 @@ def test_all_rigs_are_baked_together(two_rigs, estimated, scene, tmp_path, capfd
 
     back, both = seen(all_rigs=False), seen(all_rigs=True)
     assert 30 < back <= 50 and both > 1.8 * back
+
+
+def test_a_script_goes_through_a_ring_of_rigs_as_the_documentation_has_it(sphere, scene, tmp_path, capfd):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "ring.blend"))
+    scene = bpy.context.scene
+    scene.mps.photo.width = scene.mps.photo.height = 48
+    scene.mps.photo.samples, scene.mps.estimate.model, scene.mps.bake.size = 1, "LAMBERTIAN", 32
+    bpy.ops.mps.add_rig_ring(count=2)
+    page = (PROJECT / "docs/how_to/headless.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(for number .*?)```", page, re.DOTALL)
+    exec(lines, {"bpy": bpy})
+    assert len({one.estimate.image for one in all_rigs(scene)} - {None}) == 2
+    assert int(re.search("([0-9]+)% of the surface seen", capfd.readouterr().out)[1]) > 60
 
 
 def test_another_camera_takes_the_photo_and_stays_when_the_rig_goes(sphere, scene, tmp_path):
