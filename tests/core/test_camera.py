@@ -91,7 +91,7 @@ test_a_bad_camera_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "focal beyond reason",
             lambda b: b.estimate(focal="1e300"),
-            "focal must be above 0 in x and in y, 1e-06 to 1e+09",
+            "focal 1e+300 is out of range; choose 1 to 10000",
         ),
         (
             "unknown projection",
