@@ -36,7 +36,7 @@ from test_metashape import SENSOR, cameras_file
 
 from mpsnet_core.capture.calibrate.lights import write_lp
 from mpsnet_core.cli import main
-from mpsnet_core.cli.command import _parser
+from mpsnet_core.cli.command import argument_parser
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import write_json
 from mpsnet_core.relief.height_files import read_height, write_height
@@ -422,7 +422,7 @@ def test_spoilt_files_of_the_library(bench: Bench) -> None:
 
 def _options(line: list[str]) -> list[str]:
     """The options of a command line's verb that take a value."""
-    parser: argparse.ArgumentParser = _parser()
+    parser: argparse.ArgumentParser = argument_parser()
     for word in line:
         choices = next((a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)
         if not choices:
