@@ -19,20 +19,20 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from alicevision_files import scene as alicevision_scene
+from alicevision_files import write as write_alicevision
+from colmap_files import binary_cameras, binary_images, write_binary, write_text
 from dng import mosaic, write_dng
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from mesh_file import write_mesh
+from metashape_files import SENSOR, cameras_file
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from networks import pass_through
 from odd_input import WORDS, odd_picture, odd_pixels, spoilt
 from sphere_sample import sphere_sample
 from surface_shapes import sphere_mesh
 from synthetic import diligent_object, shaded_sphere, write_file
-from test_alicevision import scene as alicevision_scene
-from test_alicevision import write as write_alicevision
-from test_colmap import binary_cameras, binary_images, write_binary, write_text
-from test_metashape import SENSOR, cameras_file
 
 from mpsnet_core.capture.calibrate.lights import write_lp
 from mpsnet_core.cli import main
