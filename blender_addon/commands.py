@@ -55,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
     Progress of longer work is reported on stderr now and then.
     """
     try:
-        options = vars(_parser().parse_args(argv))
+        options = vars(argument_parser().parse_args(argv))
         verb = options.pop("verb")
         if verb == "work":
             load_openimageio()
@@ -180,7 +180,8 @@ def _select(names: Sequence[str]) -> None:
     layer.objects.active = layer.objects[names[-1]]
 
 
-def _parser() -> argparse.ArgumentParser:
+def argument_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
     parser = Parser(prog=COMMAND, description="A normal texture from one photo under red, green and blue light.")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     for verb in VERBS:

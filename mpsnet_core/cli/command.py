@@ -120,9 +120,9 @@ def _run(arguments: Sequence[str], notes: Notes) -> None:
     if "" in arguments:
         raise SettingsError("an argument is empty; is a shell variable that it comes from not set?")
     if not arguments:
-        _parser().print_help()
+        argument_parser().print_help()
         return
-    options = _parser().parse_args(arguments)
+    options = argument_parser().parse_args(arguments)
     _reserve_memory()
     reporter = Reporter(options.progress)
     try:
@@ -172,7 +172,8 @@ def _flush_stdout() -> None:
             os.dup2(nowhere.fileno(), stdout.fileno())
 
 
-def _parser() -> argparse.ArgumentParser:
+def argument_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
     parser = Parser(
         prog="mpsnet",
         description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",

@@ -8,7 +8,7 @@ import pytest
 from documentation import PROJECT, WRITTEN, commands, needs_blender, run_page
 from page_inputs import RIG, make_inputs
 
-from blender_addon.commands import _parser
+from blender_addon.commands import argument_parser
 from mpsnet_core.scene.rig import write_rig
 
 # `blender -b [FILE] --command mpsnet VERB` and `blender -b --python FILE`.
@@ -32,7 +32,7 @@ def test_commands_of_blender_are_ones_that_there_are(page: Path) -> None:
     calls += [call[1:] if call[0].endswith(".blend") else call for call in own]
     for arguments in calls:
         if arguments[0] not in {"install-file", "server-generate"} and "--help" not in arguments:
-            _parser().parse_args(arguments)
+            argument_parser().parse_args(arguments)
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, read_mesh
+from mpsnet_core.arrays.rotations import rotation_matrices
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-from mpsnet_core.estimate.alignment.pose import Poses, rotations, spread_rotations
+from mpsnet_core.estimate.alignment.pose import Poses, spread_rotations
 from mpsnet_core.estimate.alignment.refine import refined
 from mpsnet_core.estimate.alignment.search import searched
 from mpsnet_core.estimate.estimator import Estimator
@@ -94,7 +95,7 @@ def aligned(
         return refined(evidence, faces, camera_from_points(clicked, points, camera.width, camera.height).camera).camera
     poses = Poses.of(camera)
     axis = rng.normal(size=3)
-    turned = rotations(np.radians(8) * axis[None] / np.linalg.norm(axis)) @ poses.rotation
+    turned = rotation_matrices(np.radians(8) * axis[None] / np.linalg.norm(axis)) @ poses.rotation
     shift = rng.normal(size=3)
     shift *= 0.08 * faces.scene.size / np.linalg.norm(shift)
     middle = poses.in_camera(faces.scene.middle[None])[0, 0] + shift

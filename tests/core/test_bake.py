@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
+from plane_views import SIX_SIDES, SIZE, constant_view, plane, plate_before_plane
 from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_view, texels_of, towards_camera
 from synthetic import degrees_between
 from uv_squares import squares
@@ -19,9 +20,6 @@ from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
-SIZE = 96
-SIX_SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]
-
 
 def affine(scale: tuple[float, float, float], place: tuple[float, float, float] = (0.4, -2.0, 1.0)) -> np.ndarray:
     """Scaled, then turned about two axes, then moved."""
@@ -31,29 +29,6 @@ def affine(scale: tuple[float, float, float], place: tuple[float, float, float] 
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = about_z @ about_x @ np.diag(scale), place
     return pose
-
-
-def plane(world_from_object: np.ndarray | None = None) -> Mesh:
-    """The square from -1 to 1 in z = 0, its front at +z, its UVs the whole texture."""
-    vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
-    triangles = np.array([[0, 1, 2], [0, 2, 3]])
-    normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3))
-    uvs = (vertices[triangles][..., :2] + 1) / 2
-    return Mesh(vertices, triangles, normals, uvs, None, np.eye(4) if world_from_object is None else world_from_object)
-
-
-def plate_before_plane() -> Mesh:
-    """The square in a quarter of the texture, and in the opposite one a small plate that floats before it."""
-    back = plane()
-    front = replace(back, vertices=back.vertices * (0.3, 0.3, 1) + (0, 0, 0.5), uvs=0.5 * back.uvs + 0.5)
-    return join_meshes([replace(back, uvs=0.5 * back.uvs), front])
-
-
-def constant_view(camera: Camera, world_normal: list[float], confidence: float | np.ndarray = 1.0) -> View:
-    """A view in which every pixel says `world_normal`."""
-    shape = (camera.height, camera.width)
-    vectors = np.broadcast_to(np.array(world_normal) @ camera.rotation, (*shape, 3))
-    return View(camera, NormalMap(vectors, np.ones(shape, bool), np.broadcast_to(confidence, shape)))
 
 
 def in_object_space(texture: Texture, mesh: Mesh) -> np.ndarray:

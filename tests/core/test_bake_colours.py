@@ -9,9 +9,9 @@ import pytest
 from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
 from conftest import Mpsnet
 from mesh_file import write_mesh
+from plane_views import SIX_SIDES, SIZE, plane
+from progress_lines import events
 from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
-from test_bake import SIX_SIDES, SIZE, plane
-from test_cli import events
 
 from mpsnet_core import read_camera, read_normals
 from mpsnet_core.bake.bake import View, bake_normals

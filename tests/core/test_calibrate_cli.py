@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from ball_scene import CIRCLE, MIDDLE, SCENE
 from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
@@ -29,9 +30,6 @@ from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
-MIDDLE = (10.0, -5.0, 0.0)
-SCENE = Scene([(MIDDLE, 70.0)], lamps_around(MIDDLE, 1e6), (240, 200))
-CIRCLE = "130,105,70"
 LEFT, RIGHT = (-0.17, -0.02, -0.9), (0.16, -0.03, -0.85)
 BETWEEN = (np.array(LEFT) + RIGHT) / 2
 PAIR = Scene([(LEFT, 0.1), (RIGHT, 0.1)], lamps_around(BETWEEN, 0.8), (600, 400), 900)

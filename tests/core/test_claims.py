@@ -6,18 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from claim_holder import HOLD, has_it
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.claims import LOCK_FILE, Claims
 
-HOLD = """
-import sys
-from mpsnet_core.io.claims import Claims
-
-with Claims(sys.argv[1]) as claims, claims.claim(int(sys.argv[2])) as ours:
-    print(ours, flush=True)
-    sys.stdin.read()
-"""
 Other = Callable[[int], "subprocess.Popen[str]"]
 
 
@@ -36,11 +29,6 @@ def other(tmp_path: Path) -> Iterator[Other]:
     for child in children:
         child.kill()
         child.communicate()
-
-
-def has_it(child: "subprocess.Popen[str]") -> bool:
-    assert child.stdout is not None
-    return {"True\n": True, "False\n": False}[child.stdout.readline()]
 
 
 def test_what_another_process_holds_is_not_ours_until_it_is_killed(tmp_path: Path, other: Other) -> None:

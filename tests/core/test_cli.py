@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -18,6 +17,7 @@ from bad_input import SPHERE, Bench, gets_one_clear_sentence
 from conftest import Mpsnet
 from networks import pass_through
 from numpy.typing import NDArray
+from progress_lines import events
 from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
 
 from mpsnet_core.capture.capture import read_capture
@@ -25,13 +25,6 @@ from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import read_rig
-
-
-def events(stdout: str) -> tuple[list[float], dict[str, Any]]:
-    """The fractions told, and the last object; every line of stdout must be one JSON object."""
-    lines = [json.loads(line) for line in stdout.splitlines()]
-    assert all(set(line) == {"progress", "message"} for line in lines[:-1])
-    return [line["progress"] for line in lines[:-1]], lines[-1]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell")

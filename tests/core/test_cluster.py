@@ -16,9 +16,9 @@ import pytest
 from dask import config as dask_config
 from distributed import Client, LocalCluster
 from distributed.security import Security
+from farm_runs import alive, job, posix, start, until, workers
 from stand_in import COMMAND, begun, whole
 from synthetic import listing
-from test_farm import alive, job, posix, start, until, workers
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm import cluster as dask

@@ -7,12 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from colmap_files import (
+    SIZE,
+    TEXT_CAMERAS,
+    TRANSLATION,
+    binary_cameras,
+    binary_images,
+    write_binary,
+    write_text,
+)
 from photogrammetry_scene import POINTS, QUATERNION, TURN, Array, opencv, refusal, seen
 
 from mpsnet_core.scene.photogrammetry import Lens, read_cameras
 
-SIZE = (640, 480)
-TRANSLATION = (0.3, -0.2, 6.0)
 # Model, its number, its parameters in the file's order.
 MODELS = {
     "SIMPLE_PINHOLE": (0, {"f": 500, "cx": 321.5, "cy": 238.25}),
@@ -26,24 +33,6 @@ MODELS = {
         | {"k3": 0.02, "k4": 0.03, "k5": -0.01, "k6": 0.005},
     ),
 }
-TEXT_CAMERAS = """# Camera list with one line of data per camera:
-#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
-# Number of cameras: 2
-3 SIMPLE_RADIAL 640 480 500 321.5 238.25 -0.12
-1 PINHOLE 64 48 50 60 32 24
-"""
-# The second photo has no points: its second line is empty.
-TEXT_IMAGES = """# Image list with two lines of data per image:
-#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME
-#   POINTS2D[] as (X, Y, POINT3D_ID)
-# Number of images: 3, mean observations per image: 1
-7 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 lit/b 2.jpg
-2362.39 248.498 58396 1784.7 268.254 59027 1784.7 268.254 -1
-4 1 0 0 0 0 0 0 1 lit/c.jpg
-
-5 0 1 0 0 0 0 0 1 a.jpg
-1.0 2.0 -1
-"""
 
 
 def documented(x: Array, parameters: dict[str, float]) -> Array:
@@ -54,33 +43,6 @@ def documented(x: Array, parameters: dict[str, float]) -> Array:
     return np.stack(
         [parameters.get("fx", focal) * x + parameters["cx"], parameters.get("fy", focal) * y + parameters["cy"]], -1
     )
-
-
-def write_text(folder: Path, cameras: str = TEXT_CAMERAS, images: str = TEXT_IMAGES) -> Path:
-    (folder / "cameras.txt").write_text(cameras, encoding="utf-8")
-    (folder / "images.txt").write_text(images, encoding="utf-8")
-    return folder
-
-
-def binary_cameras(*cameras: tuple[int, int, int, int, tuple[float, ...]]) -> bytes:
-    packed = b"".join(struct.pack(f"<IiQQ{len(p)}d", i, m, w, h, *p) for i, m, w, h, p in cameras)
-    return struct.pack("<Q", len(cameras)) + packed
-
-
-def binary_images(*names: str, camera: int = 3, pose: tuple[float, ...] = (*QUATERNION, *TRANSLATION)) -> bytes:
-    data = struct.pack("<Q", len(names))
-    for number, name in enumerate(names):
-        data += struct.pack("<I7dI", number + 1, *pose, camera) + name.encode() + b"\0"
-        points = [(2362.39, 248.498, 5), (1784.7, 268.254, 2**64 - 1)][:number]
-        data += struct.pack("<Q", len(points)) + b"".join(struct.pack("<ddQ", *point) for point in points)
-    return data
-
-
-def write_binary(folder: Path, cameras: bytes | None = None, images: bytes | None = None) -> Path:
-    good = binary_cameras((3, 0, *SIZE, (500.0, 321.5, 238.25)))
-    (folder / "cameras.bin").write_bytes(good if cameras is None else cameras)
-    (folder / "images.bin").write_bytes(binary_images("b.jpg", "a.jpg") if images is None else images)
-    return folder
 
 
 def test_the_turn_of_these_tests_is_its_quaternion() -> None:

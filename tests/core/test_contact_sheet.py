@@ -9,11 +9,11 @@ import OpenImageIO as oiio
 import pytest
 from bad_input import cut, gets_one_clear_sentence
 from conftest import Mpsnet
+from farm_runs import posix
+from progress_lines import events
 from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
 from synthetic import Sphere, listing, write_file
-from test_cli import events
-from test_farm import posix
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.contact_sheet import (

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bumpy_sphere import AMPLITUDE, bumpy_sphere, unit
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
 from surface_shapes import grid_triangles, texels_of
@@ -22,19 +23,6 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
 
 SIZE = 128
-AMPLITUDE = 0.04
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def bumpy_sphere(points: np.ndarray, radius: float = 1.0) -> np.ndarray:
-    """(N, 3) normals of the sphere r = radius + AMPLITUDE waves, in the directions of `points`."""
-    p = unit(points)
-    gradient = AMPLITUDE * waves_gradient(p)
-    across = gradient - (gradient * p).sum(axis=1, keepdims=True) * p
-    return unit((radius + AMPLITUDE * waves(p))[:, None] * p - across)
 
 
 def square() -> Mesh:

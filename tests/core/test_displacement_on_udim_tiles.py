@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bumpy_sphere import AMPLITUDE, bumpy_sphere
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals
-from test_displacement import AMPLITUDE, bumpy_sphere
 from uv_squares import squares
 
 from mpsnet_core.cli import main

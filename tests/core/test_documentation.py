@@ -11,9 +11,9 @@ import sys
 import pytest
 from documentation import GENERATED, PROJECT, WRITTEN, blocks, commands
 
-from mpsnet_core.cli.command import _parser
+from mpsnet_core.cli.command import argument_parser
 
-PARSER = _parser()
+PARSER = argument_parser()
 
 
 def page_name(page):

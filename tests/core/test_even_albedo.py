@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from near_scene import NEAR, ball
+from painted_sphere import Painted
 from synthetic import degrees_between
-from test_white_photo import Painted
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture

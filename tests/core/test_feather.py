@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from plane_views import constant_view, plane, plate_before_plane
 from surface_shapes import camera_looking
 from synthetic import degrees_between
-from test_bake import constant_view, plane, plate_before_plane
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.feather import border_distance

@@ -19,24 +19,24 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from alicevision_files import scene as alicevision_scene
+from alicevision_files import write as write_alicevision
+from colmap_files import binary_cameras, binary_images, write_binary, write_text
 from dng import mosaic, write_dng
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from mesh_file import write_mesh
+from metashape_files import SENSOR, cameras_file
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from networks import pass_through
 from odd_input import WORDS, odd_picture, odd_pixels, spoilt
 from sphere_sample import sphere_sample
 from surface_shapes import sphere_mesh
 from synthetic import diligent_object, shaded_sphere, write_file
-from test_alicevision import scene as alicevision_scene
-from test_alicevision import write as write_alicevision
-from test_colmap import binary_cameras, binary_images, write_binary, write_text
-from test_metashape import SENSOR, cameras_file
 
 from mpsnet_core.capture.calibrate.lights import write_lp
 from mpsnet_core.cli import main
-from mpsnet_core.cli.command import _parser
+from mpsnet_core.cli.command import argument_parser
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import write_json
 from mpsnet_core.relief.height_files import read_height, write_height
@@ -422,7 +422,7 @@ def test_spoilt_files_of_the_library(bench: Bench) -> None:
 
 def _options(line: list[str]) -> list[str]:
     """The options of a command line's verb that take a value."""
-    parser: argparse.ArgumentParser = _parser()
+    parser: argparse.ArgumentParser = argument_parser()
     for word in line:
         choices = next((a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)
         if not choices:

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 from bad_input import Bench, gets_one_clear_sentence
+from claim_holder import HOLD, has_it
 from synthetic import listing
-from test_claims import HOLD, has_it
 
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.synthesis.job import (

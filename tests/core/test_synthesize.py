@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from bad_input import Bench, gets_one_clear_sentence
 from conftest import Mpsnet
+from farm_runs import posix
+from progress_lines import events
 from synthetic import listing
-from test_cli import events
-from test_farm import posix
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.job import SampleJob, read_job, samples_there

@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 
 from small_networks import recipe_data
 
-from mpsnet_core.cli.command import _parser
+from mpsnet_core.cli.command import argument_parser
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.learning.training.loop import _check_fit
 from mpsnet_core.learning.training.networks import NETWORKS, build_network
@@ -35,7 +35,7 @@ def test_a_shipped_recipe_can_be_followed(name: str) -> None:
     for command in recipe.samples:
         program, *arguments = shlex.split(command)
         assert program == "mpsnet"
-        parts.add(_parser().parse_args(arguments).merl_part)
+        parts.add(argument_parser().parse_args(arguments).merl_part)
     assert parts == {"training", "validation"}
 
 

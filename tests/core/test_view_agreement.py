@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from eight_views import turn
+from plane_views import SIX_SIDES, constant_view, plane
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
-from test_bake import SIX_SIDES, constant_view, plane
 
 from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report

@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bake_bench import Bench
+from ball_scene import CIRCLE, SCENE
 from flat_weave import Weave
 from height_shapes import ball, orthographic
 from mirror_ball import photograph
 from synthetic import listing, shaded_sphere
-from test_bake_textures import Bench
-from test_calibrate_cli import CIRCLE, SCENE
 
 from mpsnet_core import write_normals
 from mpsnet_core.cli import main

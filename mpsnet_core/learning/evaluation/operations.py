@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
-from mpsnet_core.learning.evaluation.measured import Measured
+from mpsnet_core.learning.evaluation.evaluation_result import Measured
 from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS
 from mpsnet_core.operation import Operation, option
 from mpsnet_core.progress import Progress, silent

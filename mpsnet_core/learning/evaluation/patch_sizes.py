@@ -14,7 +14,7 @@ from pathlib import Path
 from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.measured import Measured
+from mpsnet_core.learning.evaluation.evaluation_result import Measured
 from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
