@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.images import fine_preview, image_file, load_image
-from blender_addon.outputs import output_path
+from blender_addon.outputs import file_name, output_path, told_apart
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.settings.record import notes_of
@@ -266,3 +266,9 @@ def test_a_preview_is_drawn_without_reading_the_image_itself(tmp_path):
     shown = np.reshape(image.preview.image_pixels_float[:], (512, 512, 4))[::-1]
     np.testing.assert_allclose([shown[64, 128, 0], shown[64, 384, 0], shown[192, 128, 0]], [1, 0, 0], atol=0.01)
     assert shown[255, 5, 3] == 1 and shown[257, 5, 3] == 0
+
+
+@pytest.mark.parametrize("names", [["Cam 1", "Cam_1", "b"], ["A", "a", "A_2"], ["A", "a", "A_1", "a_1_"]])
+def test_names_that_are_one_in_a_file_name_are_told_apart(names):
+    told = [file_name(told_apart(names, number)).casefold() for number in range(len(names))]
+    assert len(set(told)) == len(names)
