@@ -388,11 +388,12 @@ def test_a_disk_that_fails_is_one_sentence(scene, tmp_path, monkeypatch):
 
 
 def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_path):
-    for name in ("Hidden", "Excluded"):
-        bpy.ops.mesh.primitive_cube_add()
-        bpy.context.object.name = name
-    bpy.data.objects["Hidden"].hide_set(True)
-    bpy.ops.object.move_to_collection(collection_index=0, is_new=True, new_collection_name="Excluded")
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.name = "Hidden"
+    bpy.context.object.hide_set(True)
+    excluded = bpy.data.collections.new("Excluded")
+    scene.collection.children.link(excluded)
+    excluded.objects.link(bpy.data.objects.new("Excluded", bpy.data.meshes.new("Excluded")))
     bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
     bpy.ops.mesh.primitive_cube_add()
     bad = [
