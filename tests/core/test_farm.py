@@ -240,7 +240,8 @@ def test_what_killed_runs_left_is_cleared_by_the_next(tmp_path: Path) -> None:
     (tmp_path / "slow").write_text("60")
     parent = start(tmp_path, 4)
     until(lambda: len(unfinished(tmp_path)) == 2)
-    for pid in (parent.pid, *workers(tmp_path)):
+    os.kill(parent.pid, signal.SIGSTOP)  # neither sees the other end first, and clears up
+    for pid in (*workers(tmp_path), parent.pid):
         os.kill(pid, signal.SIGKILL)
     parent.communicate()
     until(lambda: not any(map(alive, workers(tmp_path))))
