@@ -61,15 +61,15 @@ def file_name(name: str) -> str:
     return _NOT_IN_NAMES.sub("_", name)
 
 
-def told_apart(names: Sequence[str], number: int) -> str:
+def unique_name(names: Sequence[str], number: int) -> str:
     """One of several names, with its number where it is another one's in a file's name, on some system at least."""
     in_files = [file_name(name).casefold() for name in names]
     if in_files.count(in_files[number]) == 1:
         return names[number]
-    told = f"{names[number]}_{number + 1}"
-    while file_name(told).casefold() in in_files:  # a third one may be called so
-        told += "_"
-    return told
+    numbered = f"{names[number]}_{number + 1}"
+    while file_name(numbered).casefold() in in_files:  # a third one may be called so
+        numbered += "_"
+    return numbered
 
 
 def requested_folder(given: str) -> Path | None:

@@ -25,7 +25,7 @@ from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, store_base_map, worn_before
 from .coverage import store_coverage
 from .options import Detail
-from .texture_owners import files_for, refuse_another_files, refuse_anothers
+from .texture_owners import files_for, refuse_anothers, refuse_other_projects
 from .texture_sets import (
     SPLITS,
     AssignedTexture,
@@ -60,7 +60,7 @@ class BakesOnto(RunsCore):
             owners = self.result_owners()
             refuse_anothers(owners)
             if not bpy.app.background:  # a script that runs again means its results to be written again
-                refuse_another_files(owners)
+                refuse_other_projects(owners)
             return prepared
         except BaseException:
             settings.target = before  # one that is refused would be refused ever after

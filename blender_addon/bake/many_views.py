@@ -18,7 +18,7 @@ from mpsnet_core.scene.world_lights import in_world, write_world_lights
 from ..image_records import origin, remembered
 from ..images import image_file
 from ..openimageio import load_openimageio
-from ..outputs import file_name, requested_path, told_apart
+from ..outputs import file_name, requested_path, unique_name
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
@@ -118,7 +118,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             posed = PosedPhoto(str(photo), scene_camera(obj, scene, tuple(image.size)), Lens())
             if remembered(image, "source") is None:  # Blender shows it as it is stored
                 posed = as_displayed(posed, photo)
-            views.append((file_name(told_apart(names, number)), photo, posed.camera))
+            views.append((file_name(unique_name(names, number)), photo, posed.camera))
         if not views:
             raise InputError(
                 "no camera of this scene has a background image; give each its photo in its Object Data, or choose the "

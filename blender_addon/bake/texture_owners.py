@@ -83,7 +83,7 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
             )
 
 
-def refuse_another_files(files: Iterable[Path]) -> None:
+def refuse_other_projects(files: Iterable[Path]) -> None:
     """Raises InputError where a result would be written over one that another .blend file in its folder may have made:
     it is there, this session has not written it, and no image of the open file shows it.
 
@@ -92,12 +92,13 @@ def refuse_another_files(files: Iterable[Path]) -> None:
     own = Path(bpy.data.filepath)
     for file in files:
         others = [other for other in sorted(file.parent.glob("*.blend")) if other.name != own.name]
-        there = any(file.parent.glob(escape(file.name).replace("<UDIM>", "[1-9]???")))
+        if not others or not any(file.parent.glob(escape(file.name).replace("<UDIM>", "[1-9]???"))):
+            continue
         known = written_in_this_session(file) or any(
             image.filepath and _holds(file, Path(bpy.path.abspath(image.filepath, library=image.library)), image)
             for image in bpy.data.images
         )
-        if there and others and not known:
+        if not known:
             raise FileError(
                 f"{file} is there already, and no image of this file shows it: it may be that of {others[0].name}; "
                 "choose another file, or delete it"

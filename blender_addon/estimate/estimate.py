@@ -63,7 +63,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         self._output = output_frames(self.output, name) if moves else output_path(self.output, name, self.file_format)
         self._notes = self._unused(scene.mps.estimate, rig_file)
         # As everything that Render Photo writes is.
-        self._goes_without_saying = () if is_real(image) else ("read as linear (float file)",)
+        self._omitted_notes = () if is_real(image) else ("read as linear (float file)",)
         if self.albedo and not self.white and not moves:
             raise SettingsError(
                 "the albedo is made from a white photo and none is named; choose one in Photo > Lens and Corrections"

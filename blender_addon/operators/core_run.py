@@ -70,7 +70,7 @@ class RunsCore(ReportingOperator):
 
     bl_options = {"UNDO"}
     _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
-    _goes_without_saying: Sequence[str] = ()  # of the core's notes
+    _omitted_notes: Sequence[str] = ()  # those of the core that say nothing new
     _slices: list[Slices]
 
     @classmethod
@@ -127,7 +127,7 @@ class RunsCore(ReportingOperator):
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         self._stored: list[str] = []
-        notes = [note for note in result.get("notes", []) if note not in self._goes_without_saying]
+        notes = [note for note in result.get("notes", []) if note not in self._omitted_notes]
         for sentence in [*self._notes, *notes, *self.remarks(result)]:
             self.note(sentence)
         self.finish(context, result)

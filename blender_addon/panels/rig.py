@@ -14,7 +14,7 @@ from ..scene.surfaces import SURFACES
 from ..settings.declared import OWN_SENSE
 from .step import Kind, State, Step, sentence
 from .text import wrapped
-from .what_counts import VIRTUAL_RIG, Lights, doubt_of_lights, lights_of
+from .what_counts import Lights, lights_of, virtual_rig
 
 # Types of objects that can have a surface.
 _SURFACES = {*SURFACES, "EMPTY"}
@@ -67,8 +67,8 @@ class MPS_PT_rig(Step):
         lights = lights_of(scene)
         if lights.lacks:
             wrapped(self.layout, sentence(lights.lacks), icon="INFO")
-        elif doubt := doubt_of_lights(scene):
-            wrapped(self.layout, doubt, icon="ERROR")
+        elif lights.doubt:
+            wrapped(self.layout, lights.doubt, icon="ERROR")
         if lights.rig is not None:
             _table(self.layout, lights.rig)
 
@@ -122,10 +122,7 @@ def _standing_lights(scene: Any) -> Lights:
     """Those of the rig file, where it counts for the scene's photo, else those in the scene."""
     if is_real(scene.mps.photo.image) and (lights := lights_of(scene)).rig is not None:
         return lights
-    try:
-        return Lights(VIRTUAL_RIG, drawn_rig(scene))
-    except InputError as error:
-        return Lights(VIRTUAL_RIG, lacks=str(error))
+    return virtual_rig(scene)
 
 
 def _table(layout: Any, rig: LightRig) -> None:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,17 +19,19 @@ from ..photo.options import rig_file_for
 from ..provenance import is_there
 from ..rig.light_rig import drawn_rig
 
-VIRTUAL_RIG = "the virtual rig"
+_VIRTUAL = "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
 NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 
 
 @dataclass(frozen=True)
 class Lights:
-    """words: which they are. rig: as they stand, where that can be told. lacks: why they cannot be used."""
+    """words: which they are. rig: as they stand, where that can be told. lacks: why they cannot be used. doubt: why
+    they may not be the photo's."""
 
     words: str
     rig: LightRig | None = None
     lacks: str = ""
+    doubt: str = ""
 
 
 def lights_of(scene: Any) -> Lights:
@@ -41,16 +43,13 @@ def lights_of(scene: Any) -> Lights:
     if photo is not None and remembered(photo, "rig") is not None:
         return Lights("the rig file beside the photo" if is_real(photo) else "as the photo was rendered")
     if scene.mps.rig.lights:
-        return _lights(VIRTUAL_RIG, lambda: drawn_rig(scene))
+        return replace(virtual_rig(scene), doubt=_VIRTUAL if photo is None or is_real(photo) else "")
     return Lights("not known", lacks=NO_LIGHTS)
 
 
-def doubt_of_lights(scene: Any) -> str:
-    """A sentence where the lights of a real photo are taken to be those of the virtual rig; "" elsewhere."""
-    photo = scene.mps.photo.image
-    if lights_of(scene).words != VIRTUAL_RIG or not (photo is None or is_real(photo)):
-        return ""
-    return "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
+def virtual_rig(scene: Any) -> Lights:
+    """The lights of the scene's chosen rig."""
+    return _lights("the virtual rig", lambda: drawn_rig(scene))
 
 
 def _lights(words: str, read: Callable[[], LightRig]) -> Lights:

@@ -17,7 +17,7 @@ from mpsnet_core.errors import InputError
 
 from ..operators.core_run import idle
 from ..operators.reporting import ReportingOperator
-from ..outputs import told_apart
+from ..outputs import unique_name
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import GIVEN
 from ..settings.estimate import EstimateSettings
@@ -205,9 +205,9 @@ def result_name(scene: Any, what: str) -> str:
     """Name of a file that the chosen rig's step makes: those of several .blend files, scenes and rigs do not write over
     each other."""
     parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
-    parts.append(told_apart([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
+    parts.append(unique_name([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
     if len(scene.mps.rigs):
-        parts.append(told_apart([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
+        parts.append(unique_name([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
     return "_".join([*parts, what])
 
 

@@ -111,7 +111,7 @@ class Capture:
             raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
         if self.clipped is not None:
             object.__setattr__(self, "clipped", np.asarray(self.clipped, bool))
-            check_same_size("what is clipped", np.shape(self.clipped), "the photo", image.shape)
+            check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
         image = _finite_and_lit(image, mask, "photo", "were the lights on, and is it the right mask?")
         if self.rig.near is not None and (self.camera is None or self.depth is None):
             raise GeometryError(

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.texture_owners import refuse_another_files
+from blender_addon.bake.texture_owners import refuse_other_projects
 from blender_addon.image_records import remember
 from blender_addon.images import load_frames, load_image
 from mpsnet_core import Camera, NormalMap, write_camera, write_normals
@@ -131,16 +131,16 @@ def test_another_blend_files_texture_is_told_from_ones_own(estimated, scene, tmp
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "chair.blend"))
     bpy.ops.mps.bake(size=16, tiles=tiles)
     texture = Path(bpy.path.abspath(scene.mps.bake.image.filepath))
-    refuse_another_files([texture, tmp_path / "new.png"])
+    refuse_other_projects([texture, tmp_path / "new.png"])
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "chair_2.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "table.blend"))
-    refuse_another_files([texture])  # this session has written it
+    refuse_other_projects([texture])  # this session has written it
     monkeypatch.setattr("blender_addon.provenance._written", {})
     sentence = f"{texture} is there already, and no image of this file shows it: it may be that of chair.blend"
     with pytest.raises(InputError, match=re.escape(sentence)):
-        refuse_another_files([texture])
+        refuse_other_projects([texture])
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "chair_2.blend"))
-    refuse_another_files([texture])
+    refuse_other_projects([texture])
 
 
 @pytest.mark.parametrize("split", ["ONE", "OBJECT", "MATERIAL"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.images import fine_preview, image_file, load_image
-from blender_addon.outputs import file_name, output_path, told_apart
+from blender_addon.outputs import file_name, output_path, unique_name
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.settings.record import notes_of
@@ -269,6 +269,6 @@ def test_a_preview_is_drawn_without_reading_the_image_itself(tmp_path):
 
 
 @pytest.mark.parametrize("names", [["Cam 1", "Cam_1", "b"], ["A", "a", "A_2"], ["A", "a", "A_1", "a_1_"]])
-def test_names_that_are_one_in_a_file_name_are_told_apart(names):
-    told = [file_name(told_apart(names, number)).casefold() for number in range(len(names))]
-    assert len(set(told)) == len(names)
+def test_names_that_are_one_in_a_file_name_become_unique(names):
+    unique = [file_name(unique_name(names, number)).casefold() for number in range(len(names))]
+    assert len(set(unique)) == len(names)

@@ -17,7 +17,7 @@ from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
-from blender_addon.panels.what_counts import camera_of, doubt_of_lights, lights_of
+from blender_addon.panels.what_counts import camera_of, lights_of
 from blender_addon.provenance import seen_lately
 from blender_addon.settings.record import notes_of
 from mpsnet_core.scene.rig import near_rig, write_rig
@@ -259,21 +259,21 @@ def test_it_is_said_which_lights_and_which_camera_count(photographed, scene, tmp
 
 
 def test_it_is_doubted_that_the_virtual_rig_lit_a_real_photo(photographed, scene, tmp_path):
-    assert doubt_of_lights(scene) == ""
+    assert lights_of(scene).doubt == ""
     rig = scene.mps.photo.image["mpsnet_rig"]
     bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "taken.exr"))
-    assert "virtual rig" in doubt_of_lights(scene)
+    assert "virtual rig" in lights_of(scene).doubt
     (tmp_path / "measured.json").write_text(rig, encoding="utf-8")
     scene.mps.estimate.rig_file = str(tmp_path / "measured.json")
-    assert doubt_of_lights(scene) == ""
+    assert lights_of(scene).doubt == ""
     scene.mps.estimate.rig_file = ""
     (tmp_path / "taken.rig.json").write_text(rig, encoding="utf-8")
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "taken.exr"))  # whose own rig lies beside it
-    assert doubt_of_lights(scene) == ""
+    assert lights_of(scene).doubt == ""
     scene.mps.photo.image = None
-    assert "virtual rig" in doubt_of_lights(scene)
+    assert "virtual rig" in lights_of(scene).doubt
     bpy.ops.mps.remove_rig()
-    assert doubt_of_lights(scene) == ""
+    assert lights_of(scene).doubt == ""
 
 
 def no_lights(scene, tmp_path):

@@ -280,7 +280,7 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
 
 def _robust(residual: Floats) -> Floats:
     """Cauchy's weights, as wide as the residuals' own spread where that is larger than 1."""
-    spread = max(1.0, deviation(residual))
+    spread = deviation(residual, 1.0)
     weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
     return weights
 
