@@ -18,17 +18,18 @@ from ..outputs import FORMATS, output_frames, output_path, overruled_format
 from ..photo.camera import chosen_camera, is_real, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 from ..provenance import Provenance, chosen, file_stamp, stamp
-from ..rig.several_rigs import result_name, rig_at
+from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 
 
-class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
+class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     """Estimate the surface normals that the photo shows"""
 
     bl_idname = "mps.estimate"
     bl_label = "Estimate Normals"
+    step = "estimate"
     requires = "photo"
 
     surface: StringProperty(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
@@ -22,28 +23,45 @@ TICK_SECONDS = 0.1
 SLICE_SECONDS = 0.03
 
 
+# Within what it returns an operator prepares and finishes one of its runs.
+Turn = Callable[[], AbstractContextManager[None]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """One run of a child process, as it was prepared.
+
+    slices: what is to be done here before the process can start. start: starts it. known: the operator's attributes.
+    """
+
+    slices: list[Slices]
+    start: Callable[[], CoreProcess]
+    turn: Turn = nullcontext
+    known: dict[str, Any] = field(default_factory=dict)
+
+
 @dataclass(eq=False)
 class _Job:
     """Work beside the live window. It outlives Blender's operator, whose data goes when it is removed.
 
-    held: goes with it. slices: what is to be done here before the child process can start. start: starts it.
+    held: goes with it. runs: those to come, the first of which is at work. finished: how many were before them.
     """
 
     held: ExitStack
-    slices: list[Slices]
-    start: Callable[[], CoreProcess]
+    runs: list[_Run]
+    finished: int = 0
     process: CoreProcess | None = None
     pace: Pace = field(default_factory=Pace)
 
     def go_on(self) -> None:
         """Do what fits between two redraws of the window; after the last slice the process starts."""
-        until = time.monotonic() + SLICE_SECONDS
-        while self.slices:
-            for is_long in self.slices[0]:
+        run, until = self.runs[0], time.monotonic() + SLICE_SECONDS
+        while run.slices:
+            for is_long in run.slices[0]:
                 if is_long or time.monotonic() > until:
                     return
-            del self.slices[0]
-        self.process = self.start()
+            del run.slices[0]
+        self.process = run.start()
 
     def leave(self, manager: Any) -> None:
         """Release what the run holds and end a child that still runs. Once is enough."""
@@ -61,7 +79,7 @@ _jobs: list[_Job] = []
 
 
 class RunsCore(ReportingOperator):
-    """An operator whose work is one run of the core.
+    """An operator whose work is a run of the core, or several one after the other, see :meth:`turns`.
 
     From a button the run is modal: the window stays live, the panel shows progress, Esc or ``mps.cancel`` ends it.
     From a script it returns when the work is done. Between the two calls below anything may happen to the file, so
@@ -72,6 +90,7 @@ class RunsCore(ReportingOperator):
     _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
     _omitted_notes: Sequence[str] = ()  # those of the core that say nothing new
     _slices: list[Slices]
+    _outputs: set[Path]
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -79,7 +98,12 @@ class RunsCore(ReportingOperator):
 
     def begin(self, context: Any) -> None:
         super().begin(context)
-        self._slices = []
+        self._slices, self._outputs = [], set()
+
+    def turns(self) -> Sequence[Turn]:
+        """For each run of the core, what it is prepared and finished within. All are prepared before the first starts,
+        so that they work on the scene as it was then; each is finished as soon as it ends, and stays."""
+        return [nullcontext]
 
     def later(self, slices: Slices) -> None:
         """Called by `prepare` with work that takes long; it is done a slice at a time before the core starts."""
@@ -108,6 +132,12 @@ class RunsCore(ReportingOperator):
         """Take what the core has written so far into Blender; called ten times a second beside a live window."""
 
     def act(self, context: Any) -> None:
+        for turn in self.turns():
+            with turn():
+                self.run_here(context)
+
+    def run_here(self, context: Any) -> None:
+        """Prepare a run, wait for it and finish it."""
         manager = context.window_manager
         with ExitStack() as held:
             folder = held.enter_context(temporary_folder())
@@ -121,9 +151,16 @@ class RunsCore(ReportingOperator):
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         work, outputs = self.prepare(context, folder)
-        refuse_to_overwrite(verb_of(self.bl_idname), outputs)
+        self.will_write(outputs)
         self._made_from = self.provenance(context)
         return work, outputs
+
+    def will_write(self, outputs: Sequence[Path]) -> None:
+        """Raises InputError where that would overwrite what is needed, or what another run of this operator writes."""
+        refuse_to_overwrite(verb_of(self.bl_idname), outputs)
+        for path in self._outputs.intersection(outputs):
+            raise FileError(f"another rig's result is {path}, too; leave the output empty, and each gets its own")
+        self._outputs.update(outputs)
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         self._stored: list[str] = []
@@ -146,19 +183,26 @@ class RunsCore(ReportingOperator):
 
     def _start(self, context: Any) -> None:
         begun = time.monotonic()
+        manager = context.window_manager
         with ExitStack() as held:
-            folder = held.enter_context(temporary_folder())
-            held.callback(give_up, self._slices)
-            work, outputs = self._prepared(context, folder)
-            program, manager = self.program(folder), context.window_manager
+            runs = [self._run(context, turn, held) for turn in self.turns()]
             held.callback(manager.event_timer_remove, manager.event_timer_add(TICK_SECONDS, window=context.window))
-            self._job = _Job(held.pop_all(), self._slices, lambda: CoreProcess(work, outputs, program))
+            self._job = _Job(held.pop_all(), runs)
+        self.__dict__.update(runs[0].known)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
         if time.monotonic() - begun < SLICE_SECONDS:
             self._go_on(context)
         self._show(context)
         manager.modal_handler_add(self)
+
+    def _run(self, context: Any, turn: Turn, held: ExitStack) -> _Run:
+        folder, self._slices = held.enter_context(temporary_folder()), []
+        held.callback(give_up, self._slices)
+        with turn():
+            work, outputs = self._prepared(context, folder)
+        program = self.program(folder)
+        return _Run(self._slices, lambda: CoreProcess(work, outputs, program), turn, {**self.__dict__})
 
     def _go_on(self, context: Any) -> None:
         try:
@@ -171,27 +215,44 @@ class RunsCore(ReportingOperator):
         if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
             self.cancel(context)
             self.report({"INFO"}, "Cancelled")
-            return {"CANCELLED"}
+            return self._ended()
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        process = self._job.process
+        job, process = self._job, self._job.process
         if process is None or process.running():
             if process is None and not self.done(lambda: self._go_on(context)):
-                return {"CANCELLED"}
+                return self._ended()
             self._show(context)
             self.look()
             return {"PASS_THROUGH"}
-        self._job.leave(context.window_manager)
-        return {"FINISHED"} if self.done(lambda: self._finished(context, process.result())) else {"CANCELLED"}
+        run = job.runs.pop(0)
+        if not job.runs:
+            job.leave(context.window_manager)
+        if self.done(lambda: self._end_run(context, run, process)):
+            job.finished, job.process = job.finished + 1, None
+            if job.runs:
+                self.__dict__.update(job.runs[0].known)
+                return {"PASS_THROUGH"}
+        job.leave(context.window_manager)
+        return self._ended()
+
+    def _end_run(self, context: Any, run: _Run, process: CoreProcess) -> None:
+        with run.turn():
+            self._finished(context, process.result())
+
+    def _ended(self) -> set[Any]:
+        """What the operator returns: undo takes back what is finished, though others have failed or were cancelled."""
+        return {"FINISHED"} if self._job.finished else {"CANCELLED"}
 
     def cancel(self, context: Any) -> None:
         """Also called by Blender, when another file is opened in the middle of the work."""
         self._job.leave(context.window_manager)
 
     def _show(self, context: Any) -> None:
-        shown, process = context.window_manager.mps, self._job.process
+        shown, job, process = context.window_manager.mps, self._job, self._job.process
         progress, message = (process.progress, process.message) if process else (0.0, "starting")
-        left = in_words(self._job.pace.left(time.monotonic(), progress))
+        progress, message = (job.finished + progress) / (job.finished + len(job.runs)), f"{self._whose}{message}"
+        left = in_words(job.pace.left(time.monotonic(), progress))
         if (shown.progress, shown.message, shown.left) != (progress, message, left):
             shown.progress, shown.message, shown.left = progress, message, left
             redraw_panels(context.window_manager)

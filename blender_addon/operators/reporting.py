@@ -33,6 +33,7 @@ class ReportingOperator(bpy.types.Operator):
     requires = ""  # the step whose image has to be there first, of those in _MISSING
     _scene_uid = 0
     _rig_place = 0  # of the rig that was chosen, in the scene's list
+    _whose = ""  # before what is said of one of several rigs: its name
     _made_from: Provenance
 
     @classmethod
@@ -95,6 +96,7 @@ class ReportingOperator(bpy.types.Operator):
         return False
 
     def _failed(self, sentence: str) -> None:
+        sentence = f"{self._whose}{sentence}"
         self._store_record(error=sentence)
         self.report({"ERROR"}, sentence)
 

@@ -18,6 +18,7 @@ import bpy
 from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import may_open
 from ..provenance import changed_since, made_by, made_when, seen_lately
+from ..rig.several_rigs import OnEachRig
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 
@@ -132,13 +133,15 @@ class Step(bpy.types.Panel):
             lacking = lacks or (self.lacks(context) if own else _operator(verb).lacks(context))
         if lacking and not error_of(scene, verb):  # which says so below
             wrapped(self.layout, sentence(lacking), icon="INFO")
-        row = self.layout.row()
+        row = self.layout.row(align=True)
         row.scale_y = 1.3
         row.active = not lacking
         if text:
             row.operator(f"mps.{verb}", icon=icon, text=text)
         else:
             row.operator(f"mps.{verb}", icon=icon)
+        if scene.mps.rigs and issubclass(_operator(verb), OnEachRig):
+            row.operator(f"mps.{verb}", text="All Rigs").all_rigs = True
         self.failure(scene, verb)
         for note in () if lacking else notes_of(scene, verb):  # of what is gone there is nothing to note
             wrapped(self.layout, sentence(note), icon="INFO")

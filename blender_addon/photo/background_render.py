@@ -45,6 +45,7 @@ from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
 from ..errors import operator_report
 from ..images import pixels_of
+from ..rig.several_rigs import choose_rig
 from .studio import RenderKind, RenderProgress, render
 
 REPORT_SECONDS = 0.5
@@ -58,14 +59,15 @@ _MOST = 0.98
 class RenderJob:
     """What the other Blender shall render.
 
-    file: the copy. output: the file, or the frames' folder. use_scripts: see trust.py. painted: files of images as they
-    are in memory only, by the images' names. missing: linked data that the open file has not found itself. bakes:
-    folders that the copy may not.
+    file: the copy. rig: its number in the scene's list. output: the file, or the frames' folder. use_scripts: see
+    trust.py. painted: files of images as they are in memory only, by the images' names. missing: linked data that the
+    open file has not found itself. bakes: folders that the copy may not.
     """
 
     file: str
     what: RenderKind
     scene: str
+    rig: int
     view_layer: str
     output: str
     use_scripts: bool
@@ -95,6 +97,7 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> d
         str(copy),
         what,
         context.scene.name,
+        context.scene.mps.chosen_rig,
         context.view_layer.name,
         str(output),
         take_run_permission(),
@@ -198,6 +201,7 @@ def _opened(job: RenderJob) -> Any:
     scene = bpy.data.scenes[job.scene]
     window = bpy.context.window_manager.windows[0]
     window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
+    choose_rig(scene, job.rig)
     refuse_lost_links(scene, job.missing)
     for name, file in job.painted.items():
         _paint(bpy.data.images[name], file)

@@ -21,11 +21,11 @@ from ..images import frame_pattern, load_photo
 from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
 from ..operators.progress import at_the_pointer
-from ..operators.reporting import ReportingOperator, verb_of
+from ..operators.reporting import ReportingOperator
 from ..outputs import output_frames, output_path, render_path
-from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
+from ..provenance import Provenance, chosen, file_stamp, rounded
 from ..rig.light_rig import light_rig, lights_stand, rig_camera
-from ..rig.several_rigs import result_name, rig_at
+from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..settings.declared import PATH, take_given
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
@@ -37,6 +37,8 @@ _LIGHTS = ("first", "second", "third")
 
 class _Renders(RunsCore):
     """An operator that renders: from a button in a Blender beside this one, from a script here."""
+
+    _first_job: dict[str, Any] | None = None  # whose copy of the file serves all rigs
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -50,14 +52,16 @@ class _Renders(RunsCore):
         what, output = self.target(context.scene)
         light_rig(context.scene)  # what is wrong with it is reported at once
         self._notes = not_found(context.scene)
-        return written_job(context, what, output, folder), [output / "frames" if what == "frames" else output]
+        self._first_job = self._first_job or written_job(context, what, output, folder)
+        work = {**self._first_job, "what": what, "output": str(output), "rig": context.scene.mps.chosen_rig}
+        return work, [output / "frames" if what == "frames" else output]
 
     def program(self, folder: Path) -> Program:
         return rendering_blender(folder)
 
-    def act(self, context: Any) -> None:
+    def run_here(self, context: Any) -> None:
         what, output = self.target(context.scene)
-        refuse_to_overwrite(verb_of(self.bl_idname), [output])
+        self.will_write([output])
         self._notes = not_found(context.scene)
         with at_the_pointer(context.window_manager) as progress:
             rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words))
@@ -66,7 +70,7 @@ class _Renders(RunsCore):
         self._finished(context, {"output": str(rendered.file)})
 
 
-class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
+class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator):
     """Render the object with Cycles, lit by the rig's red, green and blue light alone, beside the live window.
 
     Other lights and the world are off. The scene is rendered as it is now and stays as it is. The rig and the camera,
@@ -74,6 +78,7 @@ class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
 
     bl_idname = "mps.render_photo"
     bl_label = "Render Photo"
+    step = "photo"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -94,6 +99,7 @@ class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
+        self.report({"INFO"}, f"Photo written to {result['output']}")
 
 
 class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):

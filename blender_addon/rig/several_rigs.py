@@ -5,19 +5,22 @@ at all. Those of the others wait in ``scene.mps.rigs``.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import FloatProperty, IntProperty
+from bpy.props import BoolProperty, FloatProperty, IntProperty
 from mathutils import Euler, Matrix
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 
-from ..operators.core_run import idle
+from ..operators.core_run import RunsCore, Turn, idle
 from ..operators.reporting import ReportingOperator
-from ..outputs import unique_name
+from ..outputs import requested_folder, unique_name
+from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import GIVEN
 from ..settings.estimate import EstimateSettings
@@ -123,6 +126,59 @@ class MPS_OT_drop_rig(_OnRigs):
     def execute(self, context: Any) -> set[Any]:
         drop_rig(context.scene)
         return {"FINISHED"}
+
+
+class OnEachRig(RunsCore):
+    """An operator that works with the chosen rig or, one after the other, with all rigs of the scene.
+
+    It is as if each rig had been chosen and the button pressed: settings, results and notes are those of each rig.
+    """
+
+    all_rigs: BoolProperty(
+        name="All Rigs",
+        description="Do this for all rigs of this scene, one after the other, each with its own settings. "
+        "Off: for the chosen rig alone",
+        default=False,
+        options=GIVEN,
+    )
+    step = ""  # whose settings it has, of those in _STEPS
+
+    @classmethod
+    def description(cls, context: Any, properties: Any) -> str:
+        all_rigs = properties.bl_rna.properties["all_rigs"]
+        return bpy.app.translations.pgettext_tip(all_rigs.description) if properties.all_rigs else ""
+
+    def begin(self, context: Any) -> None:
+        super().begin(context)
+        self._given = {name for name in _names(self.properties) if self.properties.is_property_set(name)}
+
+    def turns(self) -> Sequence[Turn]:
+        scene = by_session_uid(bpy.data.scenes, self._scene_uid)
+        if not (self.all_rigs and scene.mps.rigs):
+            return super().turns()
+        if "output" in self._given and requested_folder(self.output) is None:
+            raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
+        for one in all_rigs(scene):  # all before the first begins, as renders share one copy of the file
+            for name in self._given.intersection(_STEPS[self.step].__annotations__):
+                setattr(getattr(one, self.step), name, getattr(self, name))
+        return [partial(self._with_rig, place) for place in range(len(scene.mps.rigs))]
+
+    @contextmanager
+    def _with_rig(self, place: int) -> Iterator[None]:
+        """Within, the rig at a place in the list is the chosen one, as long as it is there."""
+        scene = by_session_uid(bpy.data.scenes, self._scene_uid)
+        if scene is None or place >= len(scene.mps.rigs):
+            yield
+            return
+        self._rig_place, self._whose = place, f"{scene.mps.rigs[place].name}: "
+        for name in set(_names(self.properties)) - self._given:  # what the rig before had
+            self.properties.property_unset(name)
+        chosen = scene.mps.chosen_rig
+        choose_rig(scene, place)
+        try:
+            yield
+        finally:
+            choose_rig(scene, chosen)
 
 
 def new_rig(scene: Any) -> None:

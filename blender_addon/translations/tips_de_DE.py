@@ -147,6 +147,13 @@ TIPS = {
         "Richtung des roten Lichts in Grad, wie die Kamera es sieht: 0 ist rechts, 90 ist oben. Grün und Blau folgen "
         "um 120 und 240 Grad weiter"
     ),
+    (
+        "Do this for all rigs of this scene, one after the other, each with its own settings. Off: for the chosen rig "
+        "alone"
+    ): (
+        "Dies für alle Rigs dieser Szene tun, eines nach dem anderen, jedes mit seinen eigenen Einstellungen. Aus: nur "
+        "für das gewählte Rig"
+    ),
     "Discs at a distance: brighter and from a steeper direction where the object is nearer": (
         "Scheiben in einem Abstand: heller und steiler, wo das Objekt näher ist"
     ),

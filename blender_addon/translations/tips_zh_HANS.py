@@ -116,6 +116,10 @@ TIPS = {
         "Direction in degrees of the red light as the camera sees it: 0 is right, 90 is up. Green and blue follow at "
         "120 and 240 degrees more"
     ): ("摄像机所见红灯的方向（度）：0 为右，90 为上。绿灯和蓝灯依次再加 120 度和 240 度"),
+    (
+        "Do this for all rigs of this scene, one after the other, each with its own settings. Off: for the chosen rig "
+        "alone"
+    ): ("依次对此场景的所有灯架执行，各用自己的设置。关闭：仅对所选灯架"),
     "Discs at a distance: brighter and from a steeper direction where the object is nearer": (
         "位于一定距离的圆盘：物体越近处越亮，入射越陡"
     ),

@@ -75,6 +75,22 @@ def test_the_photo_is_the_same_and_this_file_does_not_change(small, scene, tmp_p
         np.testing.assert_equal(ours, theirs)
 
 
+def test_one_copy_of_the_file_is_rendered_by_each_rig_in_turn(small, scene, tmp_path):
+    bpy.ops.mps.add_rig_ring(count=2)
+    (tmp_path / "job").mkdir()
+    work = written_job(bpy.context, "photo", tmp_path / "unused.exr", tmp_path / "job")
+    for number in range(3):
+        bpy.ops.mps.choose_rig(index=number)
+        here, beside = (tmp_path / f"{where}_{number}.exr" for where in ("here", "beside"))
+        bpy.ops.mps.render_photo(output=str(here))
+        (folder := tmp_path / f"job_{number}").mkdir()
+        job = {**work, "rig": number, "output": str(beside)}
+        CoreProcess(job, [beside], rendering_blender(folder)).result()
+        np.testing.assert_allclose(pixels(beside), pixels(here), atol=1e-6)
+        cameras = [vars(read_camera(tmp_path / f"{where}_{number}.camera.json")) for where in ("here", "beside")]
+        np.testing.assert_equal(*cameras)
+
+
 def test_what_a_file_beside_this_one_holds_is_found_from_the_copy(small, scene, tmp_path):
     """A linked object, and a picture on it, by paths relative to this file; and bright paint in numbers above 1."""
     paint(small, (3.0, 0.5, 2.0), is_float=True)

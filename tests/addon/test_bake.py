@@ -244,7 +244,9 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
         graph = bpy.context.evaluated_depsgraph_get()
         slices = [begin_mesh(folder / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
         held.callback(give_up, slices)
-        one = core_run._Job(held, slices, lambda: started.append({file.name for file in folder.iterdir()}))
+        one = core_run._Job(
+            held, [core_run._Run(slices, lambda: started.append({file.name for file in folder.iterdir()}))]
+        )
         core_run._jobs.append(one)
         return one
 

@@ -161,7 +161,7 @@ def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     held = ExitStack()
     folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
     manager = bpy.context.window_manager
-    running = core_run._Job(held, [], lambda: CoreProcess(operation, [output]))
+    running = core_run._Job(held, [core_run._Run([], lambda: CoreProcess(operation, [output]))])
     running.go_on()
     core_run._jobs.append(running)
     manager.mps.running = "MPS_OT_estimate"

@@ -2,6 +2,7 @@
 
 import re
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
@@ -11,11 +12,12 @@ from documentation import PROJECT
 
 from blender_addon.estimate.estimate import MPS_OT_estimate
 from blender_addon.outputs import file_name
+from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.rig.several_rigs import all_rigs, result_name
-from blender_addon.settings.record import notes_of
+from blender_addon.settings.record import error_of, notes_of
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 
@@ -156,6 +158,67 @@ def test_all_rigs_are_baked_together(two_rigs, estimated, scene, tmp_path, capfd
 
     back, both = seen(all_rigs=False), seen(all_rigs=True)
     assert 30 < back <= 50 and both > 1.8 * back
+
+
+def test_all_rigs_are_photographed_and_estimated_each_with_its_own_settings(two_rigs, scene, tmp_path):
+    bpy.ops.mps.choose_rig(index=0)
+    photos = [read_image(tmp_path / name).pixels for name in ("photo.exr", "back.exr")]
+    for name in ("photo.exr", "back.exr", "normals.png", "back.png"):
+        (tmp_path / name).unlink()
+    bpy.ops.mps.render_photo(all_rigs=True)
+    bpy.ops.mps.estimate(all_rigs=True)
+    assert scene.mps.chosen_rig == 0
+    rigs = list(all_rigs(scene))
+    assert [(one.rig.slant, one.photo.width, one.estimate.model) for one in rigs] == [
+        (pytest.approx(30), 96, "LAMBERTIAN"),
+        (pytest.approx(40), 64, "LAMBERTIAN_GREY_WORLD"),
+    ]
+    for one, photo in zip(rigs, photos, strict=True):
+        np.testing.assert_allclose(read_image(Path(one.photo.image.filepath)).pixels, photo, atol=1e-5)
+    assert [one.estimate.image.mps.photo for one in rigs] == [one.photo.image for one in rigs]
+    for number in range(2):
+        bpy.ops.mps.choose_rig(index=number)
+        assert [step.state(bpy.context).kind for step in (MPS_PT_photo, MPS_PT_estimate)] == [Kind.DONE] * 2
+
+
+def test_what_is_given_holds_for_all_rigs_and_a_folder_takes_the_files_of_all(two_rigs, scene, tmp_path):
+    size = {"width": 16, "height": 24, "samples": 1}
+    with pytest.raises(RuntimeError, match=r"all rigs would write .*same\.exr; give a folder"):
+        bpy.ops.mps.render_photo(all_rigs=True, output=str(tmp_path / "same.exr"), **size)
+    bpy.ops.mps.render_photo(all_rigs=True, output=f"{tmp_path}/shots/", **size)
+    assert [tuple(one.photo.image.size) for one in all_rigs(scene)] == [(16, 24)] * 2
+    names = {"Scene_Rig_1_photo.exr", "Scene_Rig_2_photo.exr"}
+    assert {file.name for file in (tmp_path / "shots").glob("*.exr")} == names
+
+
+def test_rigs_that_would_write_into_one_file_are_refused(two_rigs, scene, tmp_path):
+    for one in all_rigs(scene):
+        one.estimate.output = str(tmp_path / "same.png")
+    with pytest.raises(RuntimeError, match=r"Rig 2: another rig's result is .*same\.png, too"):
+        bpy.ops.mps.estimate(all_rigs=True)
+
+
+def test_a_rig_that_fails_is_named_and_what_was_done_before_stays(two_rigs, scene):
+    lost = scene.mps.rig.lights[0].object
+    bpy.data.objects.remove(lost)
+    with pytest.raises(RuntimeError, match="Rig 2: the rig's red light was deleted"):
+        bpy.ops.mps.render_photo(all_rigs=True, width=16)
+    assert [one.photo.image.size[0] for one in all_rigs(scene)] == [16, 64]
+    assert scene.mps.chosen_rig == 1 and error_of(scene, "render_photo").startswith("Rig 2: ")
+    bpy.ops.mps.choose_rig(index=0)
+    assert not error_of(scene, "render_photo")
+
+
+def test_the_button_for_all_rigs_has_a_tooltip_of_its_own(scene):
+    pressed = bpy.context.window_manager.operator_properties_last("mps.estimate")
+    assert MPS_OT_estimate.description(bpy.context, pressed) == ""  # Blender then shows the operator's
+    pressed.all_rigs = True
+    assert MPS_OT_estimate.description(bpy.context, pressed).startswith("Do this for all rigs")
+
+
+def test_a_scene_with_one_rig_has_all_rigs_in_it(photographed, scene):
+    bpy.ops.mps.estimate(all_rigs=True)
+    assert scene.mps.estimate.image is not None
 
 
 def test_a_script_goes_through_a_ring_of_rigs_as_the_documentation_has_it(sphere, scene, tmp_path, capfd):

@@ -158,6 +158,55 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
     assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
 
+PAIRS = """
+import json
+mps = bpy.context.scene.mps
+rigs = [mps if number == mps.chosen_rig else one for number, one in enumerate(mps.rigs)]
+with open({path!r}, "w") as file:
+    json.dump([(one.estimate.image.mps.photo.name, one.photo.image.name) for one in rigs], file)
+"""
+
+
+def test_all_rigs_take_their_photos_in_one_job(window, album, tmp_path):
+    """Of the scene as it was, pressed with the mouse; what is done is undone in one step, and stays when cancelled."""
+
+    def made(state, what):
+        return sum(name.startswith(what) for name in state["images"])
+
+    window.ask("invoke", "add_rig_ring", {"count": 3})
+    photo = "one.photo.width, one.photo.height, one.photo.samples = 64, 48, {}"
+    sizes = f"for one in (bpy.context.scene.mps, *bpy.context.scene.mps.rigs): {photo}"
+    window.ask("run", f"{sizes.format(1)}\nbpy.ops.ed.undo_push(message='rigs')")
+    window.ask("alone", "MPS_PT_photo")
+    x, y = window.find("mps.render_photo", at=0.75)
+    assert "all_rigs=True" in window.under_mouse(x, y)
+    window.photograph(album / "panel_all_rigs.png", beside=200)
+    window.click(x, y)
+    window.wait(lambda state: state["message"].startswith("Rig 1: "), "first rig")
+    window.ask("run", "bpy.data.objects['Cube'].hide_render = True")  # without it nothing would be seen
+    window.wait(lambda state: state["message"].startswith("Rig 2: ") and state["progress"] > 0.3, "second rig")
+    window.photograph(album / "panel_all_rigs_running.png", beside=200)
+    window.wait(lambda state: not state["running"], "end")
+    assert made(window.state, "MPS Photo") == 3 and not window.state["errors"].get("render_photo")
+    window.ask("invoke", "estimate", {"all_rigs": True, "model": "LAMBERTIAN"})
+    window.wait(lambda state: made(state, "MPS Normals") == 3 and not state["running"], "normals of all")
+    window.ask("run", PAIRS.format(path=str(tmp_path / "pairs.json")))
+    pairs = json.loads((tmp_path / "pairs.json").read_text())
+    assert len({photo for _, photo in pairs}) == 3 and all(of == photo for of, photo in pairs)
+    window.input("mousemove", 500, 500, "key", "ctrl+z")
+    window.wait(lambda state: not made(state, "MPS Normals"), "undo of the normals")
+    window.input("key", "ctrl+z")
+    window.wait(lambda state: not made(state, "MPS Photo"), "undo of the photos")
+
+    window.ask("run", sizes.format(20000))
+    window.ask("run", "bpy.context.scene.mps.rigs[0].photo.samples = 1; bpy.data.objects['Cube'].hide_render = False")
+    window.click(x, y)
+    window.wait(lambda state: state["message"].startswith("Rig 2: ") and state["progress"] > 0.34, "second rig")
+    window.input("mousemove", 500, 500, "key", "Escape")
+    window.wait(lambda state: not state["running"], "end of the cancelled job")
+    assert made(window.state, "MPS Photo") == 1
+
+
 TRAINING = """
 package = bpy.types.MPS_PT_rig.__module__.rpartition(".panels")[0]
 bpy.context.preferences.addons[package].preferences.training = True
