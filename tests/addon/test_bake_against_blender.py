@@ -110,23 +110,25 @@ def activate(obj: "bpy.types.Object", *others: "bpy.types.Object") -> None:
     bpy.context.view_layer.objects.active = obj
 
 
-def core_mesh(obj: "bpy.types.Object", path: Path) -> Mesh:
-    """The mesh as Blender knows it, with Blender's tangents, through the exchange file."""
+def mesh_of(obj: "bpy.types.Object") -> Mesh:
+    """The mesh as Blender knows it, with Blender's tangents."""
     mesh = obj.data
     assert all(len(polygon.vertices) == 3 for polygon in mesh.polygons)
     mesh.calc_tangents()
     tangents = np.concatenate([array_of(mesh.loops, "tangent", 3), array_of(mesh.loops, "bitangent_sign", 1)], axis=1)
-    write_mesh(
-        path,
-        Mesh(
-            array_of(mesh.vertices, "co", 3).astype(np.float64),
-            array_of(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
-            array_of(mesh.corner_normals, "vector", 3).reshape(-1, 3, 3),
-            array_of(mesh.uv_layers.active.data, "uv", 2).reshape(-1, 3, 2),
-            tangents.reshape(-1, 3, 4),
-            np.array(obj.matrix_world),
-        ),
+    return Mesh(
+        array_of(mesh.vertices, "co", 3).astype(np.float64),
+        array_of(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
+        array_of(mesh.corner_normals, "vector", 3).reshape(-1, 3, 3),
+        array_of(mesh.uv_layers.active.data, "uv", 2).reshape(-1, 3, 2),
+        tangents.reshape(-1, 3, 4),
+        np.array(obj.matrix_world),
     )
+
+
+def core_mesh(obj: "bpy.types.Object", path: Path) -> Mesh:
+    """The same through the exchange file."""
+    write_mesh(path, mesh_of(obj))
     return read_mesh(path)
 
 
