@@ -20,10 +20,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 from quiet import quiet
+from surface_shapes import camera_looking, sphere_view
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
 from tests.addon.test_bake_against_blender import activate, detailed_object, mesh_of, simplified
 
 MARGIN = 16
@@ -45,11 +44,7 @@ def prepare_cycles(simple: bpy.types.Object, size: int, threads: int) -> None:
 
 def view_from(azimuth: float) -> View:
     """Seen from the front, or from an azimuth in radians; what the normals say does not matter for the time."""
-    pixels = 1024
-    sine, cosine = np.sin(azimuth), np.cos(azimuth)
-    pose = np.array([[cosine, 0, sine, 5 * sine], [sine, 0, -cosine, -5 * cosine], [0, 1, 0, 0], [0, 0, 0, 1]], float)
-    camera = Camera("orthographic", pixels, pixels, [pixels / 2.1] * 2, None, pose)
-    return View(camera, NormalMap(np.ones((pixels, pixels, 3)), np.ones((pixels, pixels), bool)))
+    return sphere_view(camera_looking((np.sin(azimuth), -np.cos(azimuth), 0), size=1024, distance=5, reach=1.05))
 
 
 def main() -> int:
