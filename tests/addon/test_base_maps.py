@@ -13,7 +13,7 @@ from blender_addon.bake.texture_sets import BakeTarget
 from blender_addon.panels.bake import MPS_PT_bake
 from mpsnet_core import read_image
 
-from .rendering import save_png
+from .rendering import array_of, save_png, shader_of
 
 
 def waves(size: int = 64) -> np.ndarray:
@@ -33,7 +33,7 @@ def dress(obj: "bpy.types.Object", image: "bpy.types.Image") -> "bpy.types.Node"
     texture, normal = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeNormalMap")
     texture.image = image
     image.colorspace_settings.name = "Non-Color"
-    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(tree)
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
     tree.links.new(normal.outputs["Normal"], shader.inputs["Normal"])
     return normal
@@ -389,9 +389,7 @@ def test_maps_of_another_name_are_named_by_tokens(
 
 def test_tiles_go_on_top_of_tiles(estimated: "bpy.types.Object", scene: object, tmp_path: Path) -> None:
     layer = estimated.data.uv_layers.active.uv
-    uvs = np.empty(2 * len(layer), np.float32)
-    layer.foreach_get("vector", uvs)
-    layer.foreach_set("vector", (uvs.reshape(-1, 2) * [2, 1]).astype(np.float32).ravel())
+    layer.foreach_set("vector", (array_of(layer, "vector", 2) * np.float32([2, 1])).ravel())
     leaning(tmp_path / "t.1002.png", 0.3, 0.1)
     image = leaning(tmp_path / "t.1001.png", -0.2, 0.4)
     image.source = "TILED"
