@@ -152,17 +152,9 @@ def through_a_mapping(normal: "bpy.types.Node", scale: float, uv_map: str, kind:
     tree.links.new(mapping.outputs["Vector"], normal.inputs["Color"].links[0].from_node.inputs["Vector"])
 
 
-def texture_on_other_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
-    through_a_mapping(normal, 1, obj.data.uv_layers.new(name="Other").name)
-
-
 def on_the_rendered_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
     obj.data.uv_layers.new(name="Other").active_render = True
     bpy.context.scene.mps.bake.uv_map = "UVMap"
-
-
-def repeated(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
-    through_a_mapping(normal, 10, "UVMap")
 
 
 def boxed(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
@@ -194,10 +186,6 @@ def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
     normal.inputs["Color"].links[0].from_node.image.source = "TILED"
 
 
-def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
-    (folder / "waves.png").unlink()
-
-
 @pytest.mark.parametrize(
     ("broken", "sentence"),
     [
@@ -205,10 +193,13 @@ def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> Non
         (through_another_node, "does not come straight from an image texture; choose the file"),
         (in_object_space, 'normal map "waves.png" is not in tangent space; choose the file'),
         (on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
-        (texture_on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (
+            lambda normal, obj, folder: through_a_mapping(normal, 1, obj.data.uv_layers.new(name="Other").name),
+            'the present normal map is on UV map "Other"; bake onto that one',
+        ),
         (on_the_rendered_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
         (
-            repeated,
+            lambda normal, obj, folder: through_a_mapping(normal, 10, "UVMap"),
             '"waves.png" does not lie straight on a UV map; link its texture to a UV Map node, or choose the file',
         ),
         (boxed, '"waves.png" does not lie straight on a UV map'),
@@ -221,7 +212,7 @@ def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> Non
         ),
         (of_tiles, r'"waves.png" has UDIM tiles; switch UDIM Tiles on'),
         (
-            gone,
+            lambda normal, obj, folder: (folder / "waves.png").unlink(),
             r'the normal map "waves.png" has no file on disk \(.*waves.png is missing\); save it, or choose the file',
         ),
     ],
