@@ -16,10 +16,15 @@ def matte() -> "bpy.types.Material":
 def principled(name: str, color: tuple[float, float, float], **inputs: Any) -> "bpy.types.Material":
     """A material of one Principled BSDF; other inputs than the color by their names."""
     material = bpy.data.materials.new(name)
-    shader = next(node for node in nodes_of(material).nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(nodes_of(material))
     for key, value in {"Base Color": (*color, 1), **inputs}.items():
         shader.inputs[key].default_value = value
     return material
+
+
+def shader_of(tree: "bpy.types.NodeTree") -> "bpy.types.Node":
+    """The Principled BSDF that a new material has."""
+    return next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
 
 
 def nodes_of(material: "bpy.types.Material") -> "bpy.types.NodeTree":
@@ -33,6 +38,13 @@ def write_exr_files(render: "bpy.types.RenderSettings") -> None:
     if bpy.app.version >= (5, 0):
         render.image_settings.media_type = "IMAGE"
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+
+
+def array_of(collection: object, name: str, width: int, kind: type = np.float32) -> np.ndarray:
+    """(N, width) a property of all things in a collection of Blender's."""
+    values = np.empty(len(collection) * width, kind)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width)
 
 
 def rendered(path: Path, width: int, height: int, samples: int) -> np.ndarray:

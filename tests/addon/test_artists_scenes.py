@@ -14,7 +14,7 @@ from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.rig import read_rig
 
-from .rendering import matte, pixels, save_png
+from .rendering import matte, pixels, save_png, shader_of
 from .test_steps import Kind, MPS_PT_bake, stands
 
 SMALL = {"width": 24, "height": 24, "samples": 1}
@@ -327,7 +327,7 @@ def glowing() -> "bpy.types.Material":
     material = matte()
     tree = material.node_tree
     output = tree.get_output_node("ALL")
-    tree.nodes.remove(next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"))
+    tree.nodes.remove(shader_of(tree))
     tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], output.inputs[0])
     material.name = "Glow"
     return material
@@ -345,7 +345,7 @@ def test_subsurface_scattering_and_what_is_not_called_a_bsdf_take_the_texture(es
     tree = estimated.material_slots[0].material.node_tree
     skin = tree.nodes.new("ShaderNodeSubsurfaceScattering")
     tree.links.new(skin.outputs[0], tree.get_output_node("ALL").inputs[0])
-    tree.nodes.remove(next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"))
+    tree.nodes.remove(shader_of(tree))
     bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
     assert skin.inputs["Normal"].links[0].from_node.name == "MPS Normal"
 

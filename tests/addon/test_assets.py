@@ -7,7 +7,7 @@ from blender_addon.appearance.displacement import assign_displacement
 from blender_addon.bake.assign_textures import assign_textures
 from blender_addon.bake.texture_sets import AssignedTexture
 
-from .rendering import pixels
+from .rendering import pixels, shader_of
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_the_node_group_shows_the_texture_in_another_material(textured):
     node = other.node_tree.nodes.new("ShaderNodeGroup")
     node.node_tree = group
     assert node.inputs["Strength"].default_value == 1
-    shader = next(one for one in other.node_tree.nodes if one.type == "BSDF_PRINCIPLED")
+    shader = shader_of(other.node_tree)
     other.node_tree.links.new(node.outputs["Normal"], shader.inputs["Normal"])
 
     heights = bpy.data.images.new("Heights", 8, 8)

@@ -16,7 +16,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.rig import read_rig
 
-from .rendering import pixels
+from .rendering import pixels, shader_of
 from .test_photo import everything, glowing
 
 
@@ -47,8 +47,7 @@ def textured(obj):
     """A node for a picture that colours the object."""
     tree = obj.active_material.node_tree
     texture = tree.nodes.new("ShaderNodeTexImage")
-    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
-    tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(texture.outputs["Color"], shader_of(tree).inputs["Base Color"])
     return texture
 
 

@@ -18,7 +18,7 @@ from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
 
-from .rendering import matte, pixels
+from .rendering import array_of, matte, pixels, shader_of
 from .test_photo import sphere_normals
 
 
@@ -57,7 +57,7 @@ def test_the_material_wears_the_texture_once(estimated, scene, tmp_path, space, 
         bpy.ops.mps.bake(size=64, space=space, convention=convention, output=str(tmp_path / "texture.png"))
     (material,) = (slot.material for slot in estimated.material_slots)
     tree = material.node_tree
-    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(tree)
     normal = shader.inputs["Normal"].links[0].from_node
     assert (normal.type, normal.space, normal.uv_map) == ("NORMAL_MAP", space, "UVMap")
     textures = [node for node in tree.nodes if node.type == "TEX_IMAGE"]
@@ -109,9 +109,7 @@ def bumpy_sphere():
     bpy.ops.mesh.primitive_uv_sphere_add(segments=192, ring_count=96)
     bpy.ops.object.shade_smooth()
     obj = bpy.context.object
-    points = np.empty(len(obj.data.vertices) * 3, np.float32)
-    obj.data.vertices.foreach_get("co", points)
-    points = points.reshape(-1, 3)
+    points = array_of(obj.data.vertices, "co", 3)
     x, z = points[:, 0], points[:, 2]
     bumps = np.sin(9 * x + 1) * np.sin(11 * z) + 0.5 * np.sin(17 * z + 5 * x)
     points *= (1 + 0.02 * bumps)[:, None]
@@ -133,9 +131,9 @@ def test_the_texture_brings_the_low_poly_closer_to_the_original(scene, tmp_path,
     bpy.ops.object.shade_smooth()
     low = bpy.context.object
     if mirrored:
-        low.data.uv_layers[0].uv.foreach_get("vector", uv := np.empty(len(low.data.loops) * 2, np.float32))
-        uv[::2] = 1 - uv[::2]
-        low.data.uv_layers[0].uv.foreach_set("vector", uv)
+        uv = array_of(low.data.uv_layers[0].uv, "vector", 2)
+        uv[:, 0] = 1 - uv[:, 0]
+        low.data.uv_layers[0].uv.foreach_set("vector", uv.ravel())
     low.data.materials.append(matte())
     low.matrix_world = Matrix.LocRotScale(None, Matrix.Rotation(0.6, 3, "Z"), Vector((1, 1, 1)))
     high.hide_render = True
@@ -345,7 +343,7 @@ def test_a_bump_that_gives_way_to_the_texture_is_named(estimated, tmp_path, capf
     tree = estimated.material_slots[0].material.node_tree
     bump = tree.nodes.new("ShaderNodeBump")
     bump.name = "Scratches"
-    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(tree)
     tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
     sentence = 'The texture took the place of "Scratches" in material "Matte"'
     for said in (True, False):

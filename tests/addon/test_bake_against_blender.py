@@ -14,13 +14,14 @@ from mathutils import Matrix, Vector
 from mesh_file import write_mesh
 from synthetic import degrees_between
 
+from blender_addon.images import pixels_of
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
-from .rendering import nodes_of, write_exr_files
+from .rendering import array_of, nodes_of, pixels, write_exr_files
 
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]
 
@@ -97,12 +98,6 @@ def mirror_half_of_the_uvs(obj: "bpy.types.Object") -> None:
     mesh.update()
 
 
-def array_of(collection: object, name: str, width: int, kind: type = np.float32) -> np.ndarray:
-    values = np.empty(len(collection) * width, kind)
-    collection.foreach_get(name, values)
-    return values.reshape(-1, width)
-
-
 def activate(obj: "bpy.types.Object", *others: "bpy.types.Object") -> None:
     bpy.ops.object.select_all(action="DESELECT")
     for one in (obj, *others):
@@ -110,23 +105,25 @@ def activate(obj: "bpy.types.Object", *others: "bpy.types.Object") -> None:
     bpy.context.view_layer.objects.active = obj
 
 
-def core_mesh(obj: "bpy.types.Object", path: Path) -> Mesh:
-    """The mesh as Blender knows it, with Blender's tangents, through the exchange file."""
+def mesh_of(obj: "bpy.types.Object") -> Mesh:
+    """The mesh as Blender knows it, with Blender's tangents."""
     mesh = obj.data
     assert all(len(polygon.vertices) == 3 for polygon in mesh.polygons)
     mesh.calc_tangents()
     tangents = np.concatenate([array_of(mesh.loops, "tangent", 3), array_of(mesh.loops, "bitangent_sign", 1)], axis=1)
-    write_mesh(
-        path,
-        Mesh(
-            array_of(mesh.vertices, "co", 3).astype(np.float64),
-            array_of(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
-            array_of(mesh.corner_normals, "vector", 3).reshape(-1, 3, 3),
-            array_of(mesh.uv_layers.active.data, "uv", 2).reshape(-1, 3, 2),
-            tangents.reshape(-1, 3, 4),
-            np.array(obj.matrix_world),
-        ),
+    return Mesh(
+        array_of(mesh.vertices, "co", 3).astype(np.float64),
+        array_of(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
+        array_of(mesh.corner_normals, "vector", 3).reshape(-1, 3, 3),
+        array_of(mesh.uv_layers.active.data, "uv", 2).reshape(-1, 3, 2),
+        tangents.reshape(-1, 3, 4),
+        np.array(obj.matrix_world),
     )
+
+
+def core_mesh(obj: "bpy.types.Object", path: Path) -> Mesh:
+    """The same through the exchange file."""
+    write_mesh(path, mesh_of(obj))
     return read_mesh(path)
 
 
@@ -140,12 +137,7 @@ def render(path: Path, camera: "bpy.types.Object", visible: "bpy.types.Object", 
     scene.cycles.samples = samples
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path))
-    image.colorspace_settings.name = "Non-Color"
-    pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    return pixels.reshape(scene.render.resolution_y, -1, 4)[::-1]
+    return pixels(path)
 
 
 def set_up_cycles(size: int) -> None:
@@ -184,13 +176,13 @@ def normal_view(side: tuple[float, float, float], detailed: "bpy.types.Object", 
     tree.links.new(shift.outputs[0], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     camera = camera_at(side, projection)
-    pixels = render(path, camera, detailed)
-    size = len(pixels)
+    picture = render(path, camera, detailed)
+    size = len(picture)
     pose = np.array(camera.matrix_world)
     focal = size / 2.1 if projection == "ORTHO" else size / 2 / np.tan(camera.data.angle / 2)
     core = Camera("orthographic" if projection == "ORTHO" else "perspective", size, size, [focal, focal], None, pose)
-    world = pixels[..., :3] * 2 - 1
-    return View(core, NormalMap(world @ pose[:3, :3], pixels[..., 3] > 0.5))
+    world = picture[..., :3] * 2 - 1
+    return View(core, NormalMap(world @ pose[:3, :3], picture[..., 3] > 0.5))
 
 
 def blenders_bake(
@@ -213,11 +205,14 @@ def blenders_bake(
         normal_space=space,
         use_clear=True,
     )
-    pixels = np.empty(4 * size * size, np.float32)
-    image.pixels.foreach_get(pixels)
-    baked = pixels.reshape(size, size, 4)[::-1, :, :3] * 2 - 1
-    length = np.linalg.norm(baked, axis=-1, keepdims=True)
-    return np.where(np.abs(length - 1) < 0.05, baked / np.maximum(length, 1e-6), 0)
+    return normals_of(pixels_of(image)[::-1])
+
+
+def normals_of(colours: np.ndarray) -> np.ndarray:
+    """(S, S, 3) the vectors that colours stand for; zero where nothing was baked."""
+    vectors = colours[..., :3] * 2 - 1
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(np.abs(length - 1) < 0.05, vectors / np.maximum(length, 1e-6), 0)
 
 
 def with_materials(*objects: "bpy.types.Object") -> None:
@@ -264,9 +259,9 @@ STRETCHED = Placement(Matrix.LocRotScale((0.1, -0.05, 0.05), TURN, (0.9, 0.6, 1.
 REFLECTED = Placement(Matrix.LocRotScale((0, 0, 0), TURN, (-0.9, 0.8, 1)), True, "ORTHO")
 
 
-def posed_pair(placement: Placement, faces: int = 2000) -> tuple["bpy.types.Object", "bpy.types.Object"]:
+def posed_pair(placement: Placement) -> tuple["bpy.types.Object", "bpy.types.Object"]:
     detailed = detailed_object()
-    simple = simplified(detailed, faces)
+    simple = simplified(detailed, 2000)
     if placement.mirrored_uvs:
         mirror_half_of_the_uvs(simple)
     with_materials(detailed, simple)

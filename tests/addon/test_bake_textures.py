@@ -15,7 +15,7 @@ from mpsnet_core import Camera, NormalMap, write_camera, write_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import InputError
 
-from .rendering import matte, pixels, rendered
+from .rendering import array_of, matte, pixels, rendered
 
 PLACES = {"Left": -1.2, "Right": 1.2}
 
@@ -56,9 +56,7 @@ def worn(obj, slot=0):
 
 def scaled_uvs(obj, scale):
     layer = obj.data.uv_layers.active.uv
-    uvs = np.empty(2 * len(layer), np.float32)
-    layer.foreach_get("vector", uvs)
-    layer.foreach_set("vector", scale * uvs)
+    layer.foreach_set("vector", scale * array_of(layer, "vector", 2).ravel())
 
 
 def shown_normals(scene, tmp_path, obj):

@@ -13,7 +13,7 @@ from blender_addon.bake.texture_sets import BakeTarget
 from blender_addon.panels.bake import MPS_PT_bake
 from mpsnet_core import read_image
 
-from .rendering import save_png
+from .rendering import array_of, save_png, shader_of
 
 
 def waves(size: int = 64) -> np.ndarray:
@@ -33,7 +33,7 @@ def dress(obj: "bpy.types.Object", image: "bpy.types.Image") -> "bpy.types.Node"
     texture, normal = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeNormalMap")
     texture.image = image
     image.colorspace_settings.name = "Non-Color"
-    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(tree)
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
     tree.links.new(normal.outputs["Normal"], shader.inputs["Normal"])
     return normal
@@ -152,17 +152,9 @@ def through_a_mapping(normal: "bpy.types.Node", scale: float, uv_map: str, kind:
     tree.links.new(mapping.outputs["Vector"], normal.inputs["Color"].links[0].from_node.inputs["Vector"])
 
 
-def texture_on_other_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
-    through_a_mapping(normal, 1, obj.data.uv_layers.new(name="Other").name)
-
-
 def on_the_rendered_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
     obj.data.uv_layers.new(name="Other").active_render = True
     bpy.context.scene.mps.bake.uv_map = "UVMap"
-
-
-def repeated(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
-    through_a_mapping(normal, 10, "UVMap")
 
 
 def boxed(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
@@ -194,10 +186,6 @@ def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
     normal.inputs["Color"].links[0].from_node.image.source = "TILED"
 
 
-def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
-    (folder / "waves.png").unlink()
-
-
 @pytest.mark.parametrize(
     ("broken", "sentence"),
     [
@@ -205,10 +193,13 @@ def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> Non
         (through_another_node, "does not come straight from an image texture; choose the file"),
         (in_object_space, 'normal map "waves.png" is not in tangent space; choose the file'),
         (on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
-        (texture_on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (
+            lambda normal, obj, folder: through_a_mapping(normal, 1, obj.data.uv_layers.new(name="Other").name),
+            'the present normal map is on UV map "Other"; bake onto that one',
+        ),
         (on_the_rendered_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
         (
-            repeated,
+            lambda normal, obj, folder: through_a_mapping(normal, 10, "UVMap"),
             '"waves.png" does not lie straight on a UV map; link its texture to a UV Map node, or choose the file',
         ),
         (boxed, '"waves.png" does not lie straight on a UV map'),
@@ -221,7 +212,7 @@ def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> Non
         ),
         (of_tiles, r'"waves.png" has UDIM tiles; switch UDIM Tiles on'),
         (
-            gone,
+            lambda normal, obj, folder: (folder / "waves.png").unlink(),
             r'the normal map "waves.png" has no file on disk \(.*waves.png is missing\); save it, or choose the file',
         ),
     ],
@@ -389,9 +380,7 @@ def test_maps_of_another_name_are_named_by_tokens(
 
 def test_tiles_go_on_top_of_tiles(estimated: "bpy.types.Object", scene: object, tmp_path: Path) -> None:
     layer = estimated.data.uv_layers.active.uv
-    uvs = np.empty(2 * len(layer), np.float32)
-    layer.foreach_get("vector", uvs)
-    layer.foreach_set("vector", (uvs.reshape(-1, 2) * [2, 1]).astype(np.float32).ravel())
+    layer.foreach_set("vector", (array_of(layer, "vector", 2) * np.float32([2, 1])).ravel())
     leaning(tmp_path / "t.1002.png", 0.3, 0.1)
     image = leaning(tmp_path / "t.1001.png", -0.2, 0.4)
     image.source = "TILED"

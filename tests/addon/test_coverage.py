@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.bake.coverage import hides_materials
+from blender_addon.images import pixels_of
 from blender_addon.settings.record import notes_of
 
 from .rendering import pixels
@@ -23,9 +24,7 @@ def test_the_share_seen_stays_with_the_step_and_is_that_of_the_map(baked, scene,
     kept = scene.mps.bake.image.mps.coverage
     assert kept.packed_file and tuple(kept.size) == (64, 64)  # the texture's folder is not littered
     assert not [file for file in tmp_path.iterdir() if "coverage" in file.name]
-    coverage = np.empty((64, 64, 4), np.float32)
-    kept.pixels.foreach_get(coverage.ravel())
-    coverage = coverage[..., 0]
+    coverage = pixels_of(kept)[..., 0]
     seen, filled = ((np.abs(coverage - level) < 0.01).mean() for level in (1, 0.5))
     assert 0.2 < seen < 0.6 and seen + filled > 0.99
     # The sphere's UVs fill the texture but for a few corners at its poles.

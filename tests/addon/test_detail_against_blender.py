@@ -19,11 +19,10 @@ from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
-from .rendering import save_png
+from .rendering import array_of, save_png
 from .test_bake_against_blender import (
     SIDES,
     activate,
-    array_of,
     blenders_bake,
     core_mesh,
     normal_view,

@@ -16,10 +16,10 @@ from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import encode
 
+from .rendering import array_of, shader_of
 from .test_bake_against_blender import (
     TURN,
     add_sun,
-    array_of,
     blenders_bake,
     camera_at,
     detailed_object,
@@ -164,7 +164,7 @@ def test_a_material_without_an_output_is_passed_over(worn, scene, tmp_path, meth
 
 def worn_normal(material):
     """The name of the node that is the shader's normal, None where there is none."""
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(material.node_tree)
     return next((link.from_node.name for link in shader.inputs["Normal"].links), None)
 
 

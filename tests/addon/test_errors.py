@@ -13,6 +13,8 @@ from mpsnet_core.synthesis.job import SampleJob, place_job
 
 from .rendering import matte
 
+mps = bpy.ops.mps
+
 
 def delete(obj):
     bpy.data.objects.remove(obj)
@@ -52,10 +54,6 @@ def a_single_point(scene, tmp_path):
     bpy.ops.object.select_all(action="DESELECT")
     obj.select_set(True)
     bpy.ops.mps.add_rig()
-
-
-def no_viewport(scene, tmp_path):
-    bpy.ops.mps.add_rig(view="VIEWPORT")
 
 
 def edit_mode(scene, tmp_path):
@@ -140,25 +138,9 @@ def photo_gone(scene, tmp_path):
     bpy.ops.mps.estimate()
 
 
-def photo_not_named(scene, tmp_path):
-    bpy.ops.mps.open_photo()
-
-
-def photo_not_there(scene, tmp_path):
-    bpy.ops.mps.open_photo(filepath=str(tmp_path / "nowhere.png"))
-
-
 def photo_not_an_image(scene, tmp_path):
     (tmp_path / "text.png").write_text("not an image")
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "text.png"))
-
-
-def photo_ending(scene, tmp_path):
-    bpy.ops.mps.render_photo(output=str(tmp_path / "photo.png"))
-
-
-def photo_folder(scene, tmp_path):
-    bpy.ops.mps.render_photo(output=str(tmp_path / "nowhere" / "photo.exr"))
 
 
 def photo_black(scene, tmp_path):
@@ -167,35 +149,11 @@ def photo_black(scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.png"))
 
 
-def mask_not_named(scene, tmp_path):
-    bpy.ops.mps.estimate(mask="FILE")
-
-
-def mask_not_there(scene, tmp_path):
-    bpy.ops.mps.estimate(mask="FILE", mask_file=str(tmp_path / "nowhere.png"))
-
-
 def mask_of_another_size(scene, tmp_path):
     buffer = oiio.ImageBuf(oiio.ImageSpec(8, 8, 1, oiio.UINT8))
     buffer.set_pixels(oiio.ROI.All, np.ones((8, 8, 1), np.float32))
     buffer.write(str(tmp_path / "mask.png"))
     bpy.ops.mps.estimate(mask="FILE", mask_file=str(tmp_path / "mask.png"))
-
-
-def rig_file_not_there(scene, tmp_path):
-    bpy.ops.mps.estimate(rig_file=str(tmp_path / "nowhere.json"))
-
-
-def model_not_named(scene, tmp_path):
-    bpy.ops.mps.estimate(model="FILE")
-
-
-def model_not_there(scene, tmp_path):
-    bpy.ops.mps.estimate(model="FILE", model_file=str(tmp_path / "nowhere.onnx"))
-
-
-def unknown_ending(scene, tmp_path):
-    bpy.ops.mps.estimate(output=str(tmp_path / "normals.jpg"))
 
 
 def no_normals(scene, tmp_path):
@@ -213,21 +171,9 @@ def no_target(scene, tmp_path):
     bpy.ops.mps.bake()
 
 
-def no_such_target(scene, tmp_path):
-    bpy.ops.mps.bake(target="Nobody")
-
-
-def target_not_a_mesh(scene, tmp_path):
-    bpy.ops.mps.bake(target=scene.mps.rig.lights[0].object.name)
-
-
 def target_without_uvs(scene, tmp_path):
     bpy.context.object.data.uv_layers.remove(bpy.context.object.data.uv_layers[0])
     bpy.ops.mps.bake()
-
-
-def no_such_uv_map(scene, tmp_path):
-    bpy.ops.mps.bake(uv_map="Lightmap")
 
 
 def target_without_faces(scene, tmp_path):
@@ -249,34 +195,14 @@ def material_without_shader(scene, tmp_path):
     bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
 
 
-def folder_not_named(scene, tmp_path):
-    bpy.ops.mps.render_samples(output="")
-
-
 def folder_of_another_job(scene, tmp_path):
     place_job(tmp_path / "samples", SampleJob("cycles", count=1, shapes=("blobs",)))
     bpy.ops.mps.render_samples(kinds={"RELIEFS"}, output=str(tmp_path / "samples"))
 
 
-def folder_without_parent(scene, tmp_path):
-    bpy.ops.mps.render_samples(output=str(tmp_path / "no" / "samples"))
-
-
 def folder_a_file(scene, tmp_path):
     (tmp_path / "photo").touch()
     bpy.ops.mps.render_samples(output=str(tmp_path / "photo"))
-
-
-def no_kind_of_shape(scene, tmp_path):
-    bpy.ops.mps.render_samples(kinds=set(), output=str(tmp_path / "samples"))
-
-
-def meshes_not_named(scene, tmp_path):
-    bpy.ops.mps.render_samples(source="MESHES", output=str(tmp_path / "samples"))
-
-
-def meshes_not_there(scene, tmp_path):
-    bpy.ops.mps.render_samples(source="MESHES", meshes=str(tmp_path / "none"), output=str(tmp_path / "samples"))
 
 
 def no_mesh_selected(scene, tmp_path):
@@ -296,7 +222,7 @@ CASES = [
     (a_hidden_object_clicked_in_the_outliner, '"Sphere" is hidden or not selectable; show it first'),
     (only_an_empty_selected, "no selected object has a surface"),
     (a_single_point, "a single point"),
-    (no_viewport, 'view "VIEWPORT" needs a 3D viewport'),
+    (lambda _, here: mps.add_rig(view="VIEWPORT"), 'view "VIEWPORT" needs a 3D viewport'),
     (edit_mode, "Switch to Object Mode first"),
     (no_rig, "Add a rig first"),
     (light_deleted, "the rig's green light was deleted; add the rig again"),
@@ -311,53 +237,59 @@ CASES = [
     (no_photo, "Render or open a photo first"),
     (photo_without_file, 'the photo "Painted" has no file on disk'),
     (photo_gone, "has no file on disk"),
-    (photo_not_named, "no photo was named"),
-    (photo_not_there, "nowhere.png does not exist; check the path"),
+    (lambda _, here: mps.open_photo(), "no photo was named"),
+    (lambda _, here: mps.open_photo(filepath=str(here / "nowhere.png")), "nowhere.png does not exist; check the path"),
     (photo_not_an_image, "cannot be read as an image"),
-    (photo_ending, "renders are written as OpenEXR"),
-    (photo_folder, "does not exist; create it first"),
+    (lambda _, here: mps.render_photo(output=str(here / "photo.png")), "renders are written as OpenEXR"),
+    (lambda _, here: mps.render_photo(output=str(here / "nowhere" / "photo.exr")), "does not exist; create it first"),
     (photo_black, "the photo is black inside the mask"),
-    (mask_not_named, "the mask is a file but none is named"),
-    (mask_not_there, "nowhere.png does not exist"),
+    (lambda _, here: mps.estimate(mask="FILE"), "the mask is a file but none is named"),
+    (lambda _, here: mps.estimate(mask="FILE", mask_file=str(here / "nowhere.png")), "nowhere.png does not exist"),
     (mask_of_another_size, "they must be the same size"),
-    (rig_file_not_there, "nowhere.json does not exist"),
-    (model_not_named, "the model is a file but none is named"),
-    (model_not_there, "nowhere.onnx does not exist"),
-    (unknown_ending, "the ending .jpg is not known"),
+    (lambda _, here: mps.estimate(rig_file=str(here / "nowhere.json")), "nowhere.json does not exist"),
+    (lambda _, here: mps.estimate(model="FILE"), "the model is a file but none is named"),
+    (lambda _, here: mps.estimate(model="FILE", model_file=str(here / "nowhere.onnx")), "nowhere.onnx does not exist"),
+    (lambda _, here: mps.estimate(output=str(here / "normals.jpg")), "the ending .jpg is not known"),
     (no_normals, "Estimate the normals first"),
     (normals_gone, "has no file on disk"),
     (no_target, "there is no target to bake onto"),
-    (no_such_target, 'there is no object "Nobody" in the scene'),
-    (target_not_a_mesh, "is not a mesh but light"),
+    (lambda _, here: mps.bake(target="Nobody"), 'there is no object "Nobody" in the scene'),
+    (lambda scene, here: mps.bake(target=scene.mps.rig.lights[0].object.name), "is not a mesh but light"),
     (target_without_uvs, "has no UV map; unwrap it first"),
-    (no_such_uv_map, 'has no UV map "Lightmap"; choose "UVMap"'),
+    (lambda _, here: mps.bake(uv_map="Lightmap"), 'has no UV map "Lightmap"; choose "UVMap"'),
     (target_without_faces, "has no faces"),
     (target_not_seen, "no view sees any of the mesh"),
     (material_without_shader, 'no material of "Sphere" has a shader with a Normal input; add a Principled BSDF'),
 ]
 
 
-@pytest.mark.parametrize(("wrong", "sentence"), CASES, ids=[case.__name__ for case, _ in CASES])
+@pytest.mark.parametrize(("wrong", "sentence"), CASES, ids=[sentence for _, sentence in CASES])
 def test_bad_input_is_one_sentence(wrong, sentence, estimated, scene, tmp_path):
     scene.mps.estimate.output = ""
     refused(wrong, sentence, scene, tmp_path)
 
 
 TRAINING_DATA_CASES = [
-    (folder_not_named, "no folder is named for the samples; name one"),
+    (lambda _, here: mps.render_samples(output=""), "no folder is named for the samples; name one"),
     (folder_of_another_job, "holds another job: its shapes is blobs, not reliefs"),
-    (folder_without_parent, "does not exist; create it first"),
+    (lambda _, here: mps.render_samples(output=str(here / "no" / "samples")), "does not exist; create it first"),
     (folder_a_file, "photo is a file; name a folder for the samples"),
-    (no_kind_of_shape, "has no shapes; choose some"),
-    (meshes_not_named, "takes shapes from meshes but has no folder of them"),
-    (meshes_not_there, "none does not exist; check the path"),
+    (lambda _, here: mps.render_samples(kinds=set(), output=str(here / "samples")), "has no shapes; choose some"),
+    (
+        lambda _, here: mps.render_samples(source="MESHES", output=str(here / "samples")),
+        "takes shapes from meshes but has no folder of them",
+    ),
+    (
+        lambda _, here: mps.render_samples(source="MESHES", meshes=str(here / "none"), output=str(here / "samples")),
+        "none does not exist; check the path",
+    ),
     (no_mesh_selected, "no mesh object is selected; select what the samples shall show"),
     (painted_image_not_saved, 'the image "Painted" was changed and not saved; save or pack it first'),
 ]
 
 
 @pytest.mark.parametrize(
-    ("wrong", "sentence"), TRAINING_DATA_CASES, ids=[case.__name__ for case, _ in TRAINING_DATA_CASES]
+    ("wrong", "sentence"), TRAINING_DATA_CASES, ids=[sentence for _, sentence in TRAINING_DATA_CASES]
 )
 def test_bad_input_for_training_data_is_one_sentence(wrong, sentence, scene, tmp_path):
     bpy.ops.mesh.primitive_cube_add()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dng import write_dng
 
+from blender_addon.images import pixels_of
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind, State
 from mpsnet_core.io.image_reading import read_image, read_mask
@@ -47,9 +48,7 @@ def test_what_is_shown_is_what_is_estimated(on_grey, scene, tmp_path, choice):
 
 def paint(image, rows, columns, colour):
     """Brush strokes: the picture's pixels, its first row on top, become a colour."""
-    width, height = image.size
-    pixels = np.empty((height, width, image.channels), np.float32)
-    image.pixels.foreach_get(pixels.ravel())
+    pixels = pixels_of(image)
     pixels[::-1][rows, columns] = colour
     image.pixels.foreach_set(pixels.ravel())
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.images import fine_preview, image_file, load_image
+from blender_addon.images import fine_preview, image_file, load_image, pixels_of
 from blender_addon.outputs import file_name, output_path, unique_name
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
@@ -19,12 +19,6 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
-
-
-def pixels(image):
-    values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
-    image.pixels.foreach_get(values)
-    return values
 
 
 def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scene, tmp_path):
@@ -61,13 +55,13 @@ def test_a_matte_sphere_is_estimated_within_half_a_degree_where_all_lights_reach
 def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp_path):
     bpy.ops.mps.add_rig()
     bpy.ops.mps.render_photo(width=32, height=32, samples=1)
-    first = pixels(scene.mps.photo.image)
+    first = pixels_of(scene.mps.photo.image)
     bpy.ops.mps.add_rig(slant=50.0)
     bpy.ops.mps.render_photo()
-    assert not np.allclose(pixels(scene.mps.photo.image), first), "the image still shows the first photo"
+    assert not np.allclose(pixels_of(scene.mps.photo.image), first), "the image still shows the first photo"
     bpy.ops.mps.estimate()
     bpy.ops.mps.bake(size=32)
-    before = pixels(scene.mps.bake.image)
+    before = pixels_of(scene.mps.bake.image)
     names = [Path(image.filepath) for image in (scene.mps.photo.image, scene.mps.bake.image)]
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     for name in names:
@@ -77,14 +71,14 @@ def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     scene = bpy.context.scene
-    assert np.array_equal(pixels(scene.mps.bake.image), before)
+    assert np.array_equal(pixels_of(scene.mps.bake.image), before)
     # The rig was moved, but the photo knows the lights and the camera that it was taken with.
     bpy.ops.mps.bake(output=str(tmp_path / "again_texture.png"))
-    assert np.array_equal(pixels(scene.mps.bake.image), before)
+    assert np.array_equal(pixels_of(scene.mps.bake.image), before)
     bpy.ops.mps.estimate(output=str(tmp_path / "again.png"))
     bpy.ops.mps.bake()
     assert read_normals(tmp_path / "again.png").mask.any()
-    assert np.array_equal(pixels(scene.mps.bake.image), before)
+    assert np.array_equal(pixels_of(scene.mps.bake.image), before)
 
 
 def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):

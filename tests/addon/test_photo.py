@@ -15,7 +15,7 @@ from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 
-from .rendering import matte, pixels
+from .rendering import matte, pixels, shader_of
 
 
 def channels(path):
@@ -289,8 +289,7 @@ def glowing():
 
 
 def emission(material, name):
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    return shader.inputs[f"Emission {name}"]
+    return shader_of(material.node_tree).inputs[f"Emission {name}"]
 
 
 def test_a_glowing_material_is_refused(sphere, tmp_path):

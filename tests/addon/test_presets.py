@@ -15,10 +15,9 @@ from blender_addon.image_records import remember
 from blender_addon.images import load_image
 from mpsnet_core import read_image, write_camera, write_normals
 
-from .rendering import matte
+from .rendering import array_of, matte
 from .test_bake_against_blender import (
     add_sun,
-    array_of,
     camera_at,
     detailed_object,
     normal_view,

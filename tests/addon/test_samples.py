@@ -73,16 +73,16 @@ def sphere(radius: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), 
     return smooth_shape(points * radius + centre, triangles, points)
 
 
-def seen_sphere(view: Camera, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normals and depth of a sphere at the origin at the pixels' middles, and the pixels well inside its outline."""
+def seen_sphere(view: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normals and depth of the unit sphere at the pixels' middles, and the pixels well inside its outline."""
     x, y = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
     origins, directions = view.rays(np.stack([x.ravel(), y.ravel()], 1))
     half = (origins * directions).sum(1)
-    root = half**2 - (origins**2).sum(1) + radius**2
+    root = half**2 - (origins**2).sum(1) + 1
     points = origins + (-half - np.sqrt(np.maximum(root, 0)))[:, None] * directions
     shape = (view.height, view.width)
     depth = view.world_from_camera[2, 3] - points[:, 2]
-    return points.reshape(*shape, 3) / radius, depth.reshape(shape), (root > 0.1 * radius**2).reshape(shape)
+    return points.reshape(*shape, 3), depth.reshape(shape), (root > 0.1).reshape(shape)
 
 
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])

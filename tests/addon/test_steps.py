@@ -276,6 +276,20 @@ def test_it_is_doubted_that_the_virtual_rig_lit_a_real_photo(photographed, scene
     assert lights_of(scene).doubt == ""
 
 
+def setting(step, **values):
+    """Gives a step's settings these values."""
+
+    def spoil(scene, tmp_path):
+        for name, value in values.items():
+            setattr(getattr(scene.mps, step), name, value)
+
+    return spoil
+
+
+def removing(name):
+    return lambda scene, tmp_path: (tmp_path / name).unlink()
+
+
 def no_lights(scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "alone.exr"))
     bpy.ops.mps.remove_rig()
@@ -298,34 +312,6 @@ def the_lights_are_near_and_no_camera_is_known(scene, tmp_path):
     scene.mps.estimate.rig_file = str(tmp_path / "near.json")
 
 
-def the_photo_is_gone(scene, tmp_path):
-    (tmp_path / "photo.exr").unlink()
-
-
-def no_model_is_named(scene, tmp_path):
-    scene.mps.estimate.model = "FILE"
-
-
-def no_mask_is_named(scene, tmp_path):
-    scene.mps.estimate.mask = "FILE"
-
-
-def the_background_is_gone(scene, tmp_path):
-    scene.mps.estimate.mask, scene.mps.estimate.background = "BACKGROUND", str(tmp_path / "gone.exr")
-
-
-def the_dark_frame_is_gone(scene, tmp_path):
-    scene.mps.estimate.dark = str(tmp_path / "gone.exr")
-
-
-def albedo_without_a_white_photo(scene, tmp_path):
-    scene.mps.estimate.albedo = True
-
-
-def the_normals_are_gone(scene, tmp_path):
-    (tmp_path / "normals.png").unlink()
-
-
 def no_camera_saw_the_normals(scene, tmp_path):
     scene.mps.estimate.image = bpy.data.images.load(copied(tmp_path, "normals.png", "others.png"))
     bpy.ops.mps.remove_rig()
@@ -334,10 +320,6 @@ def no_camera_saw_the_normals(scene, tmp_path):
 def no_uv_map(scene, tmp_path):
     mesh = bpy.context.object.data
     mesh.uv_layers.remove(mesh.uv_layers[0])
-
-
-def another_uv_map(scene, tmp_path):
-    scene.mps.bake.uv_map = "Gone"
 
 
 def no_faces(scene, tmp_path):
@@ -381,16 +363,16 @@ def the_photo_measures_nobody_knows_what(scene, tmp_path):
         (MPS_PT_estimate, no_lights),
         (MPS_PT_estimate, the_rig_file_is_gone),
         (MPS_PT_estimate, the_lights_are_near_and_no_camera_is_known),
-        (MPS_PT_estimate, the_photo_is_gone),
-        (MPS_PT_estimate, no_model_is_named),
-        (MPS_PT_estimate, no_mask_is_named),
-        (MPS_PT_estimate, the_background_is_gone),
-        (MPS_PT_estimate, the_dark_frame_is_gone),
-        (MPS_PT_estimate, albedo_without_a_white_photo),
-        (MPS_PT_bake, the_normals_are_gone),
+        (MPS_PT_estimate, removing("photo.exr")),
+        (MPS_PT_estimate, setting("estimate", model="FILE")),
+        (MPS_PT_estimate, setting("estimate", mask="FILE")),
+        (MPS_PT_estimate, setting("estimate", mask="BACKGROUND", background="/nowhere/gone.exr")),
+        (MPS_PT_estimate, setting("estimate", dark="/nowhere/gone.exr")),
+        (MPS_PT_estimate, setting("estimate", albedo=True)),
+        (MPS_PT_bake, removing("normals.png")),
         (MPS_PT_bake, no_camera_saw_the_normals),
         (MPS_PT_bake, no_uv_map),
-        (MPS_PT_bake, another_uv_map),
+        (MPS_PT_bake, setting("bake", uv_map="Gone")),
         (MPS_PT_bake, no_faces),
         (MPS_PT_bake, nothing_is_selected_to_bake_onto),
         (MPS_PT_material, the_photo_measures_nobody_knows_what),

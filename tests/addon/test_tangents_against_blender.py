@@ -12,6 +12,8 @@ import pytest
 from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 
+from .rendering import array_of
+
 Build = Callable[[], None]
 
 
@@ -52,10 +54,9 @@ def mirrored_monkey() -> None:
     """Both halves share their UVs, so that one half's run the other way round."""
     monkey()
     layer = bpy.context.object.data.uv_layers.active.data
-    uvs = np.empty(2 * len(layer), np.float32)
-    layer.foreach_get("uv", uvs)
-    uvs[0::2] = np.abs(uvs[0::2] - 0.5)
-    layer.foreach_set("uv", uvs)
+    uvs = array_of(layer, "uv", 2)
+    uvs[:, 0] = np.abs(uvs[:, 0] - 0.5)
+    layer.foreach_set("uv", uvs.ravel())
 
 
 def torus_with_mirrored_faces() -> None:
@@ -124,12 +125,6 @@ SHAPES = [
     uneven_grid,
     grid_with_collapsed_uvs,
 ]
-
-
-def array_of(collection: "bpy.types.bpy_prop_collection", name: str, width: int) -> np.ndarray:
-    values = np.empty(len(collection) * width, np.float32)
-    collection.foreach_get(name, values)
-    return values.reshape(-1, width)
 
 
 class BlendersCorners:

@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 from mathutils import Matrix, Vector
 from synthetic import degrees_between
 
+from blender_addon.images import pixels_of
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import Texture
@@ -17,14 +18,14 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 
-from .rendering import nodes_of
+from .rendering import array_of, nodes_of
 from .test_bake_against_blender import (
     SIDES,
     activate,
-    array_of,
     core_mesh,
     detailed_object,
     normal_view,
+    normals_of,
     set_up_cycles,
     simplified,
     with_materials,
@@ -63,19 +64,6 @@ def blender_bakes(detailed: "bpy.types.Object", simple: "bpy.types.Object") -> N
     activate(simple, detailed)
     bpy.context.scene.cycles.samples = 1
     bpy.ops.object.bake(type="NORMAL", use_selected_to_active=True, cage_extrusion=0.03, margin=0, use_clear=True)
-
-
-def normals_of(colours: np.ndarray) -> np.ndarray:
-    """(S, S, 3) the vectors that colours stand for; zero where nothing was baked."""
-    vectors = colours[..., :3] * 2 - 1
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.where(np.abs(length - 1) < 0.05, vectors / np.maximum(length, 1e-6), 0)
-
-
-def pixels_of(image: "bpy.types.Image") -> np.ndarray:
-    pixels = np.empty(4 * SIZE * SIZE, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(SIZE, SIZE, 4)[::-1]
 
 
 def judge(texture: Texture, reference: np.ndarray, name: str) -> None:
@@ -137,7 +125,7 @@ def test_several_objects_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_
     for one, low, (_, texture) in zip(detailed, simple, made, strict=True):
         image = image_for(low.data.materials[0], tmp_path / f"{low.name}.exr", [])
         blender_bakes(one, low)
-        judge(texture, normals_of(pixels_of(image)), low.name)
+        judge(texture, normals_of(pixels_of(image)[::-1]), low.name)
 
 
 def test_several_materials_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
@@ -157,8 +145,7 @@ def test_several_materials_agree_with_blenders_bake(scene: "bpy.types.Scene", tm
     blender_bakes(detailed, simple)
     assert sorted(str(texture_set.material) for texture_set, _ in made) == ["First", "Other"]
     for texture_set, texture in made:
-        judge(
-            texture, normals_of(pixels_of(images[texture_set.material == "Other"])), f"material {texture_set.material}"
-        )
+        image = images[texture_set.material == "Other"]
+        judge(texture, normals_of(pixels_of(image)[::-1]), f"material {texture_set.material}")
     covered = [texture.covered for _, texture in made]
     assert not (covered[0] & covered[1]).any()

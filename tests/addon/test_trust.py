@@ -56,8 +56,8 @@ def hostile(sphere, scene, tmp_path):
     return ran
 
 
-def opened(tmp_path, *, scripts=False):
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "hostile.blend"), use_scripts=scripts)
+def opened(tmp_path):
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "hostile.blend"), use_scripts=False)
 
 
 def rendered(tmp_path, name="job"):

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.images import pixels_of
 from blender_addon.start.try_it import MPS_OT_try_it
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.image_reading import read_data
@@ -38,12 +39,6 @@ def demo(scene, tried):
     return bpy.context.scene
 
 
-def pixels(image) -> np.ndarray:
-    flat = np.empty(4 * image.size[0] * image.size[1], np.float32)
-    image.pixels.foreach_get(flat)
-    return flat.reshape(image.size[1], image.size[0], 4)
-
-
 def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
     assert demo.name == "MPS Demo" and bpy.data.scenes["Scene"].mps.rig.lights.keys() == []
     images = [demo.mps.photo.image, demo.mps.estimate.image, demo.mps.bake.image]
@@ -52,7 +47,7 @@ def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
     low = bpy.context.view_layer.objects.active
     assert low.name == "Demo Low Poly" and low.visible_get() and not low.hide_render
     assert not bpy.data.objects["Demo Detailed"].visible_get()
-    assert np.ptp(pixels(images[2])[..., :2]) > 0.5  # relief, not a flat blue
+    assert np.ptp(pixels_of(images[2])[..., :2]) > 0.5  # relief, not a flat blue
 
 
 def test_the_demo_shows_what_the_normals_are_worth(demo, tmp_path):
@@ -64,7 +59,7 @@ def test_the_demo_shows_what_the_normals_are_worth(demo, tmp_path):
     world, _ = read_data(truth, layer="Normal")
     _, alpha = read_data(truth, layer="Combined")
     turn = np.array(demo.mps.rig.camera.matrix_world.normalized().to_3x3(), np.float32)
-    estimate = pixels(demo.mps.estimate.image)[::-1]
+    estimate = pixels_of(demo.mps.estimate.image)[::-1]
     inside = (alpha > 0.99) & (estimate[..., 3] > 0.99)
     assert angular_error(estimate[inside][:, :3] * 2 - 1, world[inside] @ turn).mean() < 12
 

@@ -16,6 +16,7 @@ from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import decode
 
+from .rendering import shader_of
 from .test_steps import Kind, stands
 
 SIZE = 96
@@ -116,11 +117,11 @@ def test_white_photos_give_the_material_its_colour(around, scene, tmp_path):
         white = photo.sum(axis=-1, keepdims=True) * colour * exposure
         write_image(tmp_path / "white" / f"side{number}_white.exr", white)
     bpy.ops.mps.bake_views(level=False, white=str(tmp_path / "white"))
-    nodes = around.data.materials[0].node_tree.nodes
-    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    tree = around.data.materials[0].node_tree
+    shader = shader_of(tree)
     shown = shader.inputs["Base Color"].links[0].from_node.image
     assert shown.colorspace_settings.name == "sRGB"
-    assert shader.inputs["Normal"].links[0].from_node == nodes["MPS Normal"]
+    assert shader.inputs["Normal"].links[0].from_node == tree.nodes["MPS Normal"]
     band = read_albedo(shown.filepath)[40:88]
     assert np.abs(band / band.sum(axis=-1, keepdims=True) - colour / colour.sum()).max() < 0.01
     assert np.quantile(np.abs(band / np.median(band, axis=(0, 1)) - 1), 0.9) < 0.1

@@ -11,6 +11,8 @@ from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import read_normals
 
+from .rendering import shader_of
+
 COLOUR = np.array([0.6, 0.3, 0.15])
 
 
@@ -46,7 +48,7 @@ def test_the_albedo_is_baked_beside_the_normals(white, photographed, tmp_path, t
 def test_the_material_shows_albedo_and_normals_once_each(white, photographed, tmp_path, capfd):
     """An artist's texture makes room, and is named; another bake takes the nodes of the first."""
     tree = photographed.data.materials[0].node_tree
-    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = shader_of(tree)
     painted = tree.nodes.new("ShaderNodeTexImage")
     tree.links.new(painted.outputs["Color"], shader.inputs["Base Color"])
     bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, albedo=True, output=str(tmp_path / "n.png"))

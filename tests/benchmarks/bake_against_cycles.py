@@ -1,7 +1,7 @@
 """How long a bake from one view or several takes, as a share of Cycles' selected-to-active bake of the same mesh and
 size.
 
-    python tests/benchmarks/bake_against_cycles.py [--mesh FILE] [--size 2048] [--margin 16] [--views 1] [--rounds 5]
+    PYTHONPATH=.:tests/core python tests/benchmarks/bake_against_cycles.py [--size 2048] [--views 1] [--rounds 5]
 
 Needs pip's bpy. The mesh is MPSNET_TEST_DATA/meshes/test/bunny.obj, or a bumpy sphere where there is none; its copy
 has a tenth of its faces. Both bake with the same number of threads, in turn, each round anew: Cycles from its scene,
@@ -14,56 +14,18 @@ import os
 import statistics
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 from quiet import quiet
+from surface_shapes import camera_looking, sphere_view
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap
+from tests.addon.test_bake_against_blender import activate, detailed_object, mesh_of, simplified
 
-
-def array_of(collection: object, name: str, width: int, kind: type = np.float32) -> np.ndarray:
-    values = np.empty(len(collection) * width, kind)
-    collection.foreach_get(name, values)
-    return values.reshape(-1, width)
-
-
-def build(path: Path | None) -> tuple[bpy.types.Object, bpy.types.Object]:
-    """The detailed object, 2 across, and its unwrapped copy with a tenth of the faces."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    if path is None:
-        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7)
-    else:
-        bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z")
-    detailed = bpy.context.object
-    points = array_of(detailed.data.vertices, "co", 3)
-    low, high = points.min(axis=0), points.max(axis=0)
-    points = (points - (low + high) / 2) * 2 / np.linalg.norm(high - low)
-    if path is None:
-        points *= 1 + 0.02 * np.sin(20 * points[:, :1]) * np.sin(18 * points[:, 1:2])
-    detailed.data.vertices.foreach_set("co", points.ravel())
-    detailed.data.update()
-    detailed.data.polygons.foreach_set("use_smooth", [True] * len(detailed.data.polygons))
-
-    simple = detailed.copy()
-    simple.data = detailed.data.copy()
-    bpy.context.scene.collection.objects.link(simple)
-    bpy.ops.object.select_all(action="DESELECT")
-    simple.select_set(True)
-    bpy.context.view_layer.objects.active = simple
-    modifier = simple.modifiers.new("Decimate", "DECIMATE")
-    modifier.ratio = 0.1
-    bpy.ops.object.modifier_apply(modifier=modifier.name)
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.uv.smart_project(island_margin=0.003)
-    bpy.ops.object.mode_set(mode="OBJECT")
-    detailed.select_set(True)
-    return detailed, simple
+MARGIN = 16
 
 
 def prepare_cycles(simple: bpy.types.Object, size: int, threads: int) -> None:
@@ -80,56 +42,39 @@ def prepare_cycles(simple: bpy.types.Object, size: int, threads: int) -> None:
     simple.data.materials.append(material)
 
 
-def core_arrays(simple: bpy.types.Object) -> dict[str, np.ndarray]:
-    mesh = simple.data
-    mesh.calc_tangents()
-    tangents = np.concatenate([array_of(mesh.loops, "tangent", 3), array_of(mesh.loops, "bitangent_sign", 1)], axis=1)
-    return {
-        "vertices": array_of(mesh.vertices, "co", 3).astype(np.float64),
-        "triangles": array_of(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
-        "corner_normals": array_of(mesh.corner_normals, "vector", 3).reshape(-1, 3, 3),
-        "uvs": array_of(mesh.uv_layers.active.data, "uv", 2).reshape(-1, 3, 2),
-        "given_tangents": tangents.reshape(-1, 3, 4),
-    }
-
-
-def view_from(azimuth: float, pixels: int = 1024) -> View:
+def view_from(azimuth: float) -> View:
     """Seen from the front, or from an azimuth in radians; what the normals say does not matter for the time."""
-    sine, cosine = np.sin(azimuth), np.cos(azimuth)
-    pose = np.array([[cosine, 0, sine, 5 * sine], [sine, 0, -cosine, -5 * cosine], [0, 1, 0, 0], [0, 0, 0, 1]], float)
-    camera = Camera("orthographic", pixels, pixels, [pixels / 2.1] * 2, None, pose)
-    return View(camera, NormalMap(np.ones((pixels, pixels, 3)), np.ones((pixels, pixels), bool)))
+    return sphere_view(camera_looking((np.sin(azimuth), -np.cos(azimuth), 0), size=1024, distance=5, reach=1.05))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Time the bake against Cycles' own.")
-    parser.add_argument("--mesh", type=Path)
     parser.add_argument("--size", type=int, default=2048)
-    parser.add_argument("--margin", type=int, default=16)
     parser.add_argument("--views", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
     bunny = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "meshes" / "test" / "bunny.obj"
-    mesh_file = arguments.mesh or (bunny if bunny.is_file() else None)
+    mesh_file = bunny if bunny.is_file() else None
     threads = os.cpu_count() or 1  # what the core uses
 
     with quiet():
-        detailed, simple = build(mesh_file)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        detailed = detailed_object(mesh_file, subdivisions=7)
+        simple = simplified(detailed, len(detailed.data.polygons) // 10)
+        activate(simple, detailed)
         prepare_cycles(simple, arguments.size, threads)
-    arrays = core_arrays(simple)
+    mesh = mesh_of(simple)
     views = [view_from(azimuth) for azimuth in np.arange(arguments.views) * 2 * np.pi / arguments.views]
     print(f"{mesh_file or 'a bumpy sphere'}: {len(detailed.data.polygons)} faces onto {len(simple.data.polygons)},")
-    size, margin = arguments.size, arguments.margin
-    print(f"{size} x {size} texels, margin {margin}, {len(views)} view(s), {threads} threads")
+    size = arguments.size
+    print(f"{size} x {size} texels, margin {MARGIN}, {len(views)} view(s), {threads} threads")
 
     def cycles() -> None:
         with quiet():
-            bpy.ops.object.bake(
-                type="NORMAL", use_selected_to_active=True, cage_extrusion=0.03, margin=arguments.margin
-            )
+            bpy.ops.object.bake(type="NORMAL", use_selected_to_active=True, cage_extrusion=0.03, margin=MARGIN)
 
     def core() -> None:
-        bake_normals(Mesh(**arrays), views, size=arguments.size, margin=arguments.margin)
+        bake_normals(replace(mesh), views, size=size, margin=MARGIN)
 
     # By the clock, and of processor time.
     spent: dict[str, list[tuple[float, float]]] = {"cycles": [], "core": []}

@@ -1,6 +1,6 @@
 """How a displaced low poly looks beside its high poly, and beside the same with its normal map alone.
 
-    python tests/benchmarks/displacement.py [--faces 6000] [--size 1024] [--normals estimated] [--pictures FOLDER]
+    python tests/benchmarks/displacement.py [--faces 6000] [--size 1024] [--normals estimated]
 
 Needs pip's bpy and the statues in MPSNET_TEST_DATA/meshes/scans. Each is decimated, unwrapped by Smart UV Project,
 and baked onto from one view of the high poly: its true normals, or those estimated from a photo under the rig. Cycles
@@ -181,27 +181,11 @@ def difference(found: list[np.ndarray], truth: list[np.ndarray]) -> list[tuple[f
     return figures
 
 
-def keep_picture(path: Path, looks_of: list[list[np.ndarray]]) -> None:
-    """All of them on one sheet, a row for each side."""
-    rows = [np.concatenate([one[side] for one in looks_of], axis=1) for side in range(2)]
-    sheet = np.concatenate(rows)
-    grey = np.clip(sheet[..., :3], 0, 1) ** (1 / 2.2) + 0.25 * (1 - sheet[..., 3:])
-    height, width, _ = sheet.shape
-    image = bpy.data.images.new("Sheet", width, height)
-    image.pixels.foreach_set(
-        np.concatenate([grey, np.ones((height, width, 1))], axis=-1)[::-1].astype(np.float32).ravel()
-    )
-    image.filepath_raw, image.file_format = str(path), "PNG"
-    image.save()
-    bpy.data.images.remove(image)
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description="Render displaced low polys beside their high polys.")
     parser.add_argument("--faces", type=int, default=6000)
     parser.add_argument("--size", type=int, default=1024)
     parser.add_argument("--normals", choices=("true", "estimated"), default="true")
-    parser.add_argument("--pictures", type=Path)
     parser.add_argument("--statue", action="append", choices=STATUES)
     arguments = parser.parse_args()
     scans = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "meshes" / "scans"
@@ -219,9 +203,6 @@ def main() -> int:
             for method in METHODS:
                 bpy.ops.mps.displace(target=low.name, method=method, output=str(folder / "height.exr"))
                 worn[f"displaced, {method.lower()}"] = looks(low, [high], folder, method.lower())
-            if arguments.pictures:
-                arguments.pictures.mkdir(exist_ok=True)
-                keep_picture(arguments.pictures / f"{statue}.png", [truth, *worn.values()])
         print(statue.partition("_")[2])
         figures = {what: difference(found, truth) for what, found in worn.items()}
         alone = figures["normal map alone"]

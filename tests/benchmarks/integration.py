@@ -17,6 +17,7 @@ from functools import partial
 
 import numpy as np
 from height_shapes import square_camera, two_spheres
+from memory import peak
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.relief.integration.bilateral import PASSES, chosen_sides
@@ -27,10 +28,6 @@ from mpsnet_core.relief.integration.multigrid import Links
 from mpsnet_core.scene.camera import pixel_camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-try:
-    import resource
-except ImportError:  # Windows
-    resource = None  # type: ignore[assignment]
 try:
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
@@ -143,13 +140,6 @@ def large(method: Method, size: int) -> None:
         f"{method}, {size} x {size}: {clock:.1f} s ({spent:.1f} s of processor), {error(heights, truth, normals.mask)};"
     )
     print(f"  peak of memory {peak():.0f} MB, of which {before:.0f} MB to make the normals", flush=True)
-
-
-def peak() -> float:
-    """Megabytes that this process held at most."""
-    if resource is None:
-        return float("nan")
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 20 if sys.platform == "darwin" else 1 << 10)
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """What many large photos cost beside their estimates, and the peak memory: 40 of 24 megapixels onto 8192 x 8192 texels.
 
-    python tests/benchmarks/many_photos.py [--photos 40] [--baked 3 5] [--megapixels 24] [--size 8192]
+    PYTHONPATH=tests/core python tests/benchmarks/many_photos.py [--megapixels 24] [--size 8192]
 
 Estimating all of them takes long and shows nothing that one does not: a sphere looks the same from all sides, so one
 photo of it is estimated, as `mpsnet views` does it, and its normals on disk are those of every other view. What the
@@ -19,7 +19,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from bake_by_size import peak_memory, sphere
+from memory import peak
+from surface_shapes import sphere_mesh, upright
 
 from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.feather import FEATHER
@@ -36,13 +37,15 @@ from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import published_rig
 
+# So many photos, of which so many views are baked instead.
+PHOTOS, FEW, MORE = 40, 3, 5
+
 
 def camera_at(azimuth: float, width: int, height: int) -> Camera:
     """Beside the sphere, which almost fills the image's height."""
-    z = np.array([np.cos(azimuth), np.sin(azimuth), 0])
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([[-z[1], z[0], 0], [0, 0, 1], z], axis=1)
-    pose[:3, 3] = 8 * z
+    pose[:3, :3] = upright((np.cos(azimuth), np.sin(azimuth), 0))
+    pose[:3, 3] = 8 * pose[:3, 2]
     return Camera("perspective", width, height, [3.6 * height] * 2, None, pose)
 
 
@@ -85,17 +88,13 @@ def bake_seconds(mesh: Mesh, kept: list[KeptView], cameras: list[Camera], size: 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--photos", type=int, default=40)
-    parser.add_argument("--baked", type=int, nargs=2, default=[3, 5], help="how many views are baked instead")
     parser.add_argument("--megapixels", type=float, default=24)
     parser.add_argument("--size", type=int, default=8192)
-    parser.add_argument("--faces", type=int, default=100_000)
     options = parser.parse_args()
     width = round((options.megapixels * 1e6 * 1.5) ** 0.5)
     height = round(width / 1.5)
-    few, more = options.baked
-    mesh = sphere(options.faces)
-    cameras = [camera_at(2 * np.pi * number / more, width, height) for number in range(more)]
+    mesh = sphere_mesh(320, 160)
+    cameras = [camera_at(2 * np.pi * number / MORE, width, height) for number in range(MORE)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         first = KeptView(folder, "0")
@@ -104,23 +103,23 @@ def main() -> int:
         print(f"{width} x {height} pixels, {captured[0].mask.mean():.0%} object", flush=True)
         estimated = list[NormalMap]()
         alone = seconds(lambda: estimated.append(estimator(captured[0])))
-        print(f"the estimate alone: {alone:.1f} s of processor time; {peak_memory()}", flush=True)
+        print(f"the estimate alone: {alone:.1f} s of processor time; {peak():.0f} MB at most", flush=True)
         kept = [first]
         beside = seconds(lambda: first.write(captured.pop(), estimated.pop(), "benchmark"))
-        kept += [linked(folder, str(number), first) for number in range(1, more)]
+        kept += [linked(folder, str(number), first) for number in range(1, MORE)]
         scene = RayScene.of(mesh)
         agreed, stored = agreement(mesh, scene, FEATHER), KeptViews(kept, cameras, mesh, scene, LEVEL_SCALE)
         beside += seconds(lambda: agreed.add("0", *stored.both(0)))
-        print(f"writing it, reading it again and comparing it: {beside:.1f} s; {peak_memory()}", flush=True)
+        print(f"writing it, reading it again and comparing it: {beside:.1f} s; {peak():.0f} MB at most", flush=True)
         texture = folder / "texture.png"
-        taken = [bake_seconds(mesh, kept[:count], cameras[:count], options.size, texture) for count in (few, more)]
-    each = (taken[1] - taken[0]) / (more - few)
-    once = taken[0] - few * each
-    rest = once + options.photos * (each + beside)
-    share = options.photos * alone / (options.photos * alone + rest)
+        taken = [bake_seconds(mesh, kept[:count], cameras[:count], options.size, texture) for count in (FEW, MORE)]
+    each = (taken[1] - taken[0]) / (MORE - FEW)
+    once = taken[0] - FEW * each
+    rest = once + PHOTOS * (each + beside)
+    share = PHOTOS * alone / (PHOTOS * alone + rest)
     print(
-        f"the bake: {once:.1f} s for the texture and {each:.1f} s for each view; {peak_memory()}\n"
-        f"{options.photos} photos: {options.photos * alone:.0f} s of estimates and {rest:.0f} s of all else: "
+        f"the bake: {once:.1f} s for the texture and {each:.1f} s for each view; {peak():.0f} MB at most\n"
+        f"{PHOTOS} photos: {PHOTOS * alone:.0f} s of estimates and {rest:.0f} s of all else: "
         f"{share:.0%} of the speed of what the estimates alone take"
     )
     return int(share < 0.8)

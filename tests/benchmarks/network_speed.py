@@ -1,20 +1,17 @@
 """How quick the default network is beside the published ones, and beside a plain matrix product.
 
-python tests/benchmarks/network_speed.py [--model multiscale] [--threads 1] [--rounds 3] [--patches 64] [--large]
+python tests/benchmarks/network_speed.py [--rounds 3] [--patches 64] [--large]
 
 All on the same cores, in turns, on an object that fills 512 x 512 pixels, in processor time, which tells more where
 other programs run. The default is also timed under lights that stand at other angles. PS-FCN and the patch-wise
 MPS-Net have their published widths and fresh weights (which do not change the time); MPS-Net is timed on a few patches
 and multiplied.
---large measures the peak memory of `mpsnet estimate` on photos of 16, 36 and 100 megapixels, too, where the system
-tells it.
+--large measures the peak memory of `mpsnet estimate` on photos of 16, 36 and 100 megapixels, too.
 Needs torch and onnx (pip install '.[train]').
 """
 
 import argparse
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -29,10 +26,10 @@ import mpsnet_core  # noqa: F401 - before onnxruntime, which sends telemetry oth
 import onnx
 import onnxruntime
 import torch
+from memory import peak_of_estimate
 from onnx import TensorProto, helper
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, ModelCard
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
@@ -41,7 +38,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
-SIDE, LARGE = 512, (4096, 6000, 10_000)
+THREADS, SIDE, LARGE = 1, 512, (4096, 6000, 10_000)
 # Degrees of the first light in the picture, which stands straight up (90) in what the networks see.
 TILTS = (20, 57, 135, 250)
 
@@ -81,7 +78,7 @@ def multiply_adds(path: Path, side: int) -> int:
     small = {node.output[0]: node.output[0] if node.op_type == "Conv" else node.input[0] for node in layers}
     told = {value.name for value in model.graph.output}
     model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in small.values() if name not in told)
-    run = session(model.SerializeToString(), 0)
+    run = session(model.SerializeToString())
     given = {
         value.name: np.ones(
             [
@@ -97,24 +94,25 @@ def multiply_adds(path: Path, side: int) -> int:
     return sum(int(np.prod(sizes[small[node.output[0]]])) * int(np.prod(shapes[node.input[1]][1:])) for node in layers)
 
 
-def session(model: bytes | str, threads: int) -> onnxruntime.InferenceSession:
+def session(model: bytes | str) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
+    options.intra_op_num_threads = THREADS
     return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
 
-def matrix_product(threads: int, side: int = 1024) -> Callable[[], object]:
+def matrix_product() -> Callable[[], object]:
+    side = 1024
     values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, (side, side)) for name in "abc"]
     graph = helper.make_graph([helper.make_node("MatMul", ["a", "b"], ["c"])], "product", values[:2], values[2:])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    run = session(model.SerializeToString(), threads)
+    run = session(model.SerializeToString())
     given = {name: np.random.default_rng(0).random((side, side), np.float32) for name in "ab"}
     return lambda: run.run(None, given)
 
 
-def alone(path: Path, threads: int) -> Callable[[], object]:
+def alone(path: Path) -> Callable[[], object]:
     """The network without what the program does around it."""
-    run = session(str(path), threads)
+    run = session(str(path))
     random = np.random.default_rng(0)
     given = {}
     for value in run.get_inputs():
@@ -128,47 +126,29 @@ def capture(side: int, rig: LightRig) -> Capture:
     return Capture(random.random((side, side, 3), np.float32) + 0.1, np.ones((side, side), bool), rig)
 
 
-# Linux counts what the process that starts another had in memory; this one is small.
-PEAK = """
-import resource, subprocess, sys
-subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
-"""
-
-
-def peak_memory(side: int, model: Path, rig: LightRig, folder: Path) -> float | None:
+def peak_memory(side: int, model: Path, rig: LightRig, folder: Path) -> float:
     """Megabytes (10^6 bytes) that `mpsnet estimate` takes at most."""
-    if sys.platform == "win32":  # tells no peak of a child
-        return None
     write_image(folder / "large.png", capture(side, rig).image)
     write_rig(folder / "rig.json", rig)
-    command = [sys.executable, "-m", "mpsnet_core", "estimate", folder / "large.png", "--rig", folder / "rig.json"]
-    command += ["--mask", "none", "--model", model, "--confidence", folder / "c.png", "-o", folder / "n.png"]
-    done = subprocess.run([sys.executable, "-c", PEAK, *command], check=True, capture_output=True, text=True)
-    return int(done.stdout) * (1 if sys.platform == "darwin" else 1024) / 1e6
+    outputs = ["--confidence", folder / "c.png", "-o", folder / "n.png"]
+    return peak_of_estimate(
+        folder / "large.png", "--rig", folder / "rig.json", "--mask", "none", "--model", model, *outputs
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Time the networks beside each other.")
-    parser.add_argument(
-        "--model", default="multiscale", help="the default network: a name, an .onnx file, or fresh weights"
-    )
-    parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--patches", type=int, default=64, help="how many MPS-Net is timed on")
     parser.add_argument("--large", action="store_true", help="also measure the peak memory on large photos")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        try:
-            ours = find_network(arguments.model).path
-        except InputError:
-            ours = fresh("multiscale", folder / "multiscale.onnx")
-            print("multiscale with fresh weights")
+        ours = find_network("multiscale").path
         few = round(arguments.patches**0.5)
         up, odd = published_rig(), {tilt: published_rig(first_tilt=tilt) for tilt in TILTS}
         models = {
-            name: Estimator(path, threads=arguments.threads)
+            name: Estimator(path, threads=THREADS)
             for name, path in (
                 ("default", ours),  # one pass, as sequences have
                 ("int8", find_network("multiscale-int8").path),
@@ -186,8 +166,8 @@ def main() -> None:
             "multiscale-int8": (lambda: models["int8"](whole), 1),
             "psfcn": (lambda: models["psfcn"](whole), 1),
             "mpsnet": (lambda: models["mpsnet"](part), SIDE**2 / few**2),
-            "network alone": (alone(ours, arguments.threads), 1),
-            "matrix product": (matrix_product(arguments.threads), 1),
+            "network alone": (alone(ours), 1),
+            "matrix product": (matrix_product(), 1),
         }
         seconds: dict[str, list[float]] = {name: [] for name in cases}
         for _ in range(arguments.rounds):
@@ -205,8 +185,7 @@ def main() -> None:
         )
         print(f"{done / SIDE**2 / 1e3:.1f} thousand multiply-adds a pixel, at {share:.0%} of a matrix product's rate")
         for side in LARGE if arguments.large else ():
-            peak = peak_memory(side, ours, odd[57], folder)
-            print("no peak memory here" if peak is None else f"{peak:.0f} MB at most for {side} x {side} pixels")
+            print(f"{peak_memory(side, ours, odd[57], folder):.0f} MB at most for {side} x {side} pixels")
 
 
 if __name__ == "__main__":

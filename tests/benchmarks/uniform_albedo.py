@@ -1,6 +1,6 @@
 """How long solving a matt surface of one colour takes, beside a pass of the default network on the same photo.
 
-python tests/benchmarks/uniform_albedo.py [--size 1200]
+PYTHONPATH=tests/core python tests/benchmarks/uniform_albedo.py [--size 1200]
 
 Processor time of a painted ball, of which the photo proves its colour, and of a glossy one, of which it does not.
 """
@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from synthetic import shaded_sphere
 
-from mpsnet_core import Capture, NormalMap, published_rig
+from mpsnet_core import Capture, NormalMap
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import MODELS_FOLDER
 from mpsnet_core.estimate.uniform_albedo import refined
@@ -20,13 +21,9 @@ PAINT = (0.9, 0.5, 0.3)
 
 
 def ball(size: int, gloss: float) -> Capture:
-    down, right = 2 * (np.mgrid[:size, :size] + 0.5) / size - 1
-    x, y = right, -down
-    mask = x * x + y * y < 0.98
-    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x * x - y * y, 0))], axis=-1)
-    rig = published_rig()
-    cosines = np.maximum(normals @ rig.directions.T, 0)
-    return Capture((cosines * PAINT + gloss * cosines**20).astype(np.float32), mask, rig)
+    sphere = shaded_sphere(size, albedo=PAINT)
+    cosines = np.maximum(sphere.normals @ sphere.rig.directions.T, 0)
+    return sphere.capture(image=(sphere.image + gloss * cosines**20).astype(np.float32))
 
 
 def spent(work: Callable[[], object]) -> float:

@@ -53,8 +53,8 @@ class Bench:
         write_rig(self / name, SPHERE.rig)
         return self.changed(self / name, changes)
 
-    def camera(self, name: str = "camera.json", *, pose: np.ndarray | None = None, **changes: Any) -> Path:
-        write_camera(self / name, Camera("orthographic", 16, 16, (8, 8), None, np.eye(4) if pose is None else pose))
+    def camera(self, name: str = "camera.json", **changes: Any) -> Path:
+        write_camera(self / name, Camera("orthographic", 16, 16, (8, 8)))
         return self.changed(self / name, changes)
 
     def changed(self, path: Path, changes: dict[str, Any]) -> Path:
@@ -71,8 +71,8 @@ class Bench:
         assert old in data
         return self.bytes(path.name, data.replace(old, new))
 
-    def mask(self, name: str = "mask.png", values: np.ndarray = SPHERE.mask) -> Path:
-        return write_file(self / name, values, "uint8")
+    def mask(self, values: np.ndarray = SPHERE.mask) -> Path:
+        return write_file(self / "mask.png", values, "uint8")
 
     def normals(self, name: str = "normals.png", size: int = 16) -> Path:
         sphere = shaded_sphere(size)

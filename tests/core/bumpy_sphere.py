@@ -10,9 +10,9 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def bumpy_sphere(points: np.ndarray, radius: float = 1.0) -> np.ndarray:
-    """(N, 3) normals of the sphere r = radius + AMPLITUDE waves, in the directions of `points`."""
+def bumpy_sphere(points: np.ndarray) -> np.ndarray:
+    """(N, 3) normals of the sphere r = 1 + AMPLITUDE waves, in the directions of `points`."""
     p = unit(points)
     gradient = AMPLITUDE * waves_gradient(p)
     across = gradient - (gradient * p).sum(axis=1, keepdims=True) * p
-    return unit((radius + AMPLITUDE * waves(p))[:, None] * p - across)
+    return unit((1 + AMPLITUDE * waves(p))[:, None] * p - across)

@@ -88,7 +88,7 @@ def first_on_sphere(origins: np.ndarray, towards: np.ndarray, world_from_object:
         return start + along * ((-b + np.sqrt(b**2 - a * c)) / a)[:, None]
 
 
-def sphere_view(camera: Camera, world_from_object: np.ndarray | None = None, confidence: float = 1.0) -> View:
+def sphere_view(camera: Camera, world_from_object: np.ndarray | None = None) -> View:
     """What a camera sees of the unit sphere: exact normals in camera space."""
     pose = np.eye(4) if world_from_object is None else world_from_object
     row, column = np.mgrid[: camera.height, : camera.width].reshape(2, -1) + 0.5
@@ -100,7 +100,7 @@ def sphere_view(camera: Camera, world_from_object: np.ndarray | None = None, con
     normals = seen @ np.linalg.inv(pose[:3, :3]) @ camera.world_from_camera[:3, :3]
     mask = np.isfinite(normals).all(axis=1).reshape(camera.height, camera.width)
     vectors = np.nan_to_num(normals).reshape(*mask.shape, 3)
-    return View(camera, NormalMap(vectors, mask, np.full(mask.shape, confidence)))
+    return View(camera, NormalMap(vectors, mask))
 
 
 @dataclass(frozen=True)

@@ -155,25 +155,13 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"),
             "photo.exr…no alpha channel…give a mask file or a threshold",
         ),
-        (
-            "threshold in words",
-            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:low"),
-            "photo.exr…from 0 up to 1, not 'low'; 0.05",
-        ),
-        (
-            "threshold without number",
-            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:"),
-            "photo.exr…from 0 up to 1, not ''",
-        ),
-        (
-            "threshold above 1",
-            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:1.5"),
-            "from 0 up to 1, not '1.5'",
-        ),
-        (
-            "threshold not finite",
-            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:nan"),
-            "from 0 up to 1, not 'nan'",
+        *(
+            (
+                f"threshold {text!r}",
+                lambda b, text=text: read_capture(b.photo(), SPHERE.rig, mask=f"threshold:{text}"),
+                f"photo.exr…from 0 up to 1, not '{text}'; 0.05",
+            )
+            for text in ("low", "", "1.5", "nan")
         ),
         (
             "black",

@@ -31,9 +31,9 @@ def bin_centres() -> tuple[Array, Array, Array]:
     return np.meshgrid(half, difference, azimuth, indexing="ij")
 
 
-def write_merl(path: Path, values: Array, bins: tuple[int, ...] = BINS) -> None:
+def write_merl(path: Path, values: Array) -> None:
     with path.open("wb") as file:
-        np.array(bins, "<i4").tofile(file)
+        np.array(BINS, "<i4").tofile(file)
         (values / SCALE).transpose(3, 0, 1, 2).astype("<f8").tofile(file)
 
 

@@ -24,9 +24,9 @@ STEP = 1 / (WHITE - BLACK)
 COLOUR = (0.2, 0.5, 0.8)
 
 
-def counted(image: np.ndarray, black: int = BLACK) -> np.ndarray:
+def counted(image: np.ndarray) -> np.ndarray:
     """What a 14-bit sensor counts, 1 being its end."""
-    return np.rint(np.clip(black + image * (WHITE - black), 0, WHITE))
+    return np.rint(np.clip(BLACK + image * (WHITE - BLACK), 0, WHITE))
 
 
 def flat(height: int = 48, width: int = 60) -> np.ndarray:
