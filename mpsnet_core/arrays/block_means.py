@@ -16,3 +16,17 @@ def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.fl
         rows = np.nan_to_num(pixels[row * factor : (row + 1) * factor], posinf=0, neginf=0)
         small[row] = np.add.reduceat(rows.mean(axis=0, dtype=np.float32), starts, axis=0) / counts
     return small
+
+
+def means_inside(
+    image: NDArray[np.float32], mask: NDArray[np.bool_], halvings: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Means (h, w, C) over the mask's pixels in blocks of 2**halvings, and which blocks (h, w) hold any."""
+    if halvings == 0:
+        return np.where(mask[..., None], image, np.float32(0)), mask
+    total = np.concatenate([image, np.ones((*mask.shape, 1), np.float32)], axis=-1) * mask[..., None]
+    for _ in range(halvings):
+        total = np.pad(total, [(0, total.shape[0] % 2), (0, total.shape[1] % 2), (0, 0)])
+        total = total[0::2] + total[1::2]
+        total = total[:, 0::2] + total[:, 1::2]
+    return total[..., :-1] / np.maximum(total[..., -1:], 1), total[..., -1] > 0

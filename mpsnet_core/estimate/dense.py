@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, upsampled
@@ -172,7 +173,7 @@ class _Photo:
             )
             inside = self.capture.mask[pixels_of_part]
             pixels = self.capture.image[pixels_of_part].astype(np.float32, copy=False)
-            image[part], mask[part] = _means(pixels, inside, halving)
+            image[part], mask[part] = means_inside(pixels, inside, halving)
         return self.capture.rig.unmixed(image), mask
 
     def _own_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
@@ -184,18 +185,6 @@ class _Photo:
             for side, part in zip(self.box, (rows, columns), strict=True)
         )
         return first, second
-
-
-def _means(image: Floats, mask: NDArray[np.bool_], halving: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Means (h, w, 3) over the mask's pixels in blocks of 2**halving, and which blocks (h, w) hold any."""
-    if halving == 0:
-        return np.where(mask[..., None], image, np.float32(0)), mask
-    total = np.concatenate([image, np.ones((*mask.shape, 1), np.float32)], axis=-1) * mask[..., None]
-    for _ in range(halving):
-        total = np.pad(total, [(0, total.shape[0] % 2), (0, total.shape[1] % 2), (0, 0)])
-        total = total[0::2] + total[1::2]
-        total = total[:, 0::2] + total[:, 1::2]
-    return total[..., :3] / np.maximum(total[..., 3:], 1), total[..., 3] > 0
 
 
 def _previous(answer: NDArray[np.floating[Any]], window: Window) -> Floats:

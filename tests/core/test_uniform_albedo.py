@@ -11,6 +11,8 @@ from synthetic import degrees_between
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.uniform_albedo import refine, refined
+from mpsnet_core.estimate.uniform_albedo.halving import halved
+from mpsnet_core.io.image import SATURATED_SHARE
 from mpsnet_core.scene.normal_map import NormalMap
 
 PAINT = np.array([0.9, 0.5, 0.3])
@@ -65,6 +67,48 @@ def test_a_cast_shadow_of_one_light_is_solved_by_the_two_others(scenes: dict[str
     after = errors(refined(scene.capture(image=image), network(scene)), scene)
     assert after[shadow].mean() < 0.4 * errors(network(scene), scene)[shadow].mean()
     assert after[scene.lit & ~shadow].mean() < 0.3
+
+
+@pytest.mark.parametrize("name", ["distant", "wide lens", "near lights"])
+def test_noise_hides_no_proof(name: str, scenes: dict[str, Scene]) -> None:
+    """At full resolution lengths differ by more than any proof allows; at less of it the noise is averaged out."""
+    scene = scenes[name]
+    noise = np.random.default_rng(1).normal(1, 0.04, scene.image.shape)
+    before, after = network(scene), refined(painted(scene, PAINT * noise), network(scene))
+    assert errors(before, scene)[scene.lit].mean() > 5
+    assert errors(after, scene)[scene.lit].mean() < 2
+    assert 90 * (1 - after.confidence[scene.lit]).mean() == pytest.approx(errors(after, scene)[scene.lit].mean(), abs=2)
+
+
+def test_noise_in_a_proven_colour_is_averaged_out(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scenes["distant"]
+    capture = painted(scene, PAINT * np.random.default_rng(1).normal(1, 0.015, scene.image.shape))
+    mended = refined(capture, network(scene))
+    monkeypatch.setattr(refine, "LEAST_OBJECT", np.inf)
+    alone = refined(capture, network(scene))
+    assert errors(alone, scene)[scene.lit].mean() < 3
+    assert errors(mended, scene)[scene.lit].mean() < 0.7 * errors(alone, scene)[scene.lit].mean()
+
+
+def test_half_the_resolution_shows_means_of_the_mask(scenes: dict[str, Scene]) -> None:
+    scene = scenes["distant"]
+    odd = slice(0, 121), slice(0, 97)
+    image, mask = scene.image[odd], scene.mask[odd]
+    capture = Capture(image, mask, scene.rig, clip=0.9)
+    estimate = NormalMap(scene.normals[odd].astype(np.float32), mask)
+    small, normals = halved(capture, estimate)
+    assert small.mask.shape == (61, 49)
+    for row, column in np.ndindex(61, 49):
+        block = slice(2 * row, 2 * row + 2), slice(2 * column, 2 * column + 2)
+        inside = mask[block]
+        assert small.mask[row, column] == inside.any()
+        if inside.any():
+            np.testing.assert_allclose(small.image[row, column], image[block][inside].mean(axis=0), atol=1e-6)
+            assert (
+                small.saturated[row, column] == (image[block][inside] >= capture.clip * SATURATED_SHARE).any(axis=0)
+            ).all()
+            total = estimate.vectors[block][inside].sum(axis=0)
+            np.testing.assert_allclose(normals.vectors[row, column], total / np.linalg.norm(total), atol=1e-5)
 
 
 def glossy(scene: Scene) -> np.ndarray:
