@@ -96,7 +96,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "6fc7124815e38db5249b641aad64e04b3799c680523f2377e1c34707b5667e46",
+        "2b87e2bbefa4440d4ed60b9a513636159a0c717ba3c22862df5ba978ddeedc0c",
     ),
     _rival(
         "demultiplexer",
