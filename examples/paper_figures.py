@@ -21,12 +21,10 @@ from numpy.typing import NDArray
 
 from mpsnet_core import InputError
 from mpsnet_core.io.image_writing import write_picture
-from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
-from mpsnet_core.learning.evaluation.materials import Materials
 from mpsnet_core.learning.evaluation.measure import Result, measure
+from mpsnet_core.learning.evaluation.operations import EvaluateDiligent, EvaluateMaterials, EvaluateRendered
 from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS, TABLE_2
-from mpsnet_core.learning.evaluation.rendered import Rendered
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, case_picture
 from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, contact_sheet, cropped, error_picture
 
@@ -58,7 +56,7 @@ def main() -> None:
 
 def figure_5(merl: str) -> str:
     """The chart of the materials' errors."""
-    materials = Materials(merl, size=BLOB_SIZE)
+    materials = EvaluateMaterials(merl=merl, size=BLOB_SIZE).evaluation()
     rows = [row for results in measured(materials) for row in materials.rows(results)]
     print(materials.table(rows))
     return materials.charts(rows)[0]
@@ -66,7 +64,7 @@ def figure_5(merl: str) -> str:
 
 def figure_6(meshes: Path, merl: str) -> NDArray[np.float32]:
     """One view of each mesh, of one and of several materials: normals and errors of each network."""
-    rendered = Rendered([meshes], merl=merl, views=1, size=MESH_SIZE)
+    rendered = EvaluateRendered(mesh=(str(meshes),), merl=merl, views=1, size=MESH_SIZE).evaluation()
     pictures = [case_picture(results) for results in measured(rendered)]
     width = max(picture.shape[1] for picture in pictures)
     missing = [[(0, 0), (0, width - one.shape[1]), (0, 0)] for one in pictures]
@@ -78,7 +76,8 @@ def figure_6(meshes: Path, merl: str) -> NDArray[np.float32]:
 def figure_8(root: Path) -> NDArray[np.float32]:
     """Errors on DiLiGenT's objects: a row for each, a column for each network."""
     tiles = []
-    objects = Diligent(root, lights=[LIGHTS], protocols=["published"])
+    lights = ",".join(map(str, LIGHTS))
+    objects = EvaluateDiligent(folder=str(root), lights=(lights,), protocol=("published",)).evaluation()
     for results in measured(objects):
         case = results[0].case
         pictures = [error_picture(one.error.astype(np.float64), case.scored, HIGHEST_ERROR) for one in results]

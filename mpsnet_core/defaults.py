@@ -40,11 +40,3 @@ OVERLAP = 0.2
 MIN_OVERLAP, MAX_OVERLAP = 0.05, 0.5
 BEND = 4
 MAX_BEND = 12
-
-# Tests of models: the side of synthetic photos in pixels, the views of each mesh, and what is photographed of statues.
-SYNTHETIC_SIZE = 256
-MESH_VIEWS = 2
-STATUE_SIZE = 640
-STATUE_SLANT = 30.0
-# Of the first light: straight above the camera, where networks turn no picture, and two odd angles.
-STATUE_TILTS = (90.0, 107.0, 131.0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mpsnet_core.bake.base_detail_removal import BaseMap, note_shares, remove_base_details
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
+from mpsnet_core.bake.low_frequency_correction import levelling, turned
 from mpsnet_core.bake.projection import View
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
@@ -61,13 +61,13 @@ class BakeInputs:
 class ViewReader:
     """How views are read to be baked.
 
-    convention: of their normal maps. level: the levelling's scale as a share of the mesh's size, 0 for none.
-    base_maps: the maps that the mesh wears, to be taken out of the views.
+    level: the levelling's scale as a share of the mesh's size, 0 for none. base_maps: the maps that the mesh wears, to
+    be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). convention: of the views' normal maps.
     """
 
-    convention: Convention
     level: float
     base_maps: Sequence[BaseMap] = ()
+    convention: Convention = "opengl"
 
     def read(
         self,
@@ -90,20 +90,25 @@ class ViewReader:
             with located(f"view {one.camera}={one.normals}"):
                 normals = read_normals(one.normals, convention=self.convention, confidence=one.confidence)
                 view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
-                if self.base_maps and scene is not None:
-                    before = None if known is None else known[number]
-                    normals, found = remove_base_details(
-                        view.normals, view.camera, whole, scene, self.base_maps, before
-                    )
-                    view = replace(view, normals=normals)
+                if scene is not None:
+                    _, view, _, found = self.prepared(view, whole, scene, known[number] if known else None)
                     shares.append(found)
-                if self.level and scene is not None:
-                    normals = correct_low_frequencies(view.normals, view.camera, whole, scene, scale=self.level)
-                    view = replace(view, normals=normals)
                 views.append(view)
         if known is None:
             note_shares(shares)
         return views, shares
+
+    def prepared(
+        self, view: View, mesh: Mesh, scene: RayScene, known: Sequence[float] | None = None
+    ) -> tuple[View, View, float, Sequence[float]]:
+        """A view without the present maps' relief, the same levelled, the mean angle of that in degrees, and the shares
+        of the relief that were taken out, or are `known`."""
+        normals, shares = remove_base_details(view.normals, view.camera, mesh, scene, self.base_maps, known)
+        estimated = replace(view, normals=normals)
+        if not self.level:
+            return estimated, estimated, 0.0, shares
+        by = levelling(normals, view.camera, mesh, scene, scale=self.level)
+        return estimated, replace(view, normals=turned(normals, by)), by.mean_angle, shares
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:

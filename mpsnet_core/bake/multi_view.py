@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
-from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_details
 from mpsnet_core.bake.colour_matching import matched
-from mpsnet_core.bake.low_frequency_correction import levelling, turned
+from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
@@ -266,22 +265,14 @@ def _shape(mesh: Mesh) -> str:
 class KeptViews(Sequence[View]):
     """Views whose normals lie on disk: read, and levelled against the mesh, each time one is requested.
 
-    level: the levelling's scale as a share of the mesh's size, 0 for none. base_maps: the maps that the mesh wears, to
-    be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). shares: how much of each map each view
-    shows, once it was read. gains: (V, 3) what the views' colours are multiplied by.
+    shares: how much of each map that the mesh wears each view shows, once it was read. gains: (V, 3) what the views'
+    colours are multiplied by.
     """
 
     def __init__(
-        self,
-        kept: Sequence[KeptView],
-        cameras: Sequence[Camera],
-        mesh: Mesh,
-        scene: RayScene,
-        level: float,
-        base_maps: Sequence[BaseMap] = (),
+        self, kept: Sequence[KeptView], cameras: Sequence[Camera], mesh: Mesh, scene: RayScene, reader: ViewReader
     ) -> None:
-        self.kept, self.cameras, self.mesh, self.scene, self.level = kept, cameras, mesh, scene, level
-        self.base_maps = base_maps
+        self.kept, self.cameras, self.mesh, self.scene, self.reader = kept, cameras, mesh, scene, reader
         self.gains = np.ones((len(kept), 3), np.float32)
         self._shares: dict[int, Sequence[float]] = {}
 
@@ -297,18 +288,10 @@ class KeptViews(Sequence[View]):
 
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
-        camera = self.cameras[number]
-        estimated = self.kept[number].read(camera)
-        if self.base_maps:
-            known = self._shares.get(number)
-            normals, found = remove_base_details(
-                estimated.normals, camera, self.mesh, self.scene, self.base_maps, known
-            )
-            self._shares[number], estimated = found, replace(estimated, normals=normals)
-        if not self.level:
-            return estimated, estimated, 0.0
-        by = levelling(estimated.normals, camera, self.mesh, self.scene, scale=self.level)
-        return estimated, replace(estimated, normals=turned(estimated.normals, by)), by.mean_angle
+        view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
+        estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
+        self._shares[number] = found
+        return estimated, levelled, angle
 
 
 def estimate_views(

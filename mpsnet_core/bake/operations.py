@@ -361,7 +361,7 @@ class Bake(LaysOnto):
         )
         progress(0.0, "reading the mesh")
         plan = self.planned(target, [*inputs.files, *self._onto_files()], albedo=bool(self.albedo))
-        reader = ViewReader(self.normals_convention, self.level_scale(), plan.base_maps.in_photos())
+        reader = ViewReader(self.level_scale(), plan.base_maps.in_photos(), self.normals_convention)
         seen, _ = reader.read(inputs.views, plan.meshes, part(progress, 0.05, 0.15))
         if self.albedo and len(seen) > 1:
             seen = matched_views(seen, plan.meshes, baking.feather)
@@ -389,7 +389,7 @@ class Bake(LaysOnto):
         base_maps = [one_base_map(self.onto, self.onto_convention, self.onto_shown)] if self.onto else []
         outcome = bake_sequence(
             frames,
-            ViewReader(self.normals_convention, level, base_maps),
+            ViewReader(level, base_maps, self.normals_convention),
             baking,
             target,
             recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
@@ -531,6 +531,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
+        from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, check_photos, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
         from mpsnet_core.io.files import check_apart
@@ -560,7 +561,8 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         with contextlib.ExitStack() as stack:
             folder = self._folder(stack)
             kept = [KeptView(folder, view.name, bool(self.white)) for view in views]
-            stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.base_maps.in_photos())
+            reader = ViewReader(level, plan.base_maps.in_photos())
+            stored = KeptViews(kept, [view.camera for view in views], mesh, scene, reader)
             agreed = agreement(mesh, scene, FEATHER)
             known = estimate_views(
                 views, sources, photography, estimator, stored, agreed, progress=part(progress, 0.02, 0.72)

@@ -24,6 +24,7 @@ from surface_shapes import sphere_mesh, upright
 
 from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.feather import FEATHER
+from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.multi_view import KeptView, KeptViews
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.view_agreement import agreement
@@ -80,7 +81,7 @@ def linked(folder: Path, name: str, first: KeptView) -> KeptView:
 
 def bake_seconds(mesh: Mesh, kept: list[KeptView], cameras: list[Camera], size: int, file: Path) -> float:
     def bake() -> None:
-        views = KeptViews(kept, cameras, mesh, RayScene.of(mesh), LEVEL_SCALE)
+        views = KeptViews(kept, cameras, mesh, RayScene.of(mesh), ViewReader(LEVEL_SCALE))
         write_texture(file, bake_normals(mesh, views, size=size, feather=FEATHER))
 
     return seconds(bake)
@@ -108,7 +109,7 @@ def main() -> int:
         beside = seconds(lambda: first.write(captured.pop(), estimated.pop(), "benchmark"))
         kept += [linked(folder, str(number), first) for number in range(1, MORE)]
         scene = RayScene.of(mesh)
-        agreed, stored = agreement(mesh, scene, FEATHER), KeptViews(kept, cameras, mesh, scene, LEVEL_SCALE)
+        agreed, stored = agreement(mesh, scene, FEATHER), KeptViews(kept, cameras, mesh, scene, ViewReader(LEVEL_SCALE))
         beside += seconds(lambda: agreed.add("0", *stored.both(0)))
         print(f"writing it, reading it again and comparing it: {beside:.1f} s; {peak():.0f} MB at most", flush=True)
         texture = folder / "texture.png"

@@ -10,9 +10,10 @@ from bad_input import cut, gets_one_clear_sentence
 from conftest import Mpsnet
 from synthetic import degrees_between, diligent_object, mat_file
 
-from mpsnet_core.learning.evaluation.diligent import PROTOCOLS, Diligent, read_diligent, read_truth
+from mpsnet_core.learning.evaluation.diligent import PROTOCOLS, read_diligent, read_truth
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Row, measure
+from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
 
 COLOURED = (0.3, 0.2, 0.1)
@@ -42,7 +43,7 @@ def test_a_capture_is_multiplexed_by_its_protocol(tmp_path: Path, protocol: str)
 @pytest.mark.parametrize("protocol", CHANNELS)
 def test_the_white_photo_has_all_three_lights_and_the_same_channels(tmp_path: Path, protocol: str) -> None:
     sphere = diligent_object(tmp_path, "ball", COLOURED)
-    test = Diligent(tmp_path, lights=[(2, 3, 1)], protocols=[protocol], white=True)
+    test = EvaluateDiligent(folder=tmp_path, lights="2,3,1", protocol=protocol, white=True).evaluation()
     (alone,), (beside,) = measure(test.cases, ["lambertian"])
     total = sum(np.maximum(sphere.normals @ sphere.rig.directions[k], 0) for k in (0, 1, 2))
     np.testing.assert_allclose(beside.case.capture.white, total[..., None] * CHANNELS[protocol], atol=1e-4)
@@ -54,7 +55,7 @@ def test_the_white_photo_has_all_three_lights_and_the_same_channels(tmp_path: Pa
 def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Path) -> None:
     sphere = diligent_object(tmp_path, "ball")
     diligent_object(tmp_path, "cow", COLOURED)
-    test = Diligent(tmp_path, lights=[(1, 2, 3)])
+    test = EvaluateDiligent(folder=tmp_path, lights="1,2,3").evaluation()
     results = {
         (result.case.labels["object"], result.case.labels["protocol"]): result
         for (result,) in measure(test.cases, ["lambertian"])
@@ -74,7 +75,7 @@ def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Pat
 def test_only_the_objects_asked_for_are_measured(tmp_path: Path) -> None:
     for name in ("ball", "cow"):
         diligent_object(tmp_path, name)
-    test = Diligent(tmp_path, objects=["cow", "cat"], lights=[(1, 2, 3)], protocols=["white"])
+    test = EvaluateDiligent(folder=tmp_path, object=["cow", "cat"], lights="1,2,3", protocol="white").evaluation()
     assert [case().labels["object"] for case in test.cases] == ["cow"]
     assert test.skipped() == ["absent, skipped: cat"]
 
@@ -89,7 +90,7 @@ def test_the_paper_stands_beside_what_was_measured_by_its_own_protocol(tmp_path:
     diligent_object(tmp_path, "ball")
     triples = PUBLISHED_LIGHTS[:2]
     assert triples == ((48, 1, 96), (8, 41, 89))
-    test = Diligent(tmp_path, lights=triples)
+    test = EvaluateDiligent(folder=tmp_path, lights=["48,1,96", "8,41,89"]).evaluation()
     errors = {"ball": (4.0, 5.0), "goblet": (10.0, 12.0)}
     rows = [
         row(name, triple, protocol, error)

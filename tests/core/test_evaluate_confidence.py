@@ -9,8 +9,7 @@ from synthetic import degrees_between, diligent_object
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.learning.evaluation.confidence import ConfidencePool, error_by_confidence
-from mpsnet_core.learning.evaluation.diligent import Diligent
-from mpsnet_core.learning.evaluation.evaluation import evaluate
+from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 
 
 def test_ranks_correlate_as_spearman_says() -> None:
@@ -66,10 +65,16 @@ def test_a_networks_confidence_is_reported(tmp_path: Path) -> None:
     outputs = {"normals": ("n", 3, None, None), "confidence": ("n", 1, None, None)}
     nodes = [conv("x", "normals", "w"), conv("x", "confidence", "z")]
     model = write_model(tmp_path / "faces.onnx", nodes, weights, card(), outputs=outputs)
-    test = Diligent(tmp_path / "pmsData", lights=[(1, 2, 3)], protocols=["separated"])
-    told = evaluate(test, [str(model)], report=tmp_path / "report.html")
+    test = EvaluateDiligent(
+        folder=tmp_path / "pmsData",
+        lights="1,2,3",
+        protocol="separated",
+        model=model,
+        output=tmp_path / "report.html",
+    )
+    told = test.run()
     (row,), (calibration,) = told.rows, told.confidence
-    case = test.cases[0]()
+    case = test.evaluation().cases[0]()
     light = np.linalg.solve(case.capture.rig.directions, case.capture.image[case.scored].T).T
     light /= np.linalg.norm(light, axis=1, keepdims=True)
     error = degrees_between(light, case.truth[case.scored])

@@ -16,9 +16,8 @@ from synthetic import degrees_between
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.estimate.estimator import estimate_normals, lambertian_normals
-from mpsnet_core.learning.evaluation.evaluation import evaluate
 from mpsnet_core.learning.evaluation.measure import measure
-from mpsnet_core.learning.evaluation.samples import Samples
+from mpsnet_core.learning.evaluation.operations import EvaluateSamples
 from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.sample import write_sample
@@ -34,7 +33,7 @@ def samples(tmp_path: Path) -> Path:
 
 
 def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
-    first, again = (list(measure(Samples([samples]).cases, ["lambertian"])) for _ in range(2))
+    first, again = (list(measure(EvaluateSamples(folder=samples).evaluation().cases, ["lambertian"])) for _ in range(2))
     assert len(first) == 4
     for (one,), (other,) in zip(first, again, strict=True):
         np.testing.assert_array_equal(one.case.capture.image, other.case.capture.image)
@@ -45,7 +44,7 @@ def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
 
 
 def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> None:
-    told = evaluate(Samples([samples], count=1, magnify=(1, 2)), ["lambertian"])
+    told = EvaluateSamples(folder=samples, count=1, magnify=(1, 2), model="lambertian").run()
     one, two = told.rows
     assert (one["magnify"], two["magnify"]) == (1, 2)
     assert one["mae_deg"] == pytest.approx(two["mae_deg"], abs=0.05)
@@ -53,7 +52,8 @@ def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> Non
 
 
 def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
-    (alone,), (beside,) = measure(Samples([samples], count=1, white=True).cases, ["lambertian"])
+    test = EvaluateSamples(folder=samples, count=1, white=True).evaluation()
+    (alone,), (beside,) = measure(test.cases, ["lambertian"])
     assert (alone.row().labels["photos"], beside.row().labels["photos"]) == (1, 2)
     assert alone.case.capture.white is None and beside.case.capture.white is not None
     np.testing.assert_array_equal(alone.case.truth, beside.case.truth)
@@ -83,7 +83,7 @@ def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
     for number in range(job.count):
         make_sample(job, number, tmp_path / f"sample_{number:06d}.exr")
     expected, errors = [], []
-    for case in (make() for make in Samples([tmp_path]).cases):
+    for case in (make() for make in EvaluateSamples(folder=tmp_path).evaluation().cases):
         normals = estimate_normals(case.capture)
         expected.append(90 * (1 - normals.confidence[case.scored]))
         errors.append(angular_error(normals.vectors, case.truth)[case.scored])

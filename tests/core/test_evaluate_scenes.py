@@ -10,17 +10,8 @@ import trimesh
 from bad_input import gets_one_clear_sentence
 from synthetic import degrees_between, matt_fits
 
-from mpsnet_core.learning.evaluation.colour import (
-    CHANGE,
-    COLOURINGS,
-    NEAR,
-    ColourChanges,
-    near_colour_edges,
-    surface_colours,
-)
-from mpsnet_core.learning.evaluation.evaluation import evaluate
-from mpsnet_core.learning.evaluation.materials import Materials
-from mpsnet_core.learning.evaluation.rendered import Rendered
+from mpsnet_core.learning.evaluation.colour import CHANGE, COLOURINGS, NEAR, near_colour_edges, surface_colours
+from mpsnet_core.learning.evaluation.operations import EvaluateColour, EvaluateMaterials, EvaluateRendered
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, published_view
 from mpsnet_core.synthesis.draws import generator, new_seed
 from mpsnet_core.synthesis.recipe import Material
@@ -42,8 +33,13 @@ def test_no_job_draws_the_held_out_shapes() -> None:
 def test_materials_are_reported_apart_by_what_the_baseline_cannot_know(tmp_path: Path) -> None:
     """Equation 2 is right about matt grey under any protocol, and about matt colour once that is averaged away."""
     fits = matt_fits(tmp_path / "fits.npz", grey=(0.3, 0.3, 0.3), red=(0.6, 0.1, 0.1), rust=(0.4, 0.25, 0.2))
-    test = Materials(fits, protocols=["separated", "white"], size=SIZE)
-    told = evaluate(test, ["lambertian-grey-world"], report=tmp_path / "report.html")
+    told = EvaluateMaterials(
+        merl=fits,
+        protocol=["separated", "white"],
+        size=SIZE,
+        model="lambertian-grey-world",
+        output=tmp_path / "report.html",
+    ).run()
     assert {row["model"] for row in told.rows} == {"lambertian", "lambertian-grey-world"}
     found = errors([row for row in told.rows if row["model"] == "lambertian"], "material", "protocol")
     assert found["grey", "separated"] == pytest.approx(found["grey", "white"], abs=1e-3)
@@ -71,7 +67,7 @@ def test_meshes_are_shown_upright_from_around_in_one_and_in_several_materials(tm
     ball.export(tmp_path / "meshes" / "ball.ply")
     pole = trimesh.creation.box(extents=(1, 4, 1))  # files have y up
     pole.export(tmp_path / "meshes" / "pole.ply")
-    test = Rendered([tmp_path / "meshes"], views=2, size=SIZE)
+    test = EvaluateRendered(mesh=tmp_path / "meshes", views=2, size=SIZE).evaluation()
     cases = {
         (case.labels["object"], case.labels["view"], case.labels["materials"]): case
         for case in (make() for make in test.cases)
@@ -98,9 +94,8 @@ def test_measured_materials_are_the_held_out_ones(tmp_path: Path) -> None:
     shown = dict.fromkeys("bcde", (0.05, 0.6, 0.05))
     fits = matt_fits(tmp_path / "fits.npz", a=(0.4, 0.4, 0.4), **shown, f=(0.6, 0.05, 0.05))
     trimesh.creation.icosphere(subdivisions=4).export(tmp_path / "ball.ply")
-    test = Rendered([tmp_path / "ball.ply"], merl=fits, views=1, protocols=["separated"], size=SIZE)
-    one, several = (make().capture.image for make in test.cases)
-    assert len(test.cases) == 2
+    given = EvaluateRendered(mesh=tmp_path / "ball.ply", merl=fits, views=1, protocol="separated", size=SIZE)
+    one, several = (make().capture.image for make in given.evaluation().cases)
     # The middle faces the camera, equally far from all three lights.
     for photo in (one, several):
         red, green, _ = photo[SIZE // 2 - 2 : SIZE // 2 + 2, SIZE // 2 - 2 : SIZE // 2 + 2].mean(axis=(0, 1))
@@ -109,7 +104,7 @@ def test_measured_materials_are_the_held_out_ones(tmp_path: Path) -> None:
 
 def test_colours_may_have_a_white_photo_which_takes_them_away() -> None:
     """Divided by it, the blob in many colours is nearly as the white one: both shine alike, but one paint is dark."""
-    cases = [make() for make in ColourChanges(size=SIZE, protocols=["published"], white=True).cases]
+    cases = [make() for make in EvaluateColour(size=SIZE, white=True).evaluation().cases]
     kinds = {(case.labels["colouring"], case.labels["photos"]): case.capture for case in cases}
     plain, painted = kinds["white", 2], kinds["hard cells", 2]
     assert kinds["white", 1].white is None and plain.white is not None and painted.white is not None
@@ -120,14 +115,14 @@ def test_colours_may_have_a_white_photo_which_takes_them_away() -> None:
 
 def test_several_blobs_are_of_different_shapes_and_their_errors_averaged(tmp_path: Path) -> None:
     fits = matt_fits(tmp_path / "fits.npz", grey=(0.3, 0.3, 0.3), red=(0.6, 0.1, 0.1))
-    told = evaluate(Materials(fits, protocols=["separated"], size=SIZE, blobs=3), ["lambertian"])
+    told = EvaluateMaterials(merl=fits, protocol="separated", size=SIZE, blobs=3, model="lambertian").run()
     found = errors(told.rows, "material", "object")
     red = [error for (material, _), error in found.items() if material == "red"]
     assert len(found) == 6 and len({round(error, 3) for error in red}) == 3
     line = next(line.split() for line in told.text.splitlines() if line.startswith("separated  lambertian "))
     assert float(line[2]) == pytest.approx(np.mean([*found.values()]), abs=0.01)
     assert float(line[5]) == pytest.approx(np.mean(red), abs=0.01) and line[6] == "red"
-    told = evaluate(ColourChanges(protocols=["white"], size=SIZE, blobs=2), ["lambertian"])
+    told = EvaluateColour(protocol="white", size=SIZE, blobs=2, model="lambertian").run()
     moved = [row["moved_deg"] for row in told.rows if row["colouring"] == "red"]
     assert len(moved) == 2 and max(moved) < 3, "each blob is compared with the same blob in white"
 
@@ -161,10 +156,11 @@ def test_colours_of_the_surface_are_those_that_are_rendered() -> None:
 
 
 def test_a_change_of_colour_alone_moves_the_baseline_unless_colours_are_averaged() -> None:
-    told = evaluate(ColourChanges(protocols=["separated", "white"], size=SIZE), ["lambertian", "lambertian-grey-world"])
+    models = ["lambertian", "lambertian-grey-world"]
+    told = EvaluateColour(protocol=["separated", "white"], size=SIZE, model=models).run()
     rows = {(r["colouring"], r["protocol"], r["model"]): r for r in told.rows}
     assert len(rows) == 2 * 2 * len(COLOURINGS)
-    for model in ("lambertian", "lambertian-grey-world"):
+    for model in models:
         for protocol in ("separated", "white"):
             assert "moved_deg" not in rows["white", protocol, model]
             assert "near_edges_deg" not in rows["white", protocol, model]

@@ -13,11 +13,9 @@ from synthetic import diligent_object, shaded_sphere
 from mpsnet_core import published_rig
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import lambertian_normals
-from mpsnet_core.learning.evaluation.diligent import Diligent
-from mpsnet_core.learning.evaluation.evaluation import evaluate
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
 from mpsnet_core.learning.evaluation.magnify import estimate_magnified
-from mpsnet_core.learning.evaluation.statues import Statues
+from mpsnet_core.learning.evaluation.operations import EvaluateDiligent, EvaluateStatues
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -83,8 +81,14 @@ def test_fine_relief_counts_where_all_lights_reach_and_the_object_is_all_around(
 
 
 def test_equation_2_is_right_where_all_lights_reach_a_statue_and_magnified_too(bumpy: Path, tmp_path: Path) -> None:
-    test = Statues([bumpy.parent], views=2, tilts=[90, 101], magnify=[1, 2, 5], size=SIZE)
-    told = evaluate(test, ["lambertian"], report=tmp_path / "report.html")
+    told = EvaluateStatues(
+        mesh=bumpy.parent,
+        tilt=[90, 101],
+        magnify=[1, 2, 5],
+        size=SIZE,
+        model="lambertian",
+        output=tmp_path / "report.html",
+    ).run()
     rows = {(row["view"], row["tilt"], row["magnify"]): row for row in told.rows}
     assert sorted(rows) == [(view, tilt, times) for view in (1, 2) for tilt in (90, 101) for times in (1, 2, 5)]
     for (view, tilt, _), row in rows.items():
@@ -100,7 +104,8 @@ def test_equation_2_is_right_where_all_lights_reach_a_statue_and_magnified_too(b
 
 def test_the_lights_reach_a_ball_where_it_faces_them(tmp_path: Path) -> None:
     trimesh.creation.icosphere(subdivisions=6).export(tmp_path / "ball.ply")
-    case = Statues([tmp_path / "ball.ply"], views=1, slant=40, tilts=[25], size=SIZE).cases[0]()
+    given = EvaluateStatues(mesh=tmp_path / "ball.ply", views=1, slant=40, tilt=[25], size=SIZE)
+    case = given.evaluation().cases[0]()
     slant, tilts = np.radians(40), np.radians([25, 145, 265])
     lights = np.stack([np.sin(slant) * np.cos(tilts), np.sin(slant) * np.sin(tilts), np.full(3, np.cos(slant))], axis=1)
     np.testing.assert_allclose(case.capture.rig.directions, lights, atol=1e-9)
@@ -110,7 +115,8 @@ def test_the_lights_reach_a_ball_where_it_faces_them(tmp_path: Path) -> None:
 
 
 def test_statues_throw_shadows_and_their_light_bounces_when_asked(bumpy: Path) -> None:
-    direct, bounced = (Statues([bumpy], views=1, tilts=[90], bounces=count, size=SIZE).cases[0]() for count in (0, 1))
+    given = (EvaluateStatues(mesh=bumpy, views=1, tilt=[90], bounces=count, size=SIZE) for count in (0, 1))
+    direct, bounced = (one.evaluation().cases[0]() for one in given)
     faces_all = (direct.truth @ direct.capture.rig.directions.T > 0.05).all(axis=-1)
     shadow = faces_all & direct.regions["elsewhere_mae"] & direct.scored
     assert shadow.sum() > 100
@@ -160,7 +166,8 @@ def test_diligent_is_magnified_and_scored_where_it_faces_all_lights(tmp_path: Pa
     assert ["white", "lambertian", "×4", "1,2,3", *2 * [f"{four['mae_deg']:.2f}"]] in map(
         str.split, done.stdout.splitlines()
     )
-    (region,) = Diligent(tmp_path, lights=[(1, 2, 3)], protocols=["white"]).cases[0]().regions.values()
+    given = EvaluateDiligent(folder=tmp_path, lights="1,2,3", protocol="white")
+    (region,) = given.evaluation().cases[0]().regions.values()
     brightest = np.percentile(sphere.image[sphere.mask], 99, axis=0)
     np.testing.assert_array_equal(region, sphere.lit & (sphere.image > 0.02 * brightest).all(axis=-1))
 

@@ -13,8 +13,8 @@ from synthetic import Sphere, diligent_object, listing
 
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.measure import measure
+from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import (
@@ -87,7 +87,8 @@ def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:
 
 def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:
     diligent_object(tmp_path, "ball", (0.4, 0.3, 0.2))
-    (results,) = measure(Diligent(tmp_path, lights=[(1, 2, 3)], protocols=["separated"]).cases, ["lambertian"] * 2)
+    test = EvaluateDiligent(folder=tmp_path, lights="1,2,3", protocol="separated").evaluation()
+    (results,) = measure(test.cases, ["lambertian"] * 2)
     picture = case_picture(results)
     height = 2 * (TILE_HEIGHT + TITLE_HEIGHT + GAP) + GAP
     assert picture.shape[0] == height and picture.shape[1] > 3 * TILE_HEIGHT + 90
@@ -105,7 +106,7 @@ def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:
 
 def test_the_page_shows_table_notes_charts_and_pictures(tmp_path: Path) -> None:
     diligent_object(tmp_path / "data", "ball")
-    test = Diligent(tmp_path / "data", lights=[(1, 2, 3)], protocols=["white", "separated"])
+    test = EvaluateDiligent(folder=tmp_path / "data", lights="1,2,3", protocol=["white", "separated"]).evaluation()
     with open_report(tmp_path / "report.html") as report:
         for results in measure(test.cases, ["lambertian", "lambertian-grey-world"]):
             report.add(results)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
@@ -45,22 +44,11 @@ NEAR = 3  # pixels
 
 
 class ColourChanges(Evaluation):
-    """Blobs that no training data shows, in one and in many colours of equal roughness, under direct light.
-
-    protocols, size, blobs: as in :class:`mpsnet_core.learning.evaluation.materials.Materials`. white: whether each is
-    measured once more with a white photo beside it.
-    """
+    """Blobs that no training data shows, in one and in many colours of equal roughness, under direct light."""
 
     title = "A blob, many colours"
 
-    def __init__(
-        self,
-        *,
-        protocols: Sequence[str] = ("published",),
-        size: int = SYNTHETIC_SIZE,
-        white: bool = False,
-        blobs: int = 1,
-    ) -> None:
+    def __init__(self, white: bool, blobs: int, protocols: Sequence[str], size: int) -> None:
         self._white: dict[tuple[str, str, int, str], NDArray[np.float32]] = {}
         self.cases = [
             partial(painted_blob, name, protocol, size, white=beside, blob=blob)

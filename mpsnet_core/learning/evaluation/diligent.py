@@ -19,13 +19,7 @@ from mpsnet_core.io.image_reading import read_data, read_mask
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
-from mpsnet_core.learning.evaluation.published import (
-    OBJECTS,
-    PUBLISHED_LIGHTS,
-    DiligentFigure,
-    Lights,
-    diligent_figures,
-)
+from mpsnet_core.learning.evaluation.published import DiligentFigure, Lights, diligent_figures
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.equation_2 import PUBLISHED_MIXING
 
@@ -88,9 +82,7 @@ def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
 class Diligent(Evaluation):
     """The photographs of DiLiGenT under a root folder, multiplexed.
 
-    objects: of :data:`OBJECTS`; absent ones are skipped and reported. lights, protocols: as for
-    :func:`read_diligent`. white: whether each is measured once more with a white photo. magnify: how many times the
-    photographs are magnified, see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
+    Absent objects are skipped and reported.
 
     The data has no shapes, so cast shadows are not known. Instead rows have "bright_facing_mae_deg": the mean over the
     pixels whose true normal faces all three lights and whose channels are all above 2% of their 99th percentile. Light
@@ -103,13 +95,13 @@ class Diligent(Evaluation):
 
     def __init__(
         self,
-        root: str | os.PathLike[str],
+        root: str,
         *,
-        objects: Sequence[str] = OBJECTS,
-        lights: Sequence[Lights] = PUBLISHED_LIGHTS,
-        protocols: Sequence[str] = tuple(PROTOCOLS),
-        magnify: Sequence[int] = (1,),
-        white: bool = False,
+        objects: Sequence[str],
+        lights: Sequence[Lights],
+        protocols: Sequence[str],
+        magnify: Sequence[int],
+        white: bool,
     ) -> None:
         folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
         if not any(folders.values()):

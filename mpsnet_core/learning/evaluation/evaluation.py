@@ -1,13 +1,12 @@
 """Evaluation: a test of models, and how every test is run and reported."""
 
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
 from mpsnet_core.estimate.registry import BASELINES
-from mpsnet_core.io.files import writable_path, write_json, written_together
+from mpsnet_core.io.files import write_json, written_together
 from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
@@ -15,11 +14,12 @@ from mpsnet_core.learning.evaluation.evaluation_result import Measured
 from mpsnet_core.learning.evaluation.magnify import magnified_name
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, measure
 from mpsnet_core.learning.evaluation.report import open_report
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress
 
 
 class Evaluation(ABC):
-    """A test: its photos, and the report of its results.
+    """A test: its photos, and the report of its results. It is made from the options of its operation, which describes
+    them (:mod:`mpsnet_core.learning.evaluation.operations`).
 
     title: of the page. cases: each makes one photo when it is called. always: models that are always measured.
     """
@@ -54,12 +54,7 @@ class Evaluation(ABC):
 
 
 def evaluate(
-    evaluation: Evaluation,
-    models: Sequence[str],
-    *,
-    json: str | os.PathLike[str] | None = None,
-    report: str | os.PathLike[str] | None = None,
-    progress: Progress = silent,
+    evaluation: Evaluation, models: Sequence[str], *, json: str | None, report: str | None, progress: Progress
 ) -> Measured:
     """Run a test.
 
@@ -67,8 +62,6 @@ def evaluate(
 
     Raises InputError where a model, a case's data or the place for a file is not usable.
     """
-    if json:
-        writable_path(json)
     rows: list[Row] = []
     pool = ConfidencePool()
     with open_report(report) if report else nullcontext() as page:

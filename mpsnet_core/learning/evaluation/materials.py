@@ -1,13 +1,11 @@
 """Materials: a blob, or several, under each measured material, figure 5 of the paper."""
 
-import os
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
 
-from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.estimate.registry import LAMBERTIAN
 from mpsnet_core.io.text_table import mean_cell, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
@@ -24,29 +22,18 @@ from mpsnet_core.synthesis.shading.synthesise import synthesise
 class Materials(Evaluation):
     """Blobs that no training data shows, under each material of a folder of MERL or a file of fits to it.
 
-    merl: folder of ``.binary`` files or the ``.npz``. protocols: of the photo's colours, see
-    :func:`mpsnet_core.learning.evaluation.scenes.ideal_photograph`. size: pixels a side. blobs: how many.
-
     Raises InputError where there are no such materials.
     """
 
     title = "A blob, each measured material"
     always = (LAMBERTIAN,)  # whose error the materials are sorted by
 
-    def __init__(
-        self,
-        merl: str | os.PathLike[str],
-        *,
-        protocols: Sequence[str] = ("published",),
-        size: int = SYNTHETIC_SIZE,
-        blobs: int = 1,
-    ) -> None:
-        source = os.fspath(merl)
-        materials = material_names(source)
+    def __init__(self, merl: str, blobs: int, protocols: Sequence[str], size: int) -> None:
+        materials = material_names(merl)
         self._are_fits = materials[0][0] == "fit"
         self._held_out = {_title(name) for _, name in materials[::HELD_OUT]}
         self.cases = [
-            partial(_case, source, kind, name, protocol, size, blob)
+            partial(_case, merl, kind, name, protocol, size, blob)
             for blob in range(blobs)
             for kind, name in materials
             for protocol in protocols

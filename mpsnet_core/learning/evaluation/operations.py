@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
@@ -38,7 +37,7 @@ def blob_count() -> Any:
 
 def mesh_view_count() -> Any:
     """The option that sets how often each mesh is shown."""
-    return option(default=MESH_VIEWS, low=1, high=360, help="views of each mesh, from all around")
+    return option(default=2, low=1, high=360, help="views of each mesh, from all around")
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ class PhotographsSynthetic(MeasuresModels):
     heading: ClassVar[str] = "the photographs"
 
     protocol: tuple[str, ...] = option(default=("published",), choices=PROTOCOLS, help="how a channel weighs colours")
-    size: int = picture_size(SYNTHETIC_SIZE)
+    size: int = picture_size(256)
 
 
 @dataclass(frozen=True)
@@ -148,7 +147,7 @@ class EvaluateMaterials(PhotographsSynthetic):
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.materials import Materials
 
-        return Materials(self.merl, protocols=self.protocol, size=self.size, blobs=self.blobs)
+        return Materials(self.merl, self.blobs, self.protocol, self.size)
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ class EvaluateRendered(PhotographsSynthetic):
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.rendered import Rendered
 
-        return Rendered(self.mesh, merl=self.merl, views=self.views, protocols=self.protocol, size=self.size)
+        return Rendered(self.mesh, self.merl, self.views, self.protocol, self.size)
 
 
 @dataclass(frozen=True)
@@ -175,14 +174,16 @@ class EvaluateStatues(Magnifies):
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     views: int = mesh_view_count()
-    slant: float = option(default=STATUE_SLANT, metavar="DEGREES", help="slant of the three lights")
+    slant: float = option(default=30.0, metavar="DEGREES", help="slant of the three lights")
     tilt: tuple[float, ...] = option(
-        default=STATUE_TILTS, metavar="DEGREES", help="tilt of the first light, from which the others stand 120° apart"
+        default=(90.0, 107.0, 131.0),  # straight above the camera, where networks turn no picture, and two odd angles
+        metavar="DEGREES",
+        help="tilt of the first light, from which the others stand 120° apart",
     )
     bounces: int = option(
         default=0, low=0, high=MAX_BOUNCES, help="how often light goes from surface to surface: 0 to 3"
     )
-    size: int = picture_size(STATUE_SIZE)
+    size: int = picture_size(640)
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.statues import Statues
@@ -210,7 +211,7 @@ class EvaluateColour(PhotographsSynthetic):
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.colour import ColourChanges
 
-        return ColourChanges(protocols=self.protocol, size=self.size, white=self.white, blobs=self.blobs)
+        return ColourChanges(self.white, self.blobs, self.protocol, self.size)
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,7 @@ class EvaluateSamples(Magnifies):
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.samples import Samples
 
-        return Samples(self.folder, count=self.count, magnify=self.magnify, white=self.white)
+        return Samples(self.folder, self.count, self.magnify, self.white)
 
 
 @dataclass(frozen=True)

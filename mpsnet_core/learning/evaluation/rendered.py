@@ -1,13 +1,11 @@
 """Rendered: meshes from files, of one and of several materials, as in figure 6 of the paper."""
 
-import os
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
-from mpsnet_core.defaults import MESH_VIEWS, SYNTHETIC_SIZE
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
@@ -26,28 +24,18 @@ SEVERAL = 4  # materials
 class Rendered(Evaluation):
     """Meshes, each seen from all around, once of one material and once of several in a pattern, synthesised.
 
-    paths: mesh files, or folders of them. merl: measured materials, of which every fifth is used, which training can
-    leave out; "" for principled ones. views: of each mesh. Views and materials are the same every time.
+    Views and materials are the same every time. Every fifth measured material is used, which training can leave out.
 
     Raises InputError where a file is missing or there are no meshes or materials.
     """
 
     title = "Rendered meshes"
 
-    def __init__(
-        self,
-        paths: Sequence[str | os.PathLike[str]],
-        *,
-        merl: str | os.PathLike[str] = "",
-        protocols: Sequence[str] = ("published",),
-        views: int = MESH_VIEWS,
-        size: int = SYNTHETIC_SIZE,
-    ) -> None:
-        source = os.fspath(merl)
-        self.measured = bool(source)
+    def __init__(self, meshes: Sequence[str], merl: str, views: int, protocols: Sequence[str], size: int) -> None:
+        self.measured = bool(merl)
         self.cases = [
-            partial(_case, view, count, number, source, protocol, size)
-            for number, view in enumerate(mesh_views(paths, views))
+            partial(_case, view, count, number, merl, protocol, size)
+            for number, view in enumerate(mesh_views(meshes, views))
             for count in (1, SEVERAL)
             for protocol in protocols
         ]

@@ -3,7 +3,6 @@
 It needs PyTorch (extra ``train``), as photographs are made by :mod:`mpsnet_core.learning.training.photographing`.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -22,23 +21,12 @@ SEED = 0  # of the photographs
 class Samples(Evaluation):
     """Samples in folders, each photographed once by the default capture model; the same photographs every time.
 
-    count: how many, spread evenly over the samples in the order of their names; 0 for all. magnify: how many times the
-    photographs are magnified, see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`. white: whether
-    each is measured once more with a white photo beside it.
-
     Raises FileError where there are no samples.
     """
 
     title = "Held-out samples, photographed"
 
-    def __init__(
-        self,
-        folders: Sequence[str | os.PathLike[str]],
-        *,
-        count: int = 0,
-        magnify: Sequence[int] = (1,),
-        white: bool = False,
-    ) -> None:
+    def __init__(self, folders: Sequence[str], count: int, magnify: Sequence[int], white: bool) -> None:
         self._samples = PackedSamples(folders)
         total = len(self._samples)
         count = min(count or total, total)

@@ -1,11 +1,9 @@
 """Statues: plain matt grey meshes under an exact rig, where equation 2 errs in shadow alone."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 
-from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row
@@ -23,10 +21,7 @@ DETAIL = 0.01  # standard deviation of the Gaussian that separates detail from s
 class Statues(Evaluation):
     """Meshes of matt grey, each seen from all around under lights 120° apart, photographed without noise or error.
 
-    paths: mesh files, or folders of them. views: of each mesh. slant, tilts: degrees, of all three lights and of the
-    first one; each view is photographed under each tilt. bounces: of light between surfaces; without any, equation 2 is
-    exact where all lights reach. magnify: how many times photographs are magnified, see
-    :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`. size: pixels a side.
+    Each view is photographed under each tilt. Without bounces, equation 2 is exact where all lights reach.
 
     Raises InputError where a file is missing or a number out of its range.
     """
@@ -35,21 +30,21 @@ class Statues(Evaluation):
 
     def __init__(
         self,
-        paths: Sequence[str | os.PathLike[str]],
+        meshes: Sequence[str],
         *,
-        views: int = MESH_VIEWS,
-        slant: float = STATUE_SLANT,
-        tilts: Sequence[float] = STATUE_TILTS,
-        bounces: int = 0,
-        magnify: Sequence[int] = (1,),
-        size: int = STATUE_SIZE,
+        views: int,
+        slant: float,
+        tilts: Sequence[float],
+        bounces: int,
+        magnify: Sequence[int],
+        size: int,
     ) -> None:
         for tilt in tilts:
             published_rig(slant, tilt)
         self.bounces = bounces
         self.cases = [
             partial(_case, view, slant, tilt, bounces, size, times)
-            for view in mesh_views(paths, views)
+            for view in mesh_views(meshes, views)
             for tilt in tilts
             for times in magnify
         ]
