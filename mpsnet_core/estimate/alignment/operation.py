@@ -3,7 +3,7 @@
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
@@ -113,6 +113,15 @@ class Align(RunsModel, ReadsPhotos):
         help="35 mm equivalent focal length of the lens, in millimetres",
         unset="found as well",
     )
+    lens: str | None = option(
+        default=None,
+        metavar="CAMERA",
+        help="camera file of the lens, in place of --focal: its focal length and principal point stay, its pose does "
+        "not count; of a photo of the same shape, in any size",
+        unset="the principal point is the photo's middle, or that of the start",
+        path="file",
+        provenance="content",
+    )
     overlay: str | None = option(
         default=None,
         metavar="FILE",
@@ -133,10 +142,12 @@ class Align(RunsModel, ReadsPhotos):
 
         if self.points and self.start:
             raise SettingsError("points and start both place the camera; give one of them")
+        if self.lens and self.focal is not None:
+            raise SettingsError("--lens and --focal both define the lens; give one of them")
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
         mask = self.mask and mask_source(self.mask)
-        # The start may be refined in place.
-        check_apart(files_meant((self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points)), outputs)
+        inputs = (self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points, self.lens)
+        check_apart(files_meant(inputs), outputs)  # but the start may be refined in place
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
@@ -150,39 +161,46 @@ class Align(RunsModel, ReadsPhotos):
 
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.capture import read_capture
+        from mpsnet_core.scene.camera import FULL_FRAME, read_camera
         from mpsnet_core.scene.rig import read_rig
 
-        return read_capture(
-            self.image,
-            read_rig(self.rig),
-            mask=self.mask,
-            camera=self.focal,
-            **vars(self.reading()),
-        )
+        lens, focal = read_camera(self.lens) if self.lens else None, self.focal
+        if lens is not None:  # until the photo's size is known
+            focal = lens.focal.mean() / max(lens.width, lens.height) * FULL_FRAME
+        capture = read_capture(self.image, read_rig(self.rig), mask=self.mask, camera=focal, **vars(self.reading()))
+        if lens is None:
+            return capture
+        height, width = capture.mask.shape
+        return replace(capture, camera=_of_size(lens, width, height, "lens"))
 
     def _fits(
         self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None]":
         """The best cameras, and what the pairs alone say."""
+        import numpy as np
+
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import measured, refined
         from mpsnet_core.estimate.alignment.search import brought_to_the_object, searched
-        from mpsnet_core.scene.camera import FULL_FRAME, read_camera
+        from mpsnet_core.scene.camera import Camera, read_camera
 
         height, width = capture.mask.shape
-        longer = max(height, width)
-        focal = None if self.focal is None else self.focal / FULL_FRAME * longer
-        by_points = None if pairs is None else camera_from_points(*pairs, width, height, focal)
-        factor = -(-longer // LONGEST)
+        lens, fixed = capture.camera, capture.camera is not None
+        by_points = None if pairs is None else camera_from_points(*pairs, width, height, lens)
+        rough = by_points.camera if by_points else None
+        if self.start is not None:
+            rough = _of_size(read_camera(self.start), width, height, "start")
+            if lens is not None:
+                rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
+        factor = -(-max(height, width) // LONGEST)
         small = _reduced(capture, factor)
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
-        fixed = focal is not None
-        if by_points is None and self.start is None:
-            start = (focal or longer * USUAL_FOCAL) / factor
+        if rough is None:
+            rows, columns = small.mask.shape
+            usual = Camera("perspective", columns, rows, np.full(2, max(rows, columns) * USUAL_FOCAL))
             rest = part(progress, 0.4, 0.95)
-            fits = searched(estimate, faces, start, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            fits = searched(estimate, faces, small.camera or usual, fix_focal=fixed, count=CANDIDATES, progress=rest)
             return [_enlarged(fit, factor, width, height) for fit in fits], None
-        rough = by_points.camera if by_points else _of_size(read_camera(str(self.start)), width, height, focal)
         progress(0.4, "aligning")
         begin = _resized(rough, 1 / factor, small.mask.shape[1], small.mask.shape[0])
         if by_points is None:
@@ -316,29 +334,32 @@ def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
     return replace(fit, camera=camera, outline=fit.outline * factor)
 
 
-def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> "Camera":
-    """A rough start as a perspective camera of the photo's size.
+def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "lens"]) -> "Camera":
+    """A given camera as a perspective one of the photo's size.
 
-    Its principal point stays where its picture has the photo's shape, as that of a cropped photo; else, as of a
-    viewport's view, it is the photo's middle.
+    Its principal point stays where its picture has the photo's shape, as that of a cropped photo. Else a start's, as of
+    a viewport's view, is the photo's middle, and a lens's is not known.
     """
     import numpy as np
 
     if camera.projection != "perspective":
-        raise GeometryError("the start is an orthographic camera; give a perspective one, as a photo is taken by")
+        raise GeometryError(f"the {what} is an orthographic camera; give a perspective one, as a photo is taken by")
     if camera.focal.max() > SQUARE * camera.focal.min():
         along_x, along_y = camera.focal
         raise GeometryError(
-            f"the start's focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square pixels "
-            "only; resize the photo so that its pixels are square, and give a start with one focal length"
+            f"the {what}'s focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square "
+            f"pixels only; resize the photo so that its pixels are square, and give a {what} with one focal length"
         )
     scale = max(width, height) / max(camera.width, camera.height)
     size = np.array([width, height])
-    one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= 1
+    one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= max(1, scale)
+    if what == "lens" and not one_shape:
+        raise GeometryError(
+            f"the lens is that of a photo of {camera.width} x {camera.height} pixels, but this one has {width} x "
+            f"{height}; give the camera file of a photo of the same shape, cropped and turned alike"
+        )
     centre = camera.centre * scale if one_shape else size / 2
-    return replace(
-        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=centre
-    )
+    return replace(camera, width=width, height=height, focal=np.full(2, camera.focal.mean() * scale), centre=centre)
 
 
 def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", points: "Floats") -> bool:
