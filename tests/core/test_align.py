@@ -285,6 +285,27 @@ class TestCommand:
         assert done.returncode == 0, done.stderr
         assert degrees_apart(read_camera(files / "camera.json"), true) < 1
 
+    def test_a_small_object_in_a_large_photo_is_placed_by_all_its_pixels(self, mpsnet, files):
+        """As well as in a photo of it alone, by the same pixels."""
+        photo, (left, top), (height, width) = photographed(), (1500, 210), (1800, 2600)
+
+        def shifted(camera: Camera) -> Camera:
+            return replace(camera, width=width, height=height, centre=camera.centre + np.array([left, top]))
+
+        write_camera(files / "start.json", looking(46, 10, 4))
+        assert self.align(mpsnet, files, "--start", files / "start.json").returncode == 0
+        alone = shifted(read_camera(files / "camera.json"))
+        image = np.zeros((height, width, 4), np.float32)
+        image[top : top + HEIGHT, left : left + WIDTH] = np.dstack([photo.image, photo.mask])
+        write_file(files / "photo.exr", image, "float")
+        write_camera(files / "start.json", shifted(looking(46, 10, 4)))
+        done = self.align(mpsnet, files, "--start", files / "start.json")
+        assert done.returncode == 0, done.stderr
+        found, points = read_camera(files / "camera.json"), surface_points(50)
+        assert (found.width, found.height) == (width, height)
+        assert degrees_apart(found, alone) < 0.01
+        assert np.abs(pixels_of(found, points) - pixels_of(alone, points)).max() < 0.02
+
     def test_a_start_that_only_looks_from_the_right_side_is_moved_to_where_the_object_is(self, mpsnet, files):
         """As a viewport looks: the object elsewhere in the picture, and of another size."""
         start = looking(48, 8, 3, distance=3)

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# The photo's longer side in pixels that the camera is found on: more brings nothing that an estimate's errors leave.
+# The longer side in pixels of the photo's part with the object that the camera is found on: more brings nothing that an
+# estimate's errors leave.
 LONGEST = 1024
 # A fit is poor where the outlines are this share of the picture's longer side apart, or the normals this many degrees,
 # or mesh and mask share less than this.
@@ -192,23 +193,22 @@ class Align(RunsModel, ReadsPhotos):
             rough = _of_size(read_camera(self.start), width, height, "start")
             if lens is not None:
                 rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
-        factor = -(-max(height, width) // LONGEST)
-        small = _reduced(capture, factor)
+        shown = _Part.of(capture.mask)
+        small = shown.capture(capture)
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
         if rough is None:
-            rows, columns = small.mask.shape
-            usual = Camera("perspective", columns, rows, np.full(2, max(rows, columns) * USUAL_FOCAL))
-            rest = part(progress, 0.4, 0.95)
-            fits = searched(estimate, faces, small.camera or usual, fix_focal=fixed, count=CANDIDATES, progress=rest)
-            return [_enlarged(fit, factor, width, height) for fit in fits], None
+            usual = Camera("perspective", width, height, np.full(2, max(height, width) * USUAL_FOCAL))
+            begin, rest = shown.camera(lens or usual), part(progress, 0.4, 0.95)
+            fits = searched(estimate, faces, begin, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            return [shown.whole(fit) for fit in fits], None
         progress(0.4, "aligning")
-        begin = _resized(rough, 1 / factor, small.mask.shape[1], small.mask.shape[0])
+        begin = shown.camera(rough)
         if by_points is None:
             begin = brought_to_the_object(estimate, faces, begin)
-        fit = _enlarged(refined(estimate, faces, begin, fix_focal=fixed), factor, width, height)
+        fit = shown.whole(refined(estimate, faces, begin, fix_focal=fixed))
         if by_points and pairs and _contradicts(fit.camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
-            fit = _enlarged(measured(estimate, faces, begin), factor, width, height)
+            fit = shown.whole(measured(estimate, faces, begin))
         return [fit], by_points
 
     def _written(
@@ -307,31 +307,60 @@ def _quality(fit: "Fit") -> str:
     return f"outlines {fit.outline:.1f} pixels and normals {fit.degrees:.0f}° apart, {fit.overlap:.0%} shared"
 
 
-def _reduced(capture: "Capture", factor: int) -> "Capture":
-    """The photo made smaller by a whole factor."""
-    import numpy as np
+@dataclass(frozen=True)
+class _Part:
+    """The part of a photo that shows the object and a margin, made smaller by a whole factor.
 
-    from mpsnet_core.arrays.block_means import block_means
+    width, height: of the photo.
+    """
 
-    if factor == 1:
-        return capture
-    mask = block_means(capture.mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
-    height, width = mask.shape
-    camera = None if capture.camera is None else _resized(capture.camera, 1 / factor, width, height)
-    depth = None if capture.depth is None else capture.depth[::factor, ::factor]  # a plane's
-    clipped = None if capture.clipped is None else block_means(capture.clipped.astype(np.float32), factor) > 0
-    return replace(
-        capture, image=block_means(capture.image, factor), mask=mask, camera=camera, depth=depth, clipped=clipped
-    )
+    rows: slice
+    columns: slice
+    factor: int
+    width: int
+    height: int
 
+    @classmethod
+    def of(cls, mask: "NDArray[np.bool_]") -> "_Part":
+        from mpsnet_core.arrays.mask_regions import bounding_box
+        from mpsnet_core.estimate.alignment.refine import MARGIN
 
-def _resized(camera: "Camera", factor: float, width: int, height: int) -> "Camera":
-    return replace(camera, width=width, height=height, focal=camera.focal * factor, centre=camera.centre * factor)
+        margin = round(MARGIN * max(side.stop - side.start for side in bounding_box(mask)))
+        box = zip(bounding_box(mask, margin), mask.shape, strict=True)
+        rows, columns = (slice(*side.indices(length)) for side, length in box)
+        longer = max(rows.stop - rows.start, columns.stop - columns.start)
+        return cls(rows, columns, -(-longer // LONGEST), mask.shape[1], mask.shape[0])
 
+    def capture(self, capture: "Capture") -> "Capture":
+        import numpy as np
 
-def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
-    camera = _resized(fit.camera, factor, width, height)
-    return replace(fit, camera=camera, outline=fit.outline * factor)
+        from mpsnet_core.arrays.block_means import block_means
+
+        factor, here = self.factor, (self.rows, self.columns)
+        image, mask, clipped, depth = capture.image[here], capture.mask[here], capture.clipped, capture.depth
+        if factor > 1:
+            image = block_means(image, factor)
+            mask = block_means(mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
+        if clipped is not None:
+            clipped = block_means(clipped[here].astype(np.float32), factor) > 0
+        if depth is not None:  # a plane's
+            depth = depth[here][::factor, ::factor]
+        camera = None if capture.camera is None else self.camera(capture.camera)
+        return replace(capture, image=image, mask=mask, camera=camera, depth=depth, clipped=clipped)
+
+    def camera(self, camera: "Camera") -> "Camera":
+        """The part's, of one of the photo."""
+        width, height = (-(-(side.stop - side.start) // self.factor) for side in (self.columns, self.rows))
+        centre = (camera.centre - (self.columns.start, self.rows.start)) / self.factor
+        return replace(camera, width=width, height=height, focal=camera.focal / self.factor, centre=centre)
+
+    def whole(self, fit: "Fit") -> "Fit":
+        """The photo's, of one of the part."""
+        centre = fit.camera.centre * self.factor + (self.columns.start, self.rows.start)
+        camera = replace(
+            fit.camera, width=self.width, height=self.height, focal=fit.camera.focal * self.factor, centre=centre
+        )
+        return replace(fit, camera=camera, outline=fit.outline * self.factor)
 
 
 def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "lens"]) -> "Camera":
