@@ -124,10 +124,14 @@ class TestPoints:
 
 
 class TestFromAStart:
-    @pytest.mark.parametrize("seed", range(3))
-    def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, seed: int):
-        rng, photo = np.random.default_rng(seed), photographed()
-        turn = looking(40 + rng.choice([-5, 5]), 15 + rng.choice([-5, 5]), 8 + rng.choice([-4, 4]))
+    # From the last one the first steps are long: a turn and a shift that undo each other have to be cut alike.
+    @pytest.mark.parametrize(
+        ("view", "seed"), [((40, 15, 8), 0), ((40, 15, 8), 1), ((40, 15, 8), 2), ((200, 50, -60), 7)]
+    )
+    def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, view: tuple[float, float, float], seed: int):
+        rng, photo = np.random.default_rng(seed), photographed(*view)
+        off_by = [rng.choice([-5, 5]), rng.choice([-5, 5]), rng.choice([-4, 4])]
+        turn = looking(*(np.array(view) + off_by))
         pose = turn.world_from_camera.copy()
         off = rng.normal(size=3)
         pose[:3, 3] += 0.08 * bumpy_ball.SIZE * off / np.linalg.norm(off)
