@@ -87,7 +87,8 @@ def aligned(
     way: str, rng: np.random.Generator, camera: Camera, evidence: NormalMap, surface: np.ndarray, faces: MeshFaces
 ) -> Camera:
     if way == "search":
-        return searched(evidence, faces, camera.width * USUAL_FOCAL)[0].camera
+        lens = Camera("perspective", camera.width, camera.height, np.full(2, camera.width * USUAL_FOCAL))
+        return searched(evidence, faces, lens)[0].camera
     if way == "pairs":
         points = surface[rng.choice(len(surface), 8, replace=False)]
         seen = np.c_[points, np.ones(8)] @ camera.projection_rows().T

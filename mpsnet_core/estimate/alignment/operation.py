@@ -3,7 +3,7 @@
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# The photo's longer side in pixels that the camera is found on: more brings nothing that an estimate's errors leave.
+# The longer side in pixels of the photo's part with the object that the camera is found on: more brings nothing that an
+# estimate's errors leave.
 LONGEST = 1024
 # A fit is poor where the outlines are this share of the picture's longer side apart, or the normals this many degrees,
 # or mesh and mask share less than this.
@@ -113,6 +114,15 @@ class Align(RunsModel, ReadsPhotos):
         help="35 mm equivalent focal length of the lens, in millimetres",
         unset="found as well",
     )
+    lens: str | None = option(
+        default=None,
+        metavar="CAMERA",
+        help="camera file of the lens, in place of --focal: its focal length and principal point stay, its pose does "
+        "not count; of a photo of the same shape, in any size",
+        unset="the principal point is the photo's middle, or that of the start",
+        path="file",
+        provenance="content",
+    )
     overlay: str | None = option(
         default=None,
         metavar="FILE",
@@ -133,10 +143,12 @@ class Align(RunsModel, ReadsPhotos):
 
         if self.points and self.start:
             raise SettingsError("points and start both place the camera; give one of them")
+        if self.lens and self.focal is not None:
+            raise SettingsError("--lens and --focal both define the lens; give one of them")
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
         mask = self.mask and mask_source(self.mask)
-        # The start may be refined in place.
-        check_apart(files_meant((self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points)), outputs)
+        inputs = (self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points, self.lens)
+        check_apart(files_meant(inputs), outputs)  # but the start may be refined in place
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
@@ -150,47 +162,53 @@ class Align(RunsModel, ReadsPhotos):
 
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.capture import read_capture
+        from mpsnet_core.scene.camera import FULL_FRAME, read_camera
         from mpsnet_core.scene.rig import read_rig
 
-        return read_capture(
-            self.image,
-            read_rig(self.rig),
-            mask=self.mask,
-            camera=self.focal,
-            **vars(self.reading()),
-        )
+        lens, focal = read_camera(self.lens) if self.lens else None, self.focal
+        if lens is not None:  # until the photo's size is known
+            focal = lens.focal.mean() / max(lens.width, lens.height) * FULL_FRAME
+        capture = read_capture(self.image, read_rig(self.rig), mask=self.mask, camera=focal, **vars(self.reading()))
+        if lens is None:
+            return capture
+        height, width = capture.mask.shape
+        return replace(capture, camera=_of_size(lens, width, height, "lens"))
 
     def _fits(
         self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None]":
         """The best cameras, and what the pairs alone say."""
+        import numpy as np
+
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import measured, refined
         from mpsnet_core.estimate.alignment.search import brought_to_the_object, searched
-        from mpsnet_core.scene.camera import FULL_FRAME, read_camera
+        from mpsnet_core.scene.camera import Camera, read_camera
 
         height, width = capture.mask.shape
-        longer = max(height, width)
-        focal = None if self.focal is None else self.focal / FULL_FRAME * longer
-        by_points = None if pairs is None else camera_from_points(*pairs, width, height, focal)
-        factor = -(-longer // LONGEST)
-        small = _reduced(capture, factor)
+        lens, fixed = capture.camera, capture.camera is not None
+        by_points = None if pairs is None else camera_from_points(*pairs, width, height, lens)
+        rough = by_points.camera if by_points else None
+        if self.start is not None:
+            rough = _of_size(read_camera(self.start), width, height, "start")
+            if lens is not None:
+                rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
+        shown = _Part.of(capture.mask)
+        small = shown.capture(capture)
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
-        fixed = focal is not None
-        if by_points is None and self.start is None:
-            start = (focal or longer * USUAL_FOCAL) / factor
-            rest = part(progress, 0.4, 0.95)
-            fits = searched(estimate, faces, start, fix_focal=fixed, count=CANDIDATES, progress=rest)
-            return [_enlarged(fit, factor, width, height) for fit in fits], None
-        rough = by_points.camera if by_points else _of_size(read_camera(str(self.start)), width, height, focal)
+        if rough is None:
+            usual = Camera("perspective", width, height, np.full(2, max(height, width) * USUAL_FOCAL))
+            begin, rest = shown.camera(lens or usual), part(progress, 0.4, 0.95)
+            fits = searched(estimate, faces, begin, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            return [shown.whole(fit) for fit in fits], None
         progress(0.4, "aligning")
-        begin = _resized(rough, 1 / factor, small.mask.shape[1], small.mask.shape[0])
+        begin = shown.camera(rough)
         if by_points is None:
             begin = brought_to_the_object(estimate, faces, begin)
-        fit = _enlarged(refined(estimate, faces, begin, fix_focal=fixed), factor, width, height)
+        fit = shown.whole(refined(estimate, faces, begin, fix_focal=fixed))
         if by_points and pairs and _contradicts(fit.camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
-            fit = _enlarged(measured(estimate, faces, begin), factor, width, height)
+            fit = shown.whole(measured(estimate, faces, begin))
         return [fit], by_points
 
     def _written(
@@ -289,56 +307,88 @@ def _quality(fit: "Fit") -> str:
     return f"outlines {fit.outline:.1f} pixels and normals {fit.degrees:.0f}° apart, {fit.overlap:.0%} shared"
 
 
-def _reduced(capture: "Capture", factor: int) -> "Capture":
-    """The photo made smaller by a whole factor."""
-    import numpy as np
+@dataclass(frozen=True)
+class _Part:
+    """The part of a photo that shows the object and a margin, made smaller by a whole factor.
 
-    from mpsnet_core.arrays.block_means import block_means
+    width, height: of the photo.
+    """
 
-    if factor == 1:
-        return capture
-    mask = block_means(capture.mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
-    height, width = mask.shape
-    camera = None if capture.camera is None else _resized(capture.camera, 1 / factor, width, height)
-    depth = None if capture.depth is None else capture.depth[::factor, ::factor]  # a plane's
-    clipped = None if capture.clipped is None else block_means(capture.clipped.astype(np.float32), factor) > 0
-    return replace(
-        capture, image=block_means(capture.image, factor), mask=mask, camera=camera, depth=depth, clipped=clipped
-    )
+    rows: slice
+    columns: slice
+    factor: int
+    width: int
+    height: int
+
+    @classmethod
+    def of(cls, mask: "NDArray[np.bool_]") -> "_Part":
+        from mpsnet_core.arrays.mask_regions import bounding_box
+        from mpsnet_core.estimate.alignment.refine import MARGIN
+
+        margin = round(MARGIN * max(side.stop - side.start for side in bounding_box(mask)))
+        box = zip(bounding_box(mask, margin), mask.shape, strict=True)
+        rows, columns = (slice(*side.indices(length)) for side, length in box)
+        longer = max(rows.stop - rows.start, columns.stop - columns.start)
+        return cls(rows, columns, -(-longer // LONGEST), mask.shape[1], mask.shape[0])
+
+    def capture(self, capture: "Capture") -> "Capture":
+        import numpy as np
+
+        from mpsnet_core.arrays.block_means import block_means
+
+        factor, here = self.factor, (self.rows, self.columns)
+        image, mask, clipped, depth = capture.image[here], capture.mask[here], capture.clipped, capture.depth
+        if factor > 1:
+            image = block_means(image, factor)
+            mask = block_means(mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
+        if clipped is not None:
+            clipped = block_means(clipped[here].astype(np.float32), factor) > 0
+        if depth is not None:  # a plane's
+            depth = depth[here][::factor, ::factor]
+        camera = None if capture.camera is None else self.camera(capture.camera)
+        return replace(capture, image=image, mask=mask, camera=camera, depth=depth, clipped=clipped)
+
+    def camera(self, camera: "Camera") -> "Camera":
+        """The part's, of one of the photo."""
+        width, height = (-(-(side.stop - side.start) // self.factor) for side in (self.columns, self.rows))
+        centre = (camera.centre - (self.columns.start, self.rows.start)) / self.factor
+        return replace(camera, width=width, height=height, focal=camera.focal / self.factor, centre=centre)
+
+    def whole(self, fit: "Fit") -> "Fit":
+        """The photo's, of one of the part."""
+        centre = fit.camera.centre * self.factor + (self.columns.start, self.rows.start)
+        camera = replace(
+            fit.camera, width=self.width, height=self.height, focal=fit.camera.focal * self.factor, centre=centre
+        )
+        return replace(fit, camera=camera, outline=fit.outline * self.factor)
 
 
-def _resized(camera: "Camera", factor: float, width: int, height: int) -> "Camera":
-    return replace(camera, width=width, height=height, focal=camera.focal * factor, centre=camera.centre * factor)
+def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "lens"]) -> "Camera":
+    """A given camera as a perspective one of the photo's size.
 
-
-def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
-    camera = _resized(fit.camera, factor, width, height)
-    return replace(fit, camera=camera, outline=fit.outline * factor)
-
-
-def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> "Camera":
-    """A rough start as a perspective camera of the photo's size.
-
-    Its principal point stays where its picture has the photo's shape, as that of a cropped photo; else, as of a
-    viewport's view, it is the photo's middle.
+    Its principal point stays where its picture has the photo's shape, as that of a cropped photo. Else a start's, as of
+    a viewport's view, is the photo's middle, and a lens's is not known.
     """
     import numpy as np
 
     if camera.projection != "perspective":
-        raise GeometryError("the start is an orthographic camera; give a perspective one, as a photo is taken by")
+        raise GeometryError(f"the {what} is an orthographic camera; give a perspective one, as a photo is taken by")
     if camera.focal.max() > SQUARE * camera.focal.min():
         along_x, along_y = camera.focal
         raise GeometryError(
-            f"the start's focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square pixels "
-            "only; resize the photo so that its pixels are square, and give a start with one focal length"
+            f"the {what}'s focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square "
+            f"pixels only; resize the photo so that its pixels are square, and give a {what} with one focal length"
         )
     scale = max(width, height) / max(camera.width, camera.height)
     size = np.array([width, height])
-    one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= 1
+    one_shape = np.abs(size - scale * np.array([camera.width, camera.height])).max() <= max(1, scale)
+    if what == "lens" and not one_shape:
+        raise GeometryError(
+            f"the lens is that of a photo of {camera.width} x {camera.height} pixels, but this one has {width} x "
+            f"{height}; give the camera file of a photo of the same shape, cropped and turned alike"
+        )
     centre = camera.centre * scale if one_shape else size / 2
-    return replace(
-        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=centre
-    )
+    return replace(camera, width=width, height=height, focal=np.full(2, camera.focal.mean() * scale), centre=centre)
 
 
 def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", points: "Floats") -> bool:

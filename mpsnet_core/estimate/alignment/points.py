@@ -40,7 +40,7 @@ class PointFit:
     left_out: tuple[int, ...] = ()
 
 
-def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, focal: float | None = None) -> PointFit:
+def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, lens: Camera | None = None) -> PointFit:
     """The perspective camera that sees `points` at `pixels`.
 
     Parameters
@@ -51,8 +51,9 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
         (N, 3) the same places in world space.
     width, height
         Of the picture.
-    focal
-        The focal length in pixels, where it is known.
+    lens
+        A camera of this size with the lens's focal length and principal point, where they are known. Its pose does not
+        count.
 
     Raises
     ------
@@ -70,12 +71,12 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:
         raise GeometryError("the points on the mesh lie in one line; choose some beside it")
-    least = LEAST_PAIRS + 1 if focal else LEAST_PAIRS + 2
+    least = LEAST_PAIRS + 1 if lens else LEAST_PAIRS + 2
     fits = [np.ones(len(points), bool)]
     if len(points) >= least:
         fits += [np.arange(len(points)) != k for k in range(len(points))]
     unit = max(width, height) / 1024
-    fitted, residuals, errors = _fits(pixels, points, np.array(fits), width, height, focal)
+    fitted, residuals, errors = _fits(pixels, points, np.array(fits), width, height, lens)
     used = 0
     if len(fits) > 1:
         best = 1 + int(np.argmin(errors[1:]))
@@ -95,18 +96,18 @@ def off_by(camera: Camera, pixels: Floats, points: Floats) -> Floats:
 
 
 def _fits(
-    pixels: Floats, points: Floats, used: NDArray[np.bool_], width: int, height: int, focal: float | None
+    pixels: Floats, points: Floats, used: NDArray[np.bool_], width: int, height: int, lens: Camera | None
 ) -> tuple[Poses, Floats, Floats]:
     """The best pose for each of S choices (S, N) of pairs, residuals (S, N), root mean square (S,) of the used ones."""
     longer = max(width, height)
     middle, size = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
     local = (points - middle) / size
-    focals = [focal] if focal else [longer * factor for factor in (0.8, USUAL_FOCAL, 4.0)]
-    starts = _starts(pixels, local, used, np.array([width / 2, height / 2]), np.array(focals))
+    focals = lens.focal[:1] if lens else np.array([0.8, USUAL_FOCAL, 4.0]) * float(longer)
+    starts = _starts(pixels, local, used, lens.centre if lens else np.array([width / 2, height / 2]), focals)
     choice = np.repeat(np.arange(len(used)), STARTS * len(focals))
     weight = used[choice].astype(np.float64)
     prior = PIXEL_ERROR * longer / 1024 / FOCAL_SPREAD
-    known = None if focal else (float(np.log(longer * USUAL_FOCAL)), prior)
+    known = None if lens else (float(np.log(longer * USUAL_FOCAL)), prior)
     # A few steps show which starts are hopeless.
     begun, cost = _solved(starts, pixels, local, weight, known, FIRST_STEPS)
     kept = np.argsort(cost.reshape(len(used), -1), axis=1)[:, :PROMISING]

@@ -27,6 +27,7 @@ OUTLINE_SIGMA = 1.0
 NORMAL_SIGMA, INDEPENDENT = 0.3, 200
 DETAIL_SIGMA, DETAIL_SHARE = 0.15, 0.1
 SMOOTH, WIDE = 1.0, 6.0  # Gaussians in pixels of a scale: of what is compared, and of what is not detail
+LONGEST_STEP = 0.1  # in radians, shares of the object's distance, and the focal length's logarithm
 SETTLED = 0.02  # pixels of a scale that a step moves the object by: further ones are not worth their time
 FIXED_FOCAL_SCALE = 128  # up to which the focal length stays as it is
 FOCAL_SPREAD = 0.2  # of the focal length's logarithm about its start
@@ -213,9 +214,9 @@ def _step(
     step = np.zeros((1, PARAMETERS))
     damped = normal + 1e-6 * np.diag(np.diag(normal)) + 1e-6 * np.eye(PARAMETERS)
     step[0, :free] = -np.linalg.solve(damped[:free, :free], gradient[:free])
-    step[0, :3] *= min(1.0, 0.1 / max(float(np.linalg.norm(step[0, :3])), 1e-12))
-    step[0, 3:6] *= min(1.0, 0.1 * abs(local.translation[0, 2]) / max(float(np.linalg.norm(step[0, 3:6])), 1e-12))
-    step[0, 6] = np.clip(step[0, 6], -0.1, 0.1)
+    # A turn about the camera and a shift that undo each other in the picture do so only if both are cut alike.
+    lengths = np.linalg.norm(step[0, :3]), np.linalg.norm(step[0, 3:6]) / abs(local.translation[0, 2]), abs(step[0, 6])
+    step *= min(1.0, LONGEST_STEP / max(*lengths, 1e-12))
     return step
 
 

@@ -25,7 +25,7 @@ SAME, NEIGHBOURS = 5.0, 12.0
 def searched(
     estimate: NormalMap,
     faces: MeshFaces,
-    focal: float,
+    lens: Camera,
     *,
     fix_focal: bool = False,
     count: int = 3,
@@ -39,16 +39,17 @@ def searched(
         The photo's normals and mask.
     faces
         As :func:`.refine.refined` takes them.
-    focal
-        The focal length to start with, in pixels.
+    lens
+        A camera of the photo's size with the focal length to start with, and the principal point. Its pose does not
+        count.
     fix_focal
-        Whether it stays as it is.
+        Whether the focal length stays as it is.
     count
         How many are returned.
     progress
         Called with 0 to 1.
     """
-    views = _views(estimate, faces, focal, progress)
+    views = _views(estimate, faces, lens, progress)
     fits = []
     for number, camera in enumerate(views):
         progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
@@ -99,9 +100,9 @@ class _Frame:
         return cls(middle, float(np.sqrt(moments.mean())))
 
 
-def _views(estimate: NormalMap, faces: MeshFaces, focal: float, progress: Progress) -> list[Camera]:
+def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progress) -> list[Camera]:
     """The TRIED views that look most like the photo."""
-    frame = _Frame.of(estimate.mask)
+    frame, focal = _Frame.of(estimate.mask), float(lens.focal[0])
     photo = np.stack([_standard(estimate.vectors, estimate.mask, frame, roll) for roll in _rolls()])
     small = _small(faces, frame, focal)
     scores, frames = np.empty((DIRECTIONS, ROLLS)), []
@@ -113,13 +114,12 @@ def _views(estimate: NormalMap, faces: MeshFaces, focal: float, progress: Progre
         frames.append(_Frame.of(mask))
         scores[number] = _likeness(photo, _standard(normals, mask, frames[-1], 0.0))
     cameras: list[Camera] = []
-    middle = np.array(estimate.mask.shape[::-1]) / 2
     for choice in np.argsort(-scores, axis=None):
         number, roll = divmod(int(choice), ROLLS)
         angle = float(_rolls()[roll])
         if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
-        cameras.append(_placed(estimate.mask, faces, looks[number], focal, middle, frames[number], angle))
+        cameras.append(_placed(estimate.mask, faces, looks[number], focal, lens.centre, frames[number], angle))
         if len(cameras) == TRIED:
             break
     return cameras
