@@ -21,7 +21,8 @@ def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.fl
 def means_inside(
     image: NDArray[np.float32], mask: NDArray[np.bool_], halvings: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Means (h, w, C) over the mask's pixels in blocks of 2**halvings, and which blocks (h, w) hold any."""
+    """Means (h, w, C) of an image (H, W, C) over the pixels of its mask (H, W), which has to be finite outside it too,
+    in blocks of 2**halvings pixels a side; and which blocks (h, w) hold any. Without a pixel of the mask it is 0."""
     if halvings == 0:
         return np.where(mask[..., None], image, np.float32(0)), mask
     total = np.concatenate([image, np.ones((*mask.shape, 1), np.float32)], axis=-1) * mask[..., None]

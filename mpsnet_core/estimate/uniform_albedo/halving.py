@@ -27,16 +27,16 @@ def halved(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
     image = np.zeros((*shape, 3), capture.image.dtype)
     normals = np.zeros((*shape, 4), estimate.vectors.dtype)
     mask, clipped = np.zeros(shape, bool), np.zeros((*shape, 3), bool)
+    camera, depth = capture.camera, None if capture.depth is None else np.zeros(shape, np.float32)
     for rows in bands(len(capture.mask), ROWS):
         half, inside = slice(rows.start // 2, -(-rows.stop // 2)), capture.mask[rows]
         image[half], mask[half] = means_inside(capture.image[rows].astype(np.float32, copy=False), inside, 1)
         found = np.concatenate([estimate.vectors[rows], estimate.confidence[rows][..., None]], axis=-1)
         normals[half] = means_inside(found.astype(np.float32, copy=False), inside, 1)[0]
         clipped[half] = means_inside(capture.saturated_in(rows).astype(np.float32), inside, 1)[0] > 0
-    camera, depth = capture.camera, None
-    if capture.depth is not None:
-        known = np.where(capture.mask, capture.depth, np.float32(1))[..., None]
-        depth = means_inside(known, capture.mask, 1)[0][..., 0]
+        if depth is not None and capture.depth is not None:
+            known = np.where(inside, capture.depth[rows], np.float32(0))[..., None]
+            depth[half] = means_inside(known, inside, 1)[0][..., 0]
     if camera is not None:
         camera = replace(camera, height=shape[0], width=shape[1], focal=camera.focal / 2, centre=camera.centre / 2)
     small = Capture(image, mask, capture.rig, camera, depth=depth, clipped=clipped)
