@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import FileError
-from mpsnet_core.io.files import temporary_folder
+from mpsnet_core.io.files import resolved, temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..provenance import refuse_to_overwrite
@@ -21,7 +21,6 @@ from .reporting import ReportingOperator, verb_of
 
 TICK_SECONDS = 0.1
 SLICE_SECONDS = 0.03
-
 
 # Within what it returns an operator prepares and finishes one of its runs.
 Turn = Callable[[], AbstractContextManager[None]]
@@ -158,9 +157,10 @@ class RunsCore(ReportingOperator):
     def will_write(self, outputs: Sequence[Path]) -> None:
         """Raises InputError where that would overwrite what is needed, or what another run of this operator writes."""
         refuse_to_overwrite(verb_of(self.bl_idname), outputs)
-        for path in self._outputs.intersection(outputs):
+        meant = {resolved(path) for path in outputs}
+        for path in self._outputs.intersection(meant):
             raise FileError(f"another rig's result is {path}, too; leave the output empty, and each gets its own")
-        self._outputs.update(outputs)
+        self._outputs.update(meant)
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         self._stored: list[str] = []
