@@ -21,8 +21,8 @@ def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.fl
 def means_inside(
     image: NDArray[np.float32], mask: NDArray[np.bool_], halvings: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Means (h, w, C) of an image (H, W, C) over the pixels of its mask (H, W), which has to be finite outside it too,
-    in blocks of 2**halvings pixels a side; and which blocks (h, w) hold any. Without a pixel of the mask it is 0."""
+    """Means (h, w, C) of an image (H, W, C) over the pixels of a mask (H, W), in blocks of 2**halvings pixels a side,
+    and which blocks (h, w) hold any; where none, the mean is 0. The image has to be finite outside the mask, too."""
     if halvings == 0:
         return np.where(mask[..., None], image, np.float32(0)), mask
     total = np.concatenate([image, np.ones((*mask.shape, 1), np.float32)], axis=-1) * mask[..., None]
