@@ -279,7 +279,7 @@ def test_the_window_is_drawn_before_a_long_slice(scene, monkeypatch):
             done.append(name)
             yield is_next_long
 
-    job = core_run._Job(ExitStack(), [slices()], lambda: done.append("started"))
+    job = core_run._Job(ExitStack(), [core_run._Run([slices()], lambda: done.append("started"))])
     for until in (["short", "short"], ["long"], ["long", "started"]):
         done.clear()
         job.go_on()
