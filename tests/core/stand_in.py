@@ -2,8 +2,8 @@
 
 What it does with a number is told by files in the folder: ``die_N`` is what it dies of (once, the file goes first),
 ``always_die_N`` every time, ``die_late_N`` between writing and saying so, ``fail_N`` what it cannot make, ``slow``
-how many seconds a sample takes, ``template.exr`` what a sample looks like. Each sample begun is a line of the file
-``begun``: its number and the worker's process id.
+how many seconds a sample waits, at most and while that file is there, ``template.exr`` what a sample looks like. Each
+sample begun is a line of the file ``begun``: its number and the worker's process id.
 """
 
 import os
@@ -61,7 +61,9 @@ def make(job: SampleJob, number: int, path: Path) -> None:
                 if deadly.name.startswith("die"):
                     deadly.unlink()
                 os.kill(os.getpid(), KILL)
-        time.sleep(seconds)
+        end = time.monotonic() + seconds
+        while slow.exists() and time.monotonic() < end:
+            time.sleep(0.005)
         template = folder / "template.exr"
         if template.exists():
             unfinished.write_bytes(template.read_bytes())

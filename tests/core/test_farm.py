@@ -254,12 +254,13 @@ def test_what_killed_runs_left_is_cleared_by_the_next(tmp_path: Path) -> None:
 
 
 def test_what_a_living_process_writes_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "slow").write_text("0.5")
+    (tmp_path / "slow").write_text("60")
     thread = threading.Thread(target=run, args=(tmp_path, 1))
     thread.start()
-    until(lambda: unfinished(tmp_path))
+    until(lambda: any("sample" in name for name in unfinished(tmp_path)))
     clear_unfinished(tmp_path)
     assert unfinished(tmp_path)
+    (tmp_path / "slow").unlink()  # which ends the wait
     thread.join()
     assert whole(tmp_path) == {0}
 
