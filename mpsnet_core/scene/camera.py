@@ -92,6 +92,12 @@ class Camera:
         scale = np.array([width / self.width, height / self.height])
         return replace(self, width=width, height=height, focal=self.focal * scale, centre=self.centre * scale)
 
+    def cropped(self, left: int, top: int, width: int, height: int, factor: int = 1) -> "Camera":
+        """The camera of a part of the picture, of which each block of `factor` x `factor` pixels becomes one."""
+        width, height = -(-width // factor), -(-height // factor)
+        centre = (self.centre - (left, top)) / factor
+        return replace(self, width=width, height=height, focal=self.focal / factor, centre=centre)
+
     def projection_rows(self) -> NDArray[np.float64]:
         """(3, 4) projection matrix P: for a homogeneous world point p, P p is (x w, y w, w) in pixels."""
         camera_from_world = np.linalg.inv(self.world_from_camera)

@@ -350,9 +350,8 @@ class _Part:
 
     def camera(self, camera: "Camera") -> "Camera":
         """The part's, of one of the photo."""
-        width, height = (-(-(side.stop - side.start) // self.factor) for side in (self.columns, self.rows))
-        centre = (camera.centre - (self.columns.start, self.rows.start)) / self.factor
-        return replace(camera, width=width, height=height, focal=camera.focal / self.factor, centre=centre)
+        width, height = (side.stop - side.start for side in (self.columns, self.rows))
+        return camera.cropped(self.columns.start, self.rows.start, width, height, self.factor)
 
     def whole(self, fit: "Fit") -> "Fit":
         """The photo's, of one of the part."""

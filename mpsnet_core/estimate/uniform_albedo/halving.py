@@ -3,8 +3,6 @@
 Noise hides that all of a surface has one albedo. The mean of four pixels has half of their noise.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from mpsnet_core.arrays.block_means import means_inside
@@ -38,7 +36,7 @@ def halved(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
             known = np.where(inside, capture.depth[rows], np.float32(0))[..., None]
             depth[half] = means_inside(known, inside, 1)[0][..., 0]
     if camera is not None:
-        camera = replace(camera, height=shape[0], width=shape[1], focal=camera.focal / 2, centre=camera.centre / 2)
+        camera = camera.cropped(0, 0, camera.width, camera.height, 2)
     small = Capture(image, mask, capture.rig, camera, depth=depth, clipped=clipped)
     return small, NormalMap(normals[..., :3], mask, normals[..., 3], in_place=True)
 

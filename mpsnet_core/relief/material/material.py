@@ -205,7 +205,7 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
         raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
     camera = capture.camera
     if camera is not None:
-        camera = replace(camera, width=width, height=height, centre=camera.centre - (left, top))
+        camera = camera.cropped(left, top, width, height)
     return replace(
         capture,
         image=capture.image[part],
