@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -85,7 +85,8 @@ def find_mask(
     words = os.fspath(choice or "alpha-or-all")
     kind, _, argument = words.partition(":")
     if words == "alpha-or-all" and image.alpha is None:
-        log.warning("no mask and no alpha: the whole photo is assumed to be the object [no-mask]")
+        if notes != "none":
+            _note_no_mask(image.pixels)
         return _whole(image)
     if words == "none":
         return _whole(image)
@@ -173,11 +174,7 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.b
 
     Raises GeometryError where nothing stands out.
     """
-    factor = _factor(pixels)
-    small = block_means(pixels, factor)
-    white = _white(small)
-    photo = _on_screen(small, white)
-    behind = _smooth_background(photo)
+    factor, white, photo, behind = _reduced(pixels)
 
     def contrast(rows: slice) -> NDArray[np.float32]:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
@@ -213,10 +210,11 @@ def background_mask(
 
 
 class _Found(NamedTuple):
-    """The object's mask in the small picture, and the contrast that an object's pixel has at least."""
+    """The object's mask in the small picture, the contrast that its pixels have at least, and what is doubtful."""
 
     mask: NDArray[np.bool_]
     threshold: float
+    doubts: list[str]
 
 
 def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes) -> _Found:
@@ -233,9 +231,11 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes
     if notes == "all":
         share = 100 * mask.mean()
         log.info("the mask covers %.1f%% of the photo, with a certainty of %.2f of 1", share, clearness)
+    doubts = list(_doubts(mask, clearness))
     if notes != "none":
-        _note_doubts(mask, clearness)
-    return _Found(mask, threshold)
+        for doubt in doubts:
+            log.warning("%s [doubtful-mask]", doubt)
+    return _Found(mask, threshold, doubts)
 
 
 def _mended(
@@ -258,19 +258,37 @@ def _mended(
     return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
-def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
+def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
     if clearness < CLEAR:
-        log.warning("object and background hardly differ in places: look at the mask before you use it [doubtful-mask]")
+        yield "object and background hardly differ in places: look at the mask before you use it"
     if touching > 0.01:
-        log.warning(
-            "the mask meets %.0f%% of the photo's border: is the object wholly in the picture, before a dark or plain "
-            "background? [doubtful-mask]",
-            100 * touching,
+        yield (
+            f"the mask meets {100 * touching:.0f}% of the photo's border: is the object wholly in the picture, before "
+            "a dark or plain background?"
         )
     if not SMALL_SHARE <= share <= LARGE_SHARE:
         size = "small" if share < SMALL_SHARE else "large"
-        log.warning("the mask is %s for an object: look at it before you use it [doubtful-mask]", size)
+        yield f"the mask is {size} for an object: look at it before you use it"
+
+
+def _note_no_mask(pixels: NDArray[np.float32]) -> None:
+    """Warn that the whole photo counts as the object, and of an object that clearly stands out all the same."""
+    whole = "no mask and no alpha: the whole photo is assumed to be the object"
+    try:
+        _, _, photo, behind = _reduced(pixels)
+        found = _standing_out(photo, behind, "none")
+    except NoObject:
+        found = None
+    if found is None or found.doubts:
+        log.warning("%s [no-mask]", whole)
+        return
+    log.warning(
+        "%s, but one that covers %.0f%% of it stands out; unless the rest counts too, give --mask auto: beside a "
+        "background, normals are wrong by degrees [no-mask]",
+        whole,
+        100 * found.mask.mean(),
+    )
 
 
 def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
@@ -288,6 +306,17 @@ def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
 
 
 # --- the background ---------------------------------------------------------------------------------------------------
+
+
+def _reduced(
+    pixels: NDArray[np.float32],
+) -> tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """By how much a photo is made smaller, (3,) its white, (H, W, 3) it on the screen's scale, what is behind there."""
+    factor = _factor(pixels)
+    small = block_means(pixels, factor)
+    white = _white(small)
+    photo = _on_screen(small, white)
+    return factor, white, photo, _smooth_background(photo)
 
 
 def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:

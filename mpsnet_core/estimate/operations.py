@@ -207,6 +207,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     ) -> NormalsMade:
         from mpsnet_core.capture.capture import read_capture
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
+        from mpsnet_core.estimate.room_light import note_room_light
         from mpsnet_core.io.files import ensure_folder, written_together
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.normal_map import write_normals
@@ -228,6 +229,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
         progress(0.1, f"normals by {self.model}")
         normals = estimator(capture, part(progress, 0.1, 0.9))
+        note_room_light(capture, normals)
 
         progress(0.9, f"writing {output.name}")
         ensure_folder(output.parent, "normals")

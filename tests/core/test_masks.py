@@ -12,7 +12,7 @@ from synthetic import shaded_sphere, write_file
 
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
-from mpsnet_core.capture.masks import auto_mask, background_mask, find_mask, threshold_mask
+from mpsnet_core.capture.masks import Notes, auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_image, read_mask
@@ -296,3 +296,20 @@ def test_alpha_or_auto_is_alpha_then_what_stands_out_then_the_whole_photo(caplog
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
         "no object stands out from the background: the whole photo is assumed to be the object [no-mask]"
     ]
+
+
+@pytest.mark.parametrize("level", [0.0, 0.1], ids=["black", "grey"])
+def test_without_a_mask_an_object_that_stands_out_is_named(level: float, caplog: pytest.LogCaptureFixture) -> None:
+    image, mask = ball(radius=0.3)
+    find_mask(Image(noisy(before(image, np.full(image.shape, level), mask)), None, 1.0), None)
+    assert f"but one that covers {100 * mask.mean():.0f}% of it stands out; unless" in caplog.text
+    assert "--mask auto" in caplog.text and "[no-mask]" in caplog.text
+
+
+@pytest.mark.parametrize("notes", ["all", "none"])
+def test_without_a_mask_cloth_that_fills_the_photo_is_no_object(notes: Notes, caplog: pytest.LogCaptureFixture) -> None:
+    x, y = np.meshgrid(np.arange(200), np.arange(160))
+    weave = 0.4 + 0.2 * np.sin(x[..., None] / [3, 4, 5]) * np.sin(y[..., None] / 4)
+    find_mask(Image(noisy(weave), None, 1.0), None, notes=notes)
+    words = "no mask and no alpha: the whole photo is assumed to be the object [no-mask]"
+    assert [record.message for record in caplog.records] == [words] * (notes == "all")

@@ -1,0 +1,64 @@
+"""Light from elsewhere, on a matt ball whose normals and light are known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Mpsnet
+from synthetic import CROSSTALK, shaded_sphere, write_file
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.room_light import note_room_light, shadow_brightness
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
+
+RIG = LightRig(published_rig(45).directions)
+BALL = shaded_sphere(200, RIG)
+SURE = NormalMap(BALL.normals.astype(np.float32), BALL.mask, np.full(BALL.mask.shape, 0.98, np.float32))
+PAINTED = np.where(np.arange(200)[:, None, None] < 120, [0.9, 0.6, 0.3], [0.2, 0.3, 0.7]).astype(np.float32)
+
+
+def lit_by(ambient: float, colour: float | np.ndarray = 1.0) -> Capture:
+    """The ball, of which each channel also shows this share of its light where the light does not reach."""
+    return BALL.capture(image=((BALL.image + 0.8 * ambient) * colour).astype(np.float32))
+
+
+@pytest.mark.parametrize("colour", [1.0, PAINTED], ids=["grey", "painted"])
+@pytest.mark.parametrize("ambient", [0.0, 0.1, 0.3])
+def test_shadows_are_as_bright_as_the_ambient_light(ambient: float, colour: float | np.ndarray) -> None:
+    found = shadow_brightness(lit_by(ambient, colour), SURE)
+    # Where it is lit, the ambient light is there too; and paint differs from place to place.
+    assert found is not None and 0.5 * ambient <= found <= 1.4 * ambient + 1e-6
+
+
+def test_the_warning(caplog: pytest.LogCaptureFixture) -> None:
+    note_room_light(lit_by(0.03), SURE)
+    assert not caplog.records
+    note_room_light(lit_by(0.1), SURE)
+    assert "its channel still shows 9% of it" in caplog.text and "[room-light]" in caplog.text
+
+
+def test_crosstalk_that_the_rig_does_not_say_is_light_from_elsewhere_too(caplog: pytest.LogCaptureFixture) -> None:
+    mixed = (BALL.image @ np.transpose(CROSSTALK)).astype(np.float32)
+    note_room_light(BALL.capture(image=mixed, rig=LightRig(RIG.directions, np.array(CROSSTALK))), SURE)
+    assert not caplog.records
+    note_room_light(BALL.capture(image=mixed), SURE)
+    assert "[room-light]" in caplog.text
+
+
+def test_nothing_is_known_of_normals_that_are_unsure_or_face_the_lights() -> None:
+    unsure = NormalMap(SURE.vectors, BALL.mask, np.full(BALL.mask.shape, 0.3, np.float32))
+    assert shadow_brightness(lit_by(0.3), unsure) is None
+    faces = BALL.normals[..., 2] > 0.8
+    assert shadow_brightness(lit_by(0.3), NormalMap(SURE.vectors, faces, SURE.confidence)) is None
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.2])
+def test_estimate_warns(ambient: float, tmp_path: Path, mpsnet: Mpsnet) -> None:
+    photo = write_file(tmp_path / "photo.exr", lit_by(ambient).image, "float")
+    mask = write_file(tmp_path / "mask.png", BALL.mask[..., None], "uint8")
+    write_rig(tmp_path / "rig.json", RIG)
+    options = ["--rig", tmp_path / "rig.json", "--mask", mask, "--passes", "1", "-o", tmp_path / "normals.png"]
+    done = mpsnet("estimate", photo, *options)
+    assert done.returncode == 0, done.stderr
+    assert ("[room-light]" in done.stderr) == (ambient > 0)
