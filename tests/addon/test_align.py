@@ -81,6 +81,10 @@ def off(scene, shot):
 
 
 def test_without_a_start_the_camera_is_found_and_the_bake_goes_through_it(opened, shot, tmp_path):
+    rig, opened.mps.estimate.rig_file = opened.mps.estimate.rig_file, ""
+    with pytest.raises(RuntimeError, match="choose their rig file, or calibrate them"):
+        bpy.ops.mps.align_photo()
+    opened.mps.estimate.rig_file = rig
     bpy.ops.mps.estimate(output=str(tmp_path / "normals.exr"))
     with pytest.raises(RuntimeError, match="Press Align Photo"):
         bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"))
