@@ -139,7 +139,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         photo.mps.poor, photo.mps.outline_pixels = result["poor"], result["outline_pixels"]
         photo.mps.fit = (
             f"outlines {result['outline_pixels']:.1f} pixels and normals {result['normals_degrees']:.0f}° apart, "
-            f"{result['overlap']:.0%} shared"
+            f"{result['overlap']:.0%} shared{', but the mesh seems to be mirrored' if result['mirrored'] else ''}"
         )
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual
