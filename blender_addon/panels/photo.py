@@ -146,6 +146,8 @@ class MPS_PT_align(Step):
         column = self.column()
         column.prop(context.scene.mps.bake, "target", placeholder=target.name if target else "")
         column.prop(photo, "camera")
+        lens = context.scene.mps.estimate.lens
+        column.prop(align, "lens_of", placeholder=f"{lens:g} mm" if lens else "Automatic")
         row = column.row()
         row.active = not photo.pairs
         row.prop(align, "start")

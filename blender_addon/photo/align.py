@@ -21,7 +21,7 @@ from ..provenance import Provenance, stamp
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera
 from ..scene.mesh_file import begin_mesh
-from ..scene.objects import by_session_uid, find_object, target_of
+from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
 from ..settings.align import AlignSettings
 from ..settings.declared import as_typed, from_option, take_given
@@ -46,6 +46,12 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
     lens: from_option(Align, "focal", name="Lens (mm)", unset="that of the photo; found as well where that is 0")
+    lens_of: StringProperty(
+        name="Lens Of",
+        description="Name of a camera object whose focal length and shift the photo's camera gets. Empty: the one in "
+        "the panel, unless Lens (mm) is given",
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -70,7 +76,6 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         target = find_object(scene, self.target) if self.target else mesh_of_photo(context)
         context.view_layer.update()
         self.later(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
-        lens = self.lens if self.properties.is_property_set("lens") else estimate.lens
         overlay = output_path("", result_name(scene, "alignment"), "PNG")
         self._camera, self._overlay = overlay.with_name(f"{overlay.stem}_camera.json"), overlay
         self._photo, self._target = photo.session_uid, target.session_uid
@@ -79,13 +84,32 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             mesh=str(folder / "mesh.npz"),
             rig=str(rig_path(scene, photo, folder, rig_file_for(photo, estimate))),
             **self._place(context, photo, folder),
-            focal=as_typed(lens) if lens else None,
+            **self._lens(scene, photo, folder),
             **reading(estimate, painted=painted_mask(estimate, folder)),
             **network(estimate),
             overlay=str(overlay),
             output=str(self._camera),
         )
         return operation, [self._camera, overlay]
+
+    def _lens(self, scene: Any, photo: Any, folder: Path) -> dict[str, Any]:
+        """The core's option for the lens; none where it is to be found."""
+        given = self.properties.is_property_set("lens")
+        camera = scene.mps.align.lens_of if not given else None
+        if self.lens_of and self.lens:
+            raise InputError(
+                f"the lens is given twice, as that of {self.lens_of} and as {self.lens:g} mm; give one of them"
+            )
+        if self.lens_of:
+            camera = find_object(scene, self.lens_of)
+        if camera is None:
+            lens = self.lens if given else scene.mps.estimate.lens
+            return {"focal": as_typed(lens)} if lens else {}
+        check_in_scene(scene, camera, "camera of the lens")
+        if camera.type != "CAMERA":
+            raise InputError(f'the lens is to be that of "{camera.name}", which is no camera; name one')
+        write_camera(folder / "lens.json", scene_camera(camera, scene, picture_size(photo)))
+        return {"lens": str(folder / "lens.json")}
 
     def _place(self, context: Any, photo: Any, folder: Path) -> dict[str, Any]:
         """The core's options for where the camera is about; none where all views are tried."""
@@ -115,7 +139,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         photo.mps.poor, photo.mps.outline_pixels = result["poor"], result["outline_pixels"]
         photo.mps.fit = (
             f"outlines {result['outline_pixels']:.1f} pixels and normals {result['normals_degrees']:.0f}° apart, "
-            f"{result['overlap']:.0%} shared"
+            f"{result['overlap']:.0%} shared{', but the mesh seems to be mirrored' if result['mirrored'] else ''}"
         )
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual

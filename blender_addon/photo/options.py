@@ -19,7 +19,7 @@ from ..scene.objects import check_in_scene
 from ..settings.declared import as_typed
 from ..settings.estimate import MODELS
 from ..slices import Slices
-from .camera import write_photo_camera
+from .camera import is_real, write_photo_camera
 
 
 class Viewpoint(TypedDict, total=False):
@@ -74,10 +74,15 @@ def rig_and_camera_options(
 
 
 def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
-    """The file of the rig that lit a photo: `rig_file`, else what is stored with the photo, else the scene's rig."""
+    """The file of the rig that lit a photo: `rig_file`, else what is stored with the photo, else the scene's rig.
+
+    Raises SettingsError where none is known of a photo that somebody took.
+    """
     if rig_file:
         return Path(bpy.path.abspath(rig_file))
     rig, taken_with = folder / "rig.json", remembered(image, "rig")
+    if taken_with is None and is_real(image) and not scene.mps.rig.lights:
+        raise SettingsError("nothing says where this photo's lights are; choose their rig file, or calibrate them")
     if taken_with is None:
         write_rig(rig, light_rig(scene))
     else:

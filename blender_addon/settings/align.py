@@ -38,6 +38,13 @@ class MPS_PG_align(AlignSettings, bpy.types.PropertyGroup):
     image: PointerProperty(
         name="Overlay", description="The photo with the outlines of mask and mesh", type=bpy.types.Image
     )
+    lens_of: PointerProperty(
+        name="Lens Of",
+        description="Camera whose focal length and shift the photo's camera gets, as of a calibrated lens or a cropped "
+        "photo. Where it stands does not count. Empty: Lens (mm), and the photo's middle",
+        type=bpy.types.Object,
+        poll=lambda _, candidate: candidate.type == "CAMERA",
+    )
 
 
 class MPS_PG_pair(bpy.types.PropertyGroup):

@@ -127,6 +127,7 @@ TABLE = {
     "Lamp": "Lampe",
     "Left": "Links",
     "Lens (mm)": "Brennw. (mm)",
+    "Lens Of": "Objektiv von",
     "Lens and Corrections": "Objektiv und Korrekturen",
     "Light": "Licht",
     "Light Preview": "Lichtvorschau",

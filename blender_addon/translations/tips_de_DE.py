@@ -108,6 +108,11 @@ TIPS = {
     "Camera that takes the photo: the rig's own, or any other of this scene": (
         "Kamera, die das Foto aufnimmt: die des Rigs oder irgendeine andere dieser Szene"
     ),
+    "Camera whose focal length and shift the photo's camera gets, as of a calibrated lens or a cropped photo. Where it "
+    "stands does not count. Empty: Lens (mm), and the photo's middle": (
+        "Kamera, deren Brennweite und Verschiebung die Kamera des Fotos bekommt, wie die eines kalibrierten Objektivs "
+        "oder eines beschnittenen Fotos. Wo sie steht, zählt nicht. Leer: Brennw. (mm) und die Mitte des Fotos"
+    ),
     "Chen et al. 2018 for three lights, half the published width": (
         "Chen et al. 2018 für drei Lichter, halb so breit wie veröffentlicht"
     ),
@@ -483,6 +488,11 @@ TIPS = {
     ),
     "Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's": (
         "Name des Mesh-Objekts, das den Abstand jedes Pixels zu nahen Lichtern angibt. Leer: das des Panels"
+    ),
+    "Name of a camera object whose focal length and shift the photo's camera gets. Empty: the one in the panel, unless "
+    "Lens (mm) is given": (
+        "Name eines Kamera-Objekts, dessen Brennweite und Verschiebung die Kamera des Fotos bekommt. Leer: die im "
+        "Panel, außer wenn Brennw. (mm) angegeben ist"
     ),
     "Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one": (
         "Name des Mesh-Objekts, das das Foto zeigt. Leer: das Ziel des Backens, sonst das aktive"

@@ -86,6 +86,11 @@ TIPS = {
     "Camera that takes the photo: the rig's own, or any other of this scene": (
         "拍摄照片的摄像机：灯架自带的，或此场景中的任何其他摄像机"
     ),
+    "Camera whose focal length and shift the photo's camera gets, as of a calibrated lens or a cropped photo. Where it "
+    "stands does not count. Empty: Lens (mm), and the photo's middle": (
+        "照片的摄像机采用此摄像机的焦距和偏移，例如已标定的镜头或裁剪过的照片。其位置不起作用。"
+        "留空：焦距 (mm) 与照片中心"
+    ),
     "Chen et al. 2018 for three lights, half the published width": "Chen 等人 2018，用于三盏灯，宽度为发表的一半",
     (
         "Click 4 to 12 places in the photo and the same places on the mesh, for Align Photo. The photo opens beside "
@@ -383,6 +388,8 @@ TIPS = {
     "Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's": (
         "给出每个像素到近距灯光距离的网格物体名称。留空：面板中的物体"
     ),
+    "Name of a camera object whose focal length and shift the photo's camera gets. Empty: the one in the panel, unless "
+    "Lens (mm) is given": ("摄像机物体的名称，照片的摄像机采用其焦距和偏移。留空：面板中选定的，除非给出了焦距 (mm)"),
     "Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one": (
         "照片所示网格物体的名称。留空：烘焙的目标，否则为活动物体"
     ),

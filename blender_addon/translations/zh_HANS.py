@@ -127,6 +127,7 @@ TABLE = {
     "Lamp": "灯",
     "Left": "左",
     "Lens (mm)": "焦距 (mm)",
+    "Lens Of": "镜头取自",
     "Lens and Corrections": "镜头与校正",
     "Light": "灯光",
     "Light Preview": "灯光预览",

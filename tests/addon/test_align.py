@@ -16,6 +16,7 @@ from blender_addon.photo.align import _camera_object
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import Camera, read_camera
 
 from .rendering import matte
@@ -80,6 +81,10 @@ def off(scene, shot):
 
 
 def test_without_a_start_the_camera_is_found_and_the_bake_goes_through_it(opened, shot, tmp_path):
+    rig, opened.mps.estimate.rig_file = opened.mps.estimate.rig_file, ""
+    with pytest.raises(RuntimeError, match="choose their rig file, or calibrate them"):
+        bpy.ops.mps.align_photo()
+    opened.mps.estimate.rig_file = rig
     bpy.ops.mps.estimate(output=str(tmp_path / "normals.exr"))
     with pytest.raises(RuntimeError, match="Press Align Photo"):
         bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"))
@@ -124,6 +129,63 @@ def test_points_place_it_and_one_that_contradicts_is_reported(opened, shot):
     assert f"pair {wrong + 1} contradicts the others" in "".join(notes_of(opened, "align_photo"))
     bpy.ops.mps.remove_align_point(index=wrong)
     assert [pair.residual for pair in photo.pairs] == residuals[:wrong] + residuals[wrong + 1 :]
+
+
+class TestLensOf:
+    """A photo that lost its left and top, placed by pairs; the lens is that of a camera object."""
+
+    CROPPED = (90, 40)
+
+    @pytest.fixture
+    def cropped(self, opened, shot, tmp_path):
+        true, obj, (left, top) = read_camera(shot / "true.json"), bpy.data.objects["Suzanne"], self.CROPPED
+        write_image(tmp_path / "cropped.exr", read_image(shot / "photo.exr").pixels[top:, left:])
+        bpy.ops.mps.open_photo(filepath=str(tmp_path / "cropped.exr"))
+        bpy.context.view_layer.update()
+        for vertex in list(obj.data.vertices)[::70]:
+            x, y, w = true.projection_rows() @ [*(obj.matrix_world @ vertex.co), 1]
+            pair = opened.mps.photo.image.mps.pairs.add()
+            pair.pixel, pair.point = (x / w - left, y / w - top), obj.matrix_world @ vertex.co
+        lens = bpy.data.objects.new("Lens", bpy.data.cameras.new("Lens"))
+        opened.collection.objects.link(lens)
+        longer = SIZE[0] - left
+        lens.data.lens, lens.location = 60 * SIZE[0] / longer, (7, 8, 9)
+        # The middle of what is left is right of and below that of the whole photo.
+        lens.data.shift_x, lens.data.shift_y = left / 2 / longer, -top / 2 / longer
+        return opened
+
+    def test_its_focal_length_and_shift_stay(self, cropped, shot):
+        lens = bpy.data.objects["Lens"].data
+        cropped.mps.align.lens_of = bpy.data.objects["Lens"]
+        cropped.mps.estimate.lens = 60  # is not asked
+        bpy.ops.mps.align_photo()
+        found = cropped.mps.photo.image.mps.camera.data
+        assert off(cropped, shot) < 0.3
+        for name in ("lens", "shift_x", "shift_y"):
+            assert getattr(found, name) == pytest.approx(getattr(lens, name), rel=1e-4)
+        # What is given goes first.
+        bpy.ops.mps.align_photo(lens=lens.lens)
+        assert found.shift_x == 0 and off(cropped, shot) > 1
+        cropped.mps.align.lens_of = None
+        bpy.ops.mps.align_photo(lens_of="Lens")
+        assert off(cropped, shot) < 0.3
+
+    def test_one_that_is_gone_or_no_perspective_camera_and_two_lenses_are_refused(self, cropped):
+        lens = bpy.data.objects["Lens"]
+        for given, sentence in (
+            ({"lens_of": "Lens", "lens": 50}, "the lens is given twice, as that of Lens and as 50 mm"),
+            ({"lens_of": "Suzanne"}, 'that of "Suzanne", which is no camera'),
+            ({"lens_of": "Nobody"}, 'there is no object "Nobody"'),
+        ):
+            with pytest.raises(RuntimeError, match=sentence):
+                bpy.ops.mps.align_photo(**given)
+        lens.data.type = "ORTHO"
+        with pytest.raises(RuntimeError, match="the lens is an orthographic camera"):
+            bpy.ops.mps.align_photo(lens_of="Lens")
+        cropped.mps.align.lens_of = lens
+        cropped.collection.objects.unlink(lens)
+        with pytest.raises(RuntimeError, match='the camera of the lens "Lens" was deleted'):
+            bpy.ops.mps.align_photo()
 
 
 def test_a_camera_about_there_is_refined_and_stays_the_users_own(opened, shot):

@@ -9,7 +9,7 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.rig import published_rig
 
-_BUMPS = np.array(  # direction, height, narrowness
+BUMPS = np.array(  # direction, height, narrowness
     [
         [1.0, 0.2, 0.1, 0.5, 6.0],
         [-0.6, 0.7, 0.3, 0.35, 10.0],
@@ -21,17 +21,30 @@ _BUMPS = np.array(  # direction, height, narrowness
         [0.5, -0.7, -0.3, 0.15, 40.0],
     ]
 )
+# Left (y) and right look alike but for the last bump.
+NEARLY_SYMMETRIC = np.array(
+    [
+        [1.0, 0.0, 0.1, 0.5, 6.0],
+        [0.2, 0.8, 0.6, 0.3, 10.0],
+        [0.2, -0.8, 0.6, 0.3, 10.0],
+        [-0.5, 0.0, 0.9, 0.35, 8.0],
+        [0.0, 0.0, -1.0, 0.5, 5.0],
+        [0.7, 0.5, -0.3, 0.2, 14.0],
+        [0.7, -0.5, -0.3, 0.2, 14.0],
+        [0.7, 0.4, 0.5, 0.06, 60.0],
+    ]
+)
 SIZE = 3.0  # about its diagonal
 
 
-def radius(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def radius(directions: NDArray[np.float64], bumps: NDArray[np.float64] = BUMPS) -> NDArray[np.float64]:
     """How far the surface is from the origin along unit directions (..., 3)."""
-    axes = _BUMPS[:, :3] / np.linalg.norm(_BUMPS[:, :3], axis=1, keepdims=True)
-    found: NDArray[np.float64] = 0.7 + (_BUMPS[:, 3] * np.exp(_BUMPS[:, 4] * (directions @ axes.T - 1))).sum(axis=-1)
+    axes = bumps[:, :3] / np.linalg.norm(bumps[:, :3], axis=1, keepdims=True)
+    found: NDArray[np.float64] = 0.7 + (bumps[:, 3] * np.exp(bumps[:, 4] * (directions @ axes.T - 1))).sum(axis=-1)
     return found
 
 
-def mesh(rows: int = 120) -> Mesh:
+def mesh(rows: int = 120, bumps: NDArray[np.float64] = BUMPS) -> Mesh:
     """Its triangles, on a grid of longitudes and latitudes."""
     latitude = np.linspace(0, np.pi, rows + 1)
     longitude = np.linspace(0, 2 * np.pi, 2 * rows, endpoint=False)
@@ -39,7 +52,7 @@ def mesh(rows: int = 120) -> Mesh:
     grid = np.stack(
         [sine * np.cos(longitude), sine * np.sin(longitude), np.repeat(np.cos(latitude)[:, None], 2 * rows, 1)], axis=-1
     )
-    vertices = (grid * radius(grid)[..., None]).reshape(-1, 3)
+    vertices = (grid * radius(grid, bumps)[..., None]).reshape(-1, 3)
     a = np.arange(rows)[:, None] * 2 * rows + np.arange(2 * rows)
     b = np.arange(rows)[:, None] * 2 * rows + (np.arange(2 * rows) + 1) % (2 * rows)
     c, d = a + 2 * rows, b + 2 * rows
@@ -59,7 +72,7 @@ class Photo:
     image: NDArray[np.float32]
 
 
-def photo(camera: Camera) -> Photo:
+def photo(camera: Camera, bumps: NDArray[np.float64] = BUMPS) -> Photo:
     """What a camera sees, by marching along each ray."""
     x, y = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
     pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
@@ -69,13 +82,13 @@ def photo(camera: Camera) -> Photo:
     marching = np.arange(len(pixels))
     for _ in range(250):
         points = origins[marching] + distance[marching, None] * directions[marching]
-        step = np.minimum(0.35 * _outside(points), 0.2)
+        step = np.minimum(0.35 * _outside(points, bumps), 0.2)
         distance[marching] += step
         marching = marching[(np.abs(step) > 1e-10) & (distance[marching] < nearest[marching] + 1.6)]
     points = origins + distance[:, None] * directions
-    mask = np.abs(_outside(points)) < 1e-3
+    mask = np.abs(_outside(points, bumps)) < 1e-3
     step = 1e-5 * np.eye(3)
-    gradient = np.stack([_outside(points + d) - _outside(points - d) for d in step], axis=-1)
+    gradient = np.stack([_outside(points + d, bumps) - _outside(points - d, bumps) for d in step], axis=-1)
     normals = gradient / np.linalg.norm(gradient, axis=1, keepdims=True) @ camera.rotation
     normals = np.where(mask[:, None], normals, 0)
     image = 0.6 * np.maximum(normals @ published_rig(30, 90).directions.T, 0)
@@ -88,7 +101,7 @@ def photo(camera: Camera) -> Photo:
     )
 
 
-def _outside(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outside(points: NDArray[np.float64], bumps: NDArray[np.float64]) -> NDArray[np.float64]:
     length = np.linalg.norm(points, axis=-1)
-    found: NDArray[np.float64] = length - radius(points / length[..., None])
+    found: NDArray[np.float64] = length - radius(points / length[..., None], bumps)
     return found

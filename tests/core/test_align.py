@@ -16,8 +16,9 @@ from synthetic import write_file
 
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+from mpsnet_core.estimate.alignment.mirror import better_mirrored
 from mpsnet_core.estimate.alignment.points import camera_from_points
-from mpsnet_core.estimate.alignment.refine import refined
+from mpsnet_core.estimate.alignment.refine import measured, refined
 from mpsnet_core.estimate.alignment.search import searched
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
@@ -155,6 +156,13 @@ class TestFromAStart:
         flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-9)
         fit = refined(NormalMap(flat, photo.mask), faces(), looking(45, 10, 4))
         assert_the_same(fit.camera, photo.camera)
+
+
+def test_a_camera_that_is_wrong_does_not_make_a_mesh_mirrored():
+    """Seen from behind, where in a mirror it would look as from the front, from where it fits as it is."""
+    photo = bumpy_ball.photo(looking(5, 20, 3), bumpy_ball.NEARLY_SYMMETRIC)
+    mesh = MeshFaces.of(bumpy_ball.mesh(bumps=bumpy_ball.NEARLY_SYMMETRIC))
+    assert better_mirrored(evidence(photo), mesh, measured(evidence(photo), mesh, looking(185, -20, -3))) is None
 
 
 @pytest.mark.long
@@ -303,8 +311,13 @@ class TestCommand:
         image[top : top + HEIGHT, left : left + WIDTH] = np.dstack([photo.image, photo.mask])
         write_file(files / "photo.exr", image, "float")
         write_camera(files / "start.json", shifted(looking(46, 10, 4)))
-        done = self.align(mpsnet, files, "--start", files / "start.json")
+        done = self.align(mpsnet, files, "--start", files / "start.json", "--overlay", files / "overlay.exr")
         assert done.returncode == 0, done.stderr
+        shown = read_image(files / "overlay.exr").pixels
+        rows, columns = np.nonzero((shown[..., 1] > 0.9) & (shown[..., 0] < 0.1))  # the mesh's, green
+        outline = np.ptp(np.argwhere(photo.mask), axis=0)
+        assert np.abs((np.ptp(rows), np.ptp(columns)) - outline).max() < 6
+        assert max(shown.shape) < 1.6 * max(outline)  # the picture shows the object and a margin
         found, points = read_camera(files / "camera.json"), surface_points(50)
         assert (found.width, found.height) == (width, height)
         assert degrees_apart(found, alone) < 0.01
@@ -329,6 +342,51 @@ class TestCommand:
         done = self.align(mpsnet, files, "--start", files / "start.json")
         assert done.returncode == 0, done.stderr
         assert "the fit is poor" in done.stderr
+
+    @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (2600, 1800)], ids=["large in the photo", "small in it"])
+    def test_outlines_that_are_apart_by_a_share_of_the_object_are_a_poor_fit(self, mpsnet, files, size):
+        """However large the photo is; mesh and mask share most, and the normals are alike."""
+        (width, height), photo = size, photographed()
+        centre = np.array([WIDTH / 2, HEIGHT / 2])  # it is in the top left corner
+        image = np.zeros((height, width, 4), np.float32)
+        image[:HEIGHT, :WIDTH] = np.dstack([photo.image, photo.mask])
+        write_file(files / "photo.exr", image, "float")
+        write_camera(files / "start.json", replace(photo.camera, width=width, height=height, centre=centre))
+        poor = {}
+        for stretch in (1, 1.2):
+            stretched = bumpy_ball.mesh()
+            stretched.vertices[:, 2] *= stretch
+            write_mesh(files / "mesh.npz", stretched)
+            done = self.align(mpsnet, files, "--start", files / "start.json", "--progress", "json")
+            result = json.loads(done.stdout.splitlines()[-1])["result"]
+            assert result["overlap"] > 0.93 and result["normals_degrees"] < 25, result
+            poor[stretch] = result["poor"]
+        assert poor == {1: False, 1.2: True}
+
+    def test_a_mirrored_mesh_of_a_nearly_symmetric_object_is_reported(self, mpsnet, files):
+        photo = bumpy_ball.photo(looking(15, 20, 10), bumpy_ball.NEARLY_SYMMETRIC)
+        write_file(files / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
+        write_camera(files / "start.json", looking(18, 18, 8))
+        noted, right = {}, bumpy_ball.mesh(bumps=bumpy_ball.NEARLY_SYMMETRIC)
+        mirrored = replace(right, vertices=right.vertices * (1, -1, 1), triangles=right.triangles[:, ::-1])
+        for name, mesh in (("right", right), ("mirrored", mirrored)):
+            write_mesh(files / "mesh.npz", mesh)
+            done = self.align(mpsnet, files, "--start", files / "start.json", "--progress", "json")
+            result = json.loads(done.stdout.splitlines()[-1])["result"]
+            assert result["overlap"] > 0.97 and result["normals_degrees"] < 10, result  # which fits
+            noted[name] = "[mirrored-mesh]" in done.stderr + done.stdout, result["poor"]
+        assert noted == {"right": (False, False), "mirrored": (True, True)}
+
+    def test_a_mirrored_mesh_is_reported_where_pairs_place_it(self, mpsnet, files):
+        """Of any shape. From afar, points look alike mirrored and seen from behind: no pair contradicts the others."""
+        mesh = bumpy_ball.mesh()
+        write_mesh(
+            files / "mesh.npz", replace(mesh, vertices=mesh.vertices * (1, 1, -1), triangles=mesh.triangles[:, ::-1])
+        )
+        points = surface_points(8)
+        pairs = self.pairs(files, pixels_of(photographed().camera, points), points * (1, 1, -1))
+        done = self.align(mpsnet, files, *pairs, "--focal", 800 / WIDTH * 36)
+        assert "[mirrored-mesh]" in done.stderr and "contradicts" not in done.stderr
 
     @pytest.mark.parametrize("shape", [(1, 1), (48, 1), (4, 300)])
     def test_an_object_too_small_or_thin_gets_one_sentence(self, mpsnet, files, shape: tuple[int, int]):

@@ -22,16 +22,23 @@ class MeshFaces:
         For rays, in world space.
     normals
         (T, 3) unit normals of the triangles, in world space; zero where one has no area.
+    axes
+        (3, 3) the surface's principal axes as rows, unit vectors in world space.
     """
 
     scene: RayScene
     normals: NDArray[np.float64]
+    axes: NDArray[np.float64]
 
     @classmethod
     def of(cls, mesh: Mesh) -> "MeshFaces":
-        across = triangle_normals(mesh.world_vertices[mesh.triangles])
+        corners = mesh.world_vertices[mesh.triangles]
+        across = triangle_normals(corners)
         length = np.linalg.norm(across, axis=1, keepdims=True)
-        return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1))
+        offset = corners.mean(axis=1)
+        offset -= (length * offset).sum(axis=0) / max(length.sum(), 1e-300)
+        _, axes = np.linalg.eigh((length * offset).T @ offset)
+        return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1), axes.T)
 
     def seen(self, camera: Camera, x: Floats, y: Floats) -> "SeenFaces":
         """What a camera sees through pixels of those columns x (w,) and rows y (h,)."""

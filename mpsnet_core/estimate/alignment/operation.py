@@ -28,9 +28,9 @@ log = logging.getLogger(__name__)
 # The longer side in pixels of the photo's part with the object that the camera is found on: more brings nothing that an
 # estimate's errors leave.
 LONGEST = 1024
-# A fit is poor where the outlines are this share of the picture's longer side apart, or the normals this many degrees,
+# A fit is poor where the outlines are this share of the object's longer side apart, or the normals this many degrees,
 # or mesh and mask share less than this.
-POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.006, 35.0, 0.9
+POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.005, 35.0, 0.9
 # Another view that costs less than this many times as much might be as right.
 AMBIGUOUS = 1.3
 LEAST_SIDE = 4  # pixels of the object's shorter side on the coarsest scale, where a mesh is placed first
@@ -55,6 +55,8 @@ class CameraFound(Result):
         Pixels that mesh and mask share, of those that either has.
     poor
         Whether the fit is too poor to bake with.
+    mirrored
+        Whether the mirror image of the mesh fits better; such a fit is poor.
     residuals
         How far each pair of points is off, in the photo's pixels.
     left_out
@@ -68,6 +70,7 @@ class CameraFound(Result):
     normals_degrees: float
     overlap: float
     poor: bool
+    mirrored: bool
     residuals: list[float] | None = None
     left_out: list[int] | None = None
     others: list[str] | None = None
@@ -126,7 +129,8 @@ class Align(RunsModel, ReadsPhotos):
     overlay: str | None = option(
         default=None,
         metavar="FILE",
-        help="also write a picture of the photo with the outlines of mask (orange) and mesh (green), and the pairs",
+        help="also write a picture of the photo around the object with the outlines of mask (orange) and mesh (green), "
+        "and the pairs",
         path="file",
         provenance="none",
     )
@@ -157,8 +161,8 @@ class Align(RunsModel, ReadsPhotos):
         capture = self._capture()
         _check_size(capture.mask)
         faces = MeshFaces.of(read_mesh(self.mesh, shape_only=True))
-        fits, point_fit = self._fits(capture, faces, pairs, progress)
-        return self._written(capture, faces, fits, pairs, point_fit, progress)
+        fits, point_fit, turned_over = self._fits(capture, faces, pairs, progress)
+        return self._written(capture, faces, fits, pairs, point_fit, turned_over, progress)
 
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.capture import read_capture
@@ -176,10 +180,11 @@ class Align(RunsModel, ReadsPhotos):
 
     def _fits(
         self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
-    ) -> "tuple[list[Fit], PointFit | None]":
-        """The best cameras, and what the pairs alone say."""
+    ) -> "tuple[list[Fit], PointFit | None, bool]":
+        """The best cameras, what the pairs alone say, and whether the mirror image of the mesh fits better."""
         import numpy as np
 
+        from mpsnet_core.estimate.alignment.mirror import better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import measured, refined
         from mpsnet_core.estimate.alignment.search import brought_to_the_object, searched
@@ -198,18 +203,23 @@ class Align(RunsModel, ReadsPhotos):
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
         if rough is None:
             usual = Camera("perspective", width, height, np.full(2, max(height, width) * USUAL_FOCAL))
-            begin, rest = shown.camera(lens or usual), part(progress, 0.4, 0.95)
+            begin, rest = shown.camera(lens or usual), part(progress, 0.4, 0.9)
             fits = searched(estimate, faces, begin, fix_focal=fixed, count=CANDIDATES, progress=rest)
-            return [shown.whole(fit) for fit in fits], None
-        progress(0.4, "aligning")
-        begin = shown.camera(rough)
-        if by_points is None:
-            begin = brought_to_the_object(estimate, faces, begin)
-        fit = shown.whole(refined(estimate, faces, begin, fix_focal=fixed))
-        if by_points and pairs and _contradicts(fit.camera, by_points, *pairs):
+        else:
+            progress(0.4, "aligning")
+            begin = shown.camera(rough)
+            if by_points is None:
+                begin = brought_to_the_object(estimate, faces, begin)
+            fits = [refined(estimate, faces, begin, fix_focal=fixed)]
+        best = fits[0]
+        if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
-            fit = shown.whole(measured(estimate, faces, begin))
-        return [fit], by_points
+            fits = [measured(estimate, faces, begin)]
+            best = min(best, fits[0], key=lambda fit: fit.cost)
+        progress(0.9, "comparing with the mirrored mesh")
+        image = better_mirrored(estimate, faces, best)
+        turned_over = image is not None and not _is_poor(image, small.mask)
+        return [shown.whole(fit) for fit in fits], by_points, turned_over
 
     def _written(
         self,
@@ -218,25 +228,32 @@ class Align(RunsModel, ReadsPhotos):
         fits: "list[Fit]",
         pairs: "tuple[Floats, Floats] | None",
         by_points: "PointFit | None",
+        turned_over: bool,
         progress: Progress,
     ) -> CameraFound:
         from mpsnet_core.estimate.alignment.points import off_by
         from mpsnet_core.io.files import written_together
         from mpsnet_core.io.image_writing import write_picture
-        from mpsnet_core.scene.camera import write_camera
+        from mpsnet_core.scene.camera import FULL_FRAME, write_camera
 
         best = fits[0]
-        poor = best.outline > POOR_OUTLINE * max(capture.mask.shape) or best.degrees > POOR_DEGREES
-        poor = poor or best.overlap < POOR_OVERLAP
+        poor = _is_poor(best, capture.mask)
         quality = _quality(best)
-        if poor:
+        if turned_over:
+            log.warning(
+                "the mirror image of the mesh fits better than the mesh; if an export or import turned one of its axes "
+                "over, so that its left is on the right, mirror it [mirrored-mesh]"
+            )
+        elif poor:
             log.warning(
                 "the fit is poor: %s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
                 quality,
             )
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * best.cost:
             log.warning(
-                "another view fits nearly as well; look at the overlay, give points if it is wrong [poor-alignment]"
+                "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
+                "[poor-alignment]",
+                self._others()[0].name,
             )
         left_out = by_points.left_out if by_points else ()
         if left_out:
@@ -250,17 +267,19 @@ class Align(RunsModel, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
+        lens = best.camera.focal[0] / max(best.camera.width, best.camera.height) * FULL_FRAME
         residuals = None if pairs is None else [round(float(one), 2) for one in off_by(best.camera, *pairs)]
         return CameraFound(
             self.output,
             round(best.outline, 2),
             round(best.degrees, 1),
             round(best.overlap, 4),
-            poor,
+            poor or turned_over,
+            turned_over,
             residuals,
             [number + 1 for number in left_out] or None,
             [str(path) for path, _ in others] or None,
-            text=f"{self.output}: camera; {quality}",
+            text=f"{self.output}: camera with a lens of {lens:.0f} mm; {quality}",
         )
 
     def _picture(
@@ -276,8 +295,12 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.estimate.alignment.overlay import overlay
         from mpsnet_core.scene.pictures import contact_sheet
 
-        image = capture.image.astype(np.float32, copy=False)
-        pictures = [overlay(image, capture.mask, faces.scene, fit.camera, pairs, left_out) for fit in fits]
+        shown = replace(_Part.of(capture.mask), factor=1)
+        here = shown.rows, shown.columns
+        image, mask = capture.image[here].astype(np.float32, copy=False), capture.mask[here]
+        if pairs is not None:
+            pairs = pairs[0] - (shown.columns.start, shown.rows.start), pairs[1]
+        pictures = [overlay(image, mask, faces.scene, shown.camera(fit.camera), pairs, left_out) for fit in fits]
         if len(fits) == 1:
             return pictures[0]
         titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]
@@ -301,6 +324,13 @@ def _check_size(mask: "NDArray[np.bool_]") -> None:
         raise GeometryError(
             f"the object is {width} x {height} pixels, too little to place a mesh by; take a larger photo of it"
         )
+
+
+def _is_poor(fit: "Fit", mask: "NDArray[np.bool_]") -> bool:
+    from mpsnet_core.arrays.mask_regions import bounding_box
+
+    longer = max(side.stop - side.start for side in bounding_box(mask))
+    return fit.outline > POOR_OUTLINE * longer or fit.degrees > POOR_DEGREES or fit.overlap < POOR_OVERLAP
 
 
 def _quality(fit: "Fit") -> str:
