@@ -24,6 +24,8 @@ from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import near_rig, published_rig, write_rig
 
+pytestmark = pytest.mark.accuracy
+
 WIDTH, HEIGHT = 480, 400
 
 

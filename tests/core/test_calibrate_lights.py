@@ -26,6 +26,8 @@ from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.rig import read_rig
 
+pytestmark = pytest.mark.accuracy
+
 FAR = 1e6
 MIDDLE = (20.3, -11.7, 0.0)
 ANGLES = [(30, 90), (35, 205), (25, 335)]

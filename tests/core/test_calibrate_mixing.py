@@ -25,6 +25,8 @@ from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.rig import LightRig, near_rig
 
+pytestmark = pytest.mark.accuracy
+
 ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
 RIG = LightRig(FACING)

@@ -29,6 +29,8 @@ from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
+pytestmark = pytest.mark.accuracy
+
 SIZE = 160
 MATERIALS = (
     Material(base_color=(0.7, 0.5, 0.4), roughness=0.6),

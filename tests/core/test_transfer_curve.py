@@ -18,6 +18,8 @@ from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.rig import LightRig
 
+pytestmark = pytest.mark.accuracy
+
 PAINTS = {
     "matt": lambda x, y: np.ones(3),
     "of one colour": lambda x, y: np.array([0.9, 0.6, 0.4]),
