@@ -127,9 +127,7 @@ class TestPoints:
 
 class TestFromAStart:
     # From the last one the first steps are long: a turn and a shift that undo each other have to be cut alike.
-    @pytest.mark.parametrize(
-        ("view", "seed"), [((40, 15, 8), 0), ((40, 15, 8), 1), ((40, 15, 8), 2), ((200, 50, -60), 7)]
-    )
+    @pytest.mark.parametrize(("view", "seed"), [((40, 15, 8), 0), ((200, 50, -60), 7)])
     def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, view: tuple[float, float, float], seed: int):
         rng, photo = np.random.default_rng(seed), photographed(*view)
         off_by = [rng.choice([-5, 5]), rng.choice([-5, 5]), rng.choice([-4, 4])]
