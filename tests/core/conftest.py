@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-# Before NumPy is imported, and for the processes that tests start: matrices here are small, and threads that wait for
-# each other cost more than they save.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Before NumPy and PyTorch are imported, and for the processes that tests start: matrices here are small, and threads
+# that wait for each other cost up to ten times what they save.
+for library in ("OPENBLAS", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 from external_data import external_data
 from synthetic import Sphere, shaded_sphere, write_file

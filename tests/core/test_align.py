@@ -25,6 +25,8 @@ from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import near_rig, published_rig, write_rig
 
+pytestmark = pytest.mark.accuracy
+
 WIDTH, HEIGHT = 480, 400
 
 
@@ -126,9 +128,7 @@ class TestPoints:
 
 class TestFromAStart:
     # From the last one the first steps are long: a turn and a shift that undo each other have to be cut alike.
-    @pytest.mark.parametrize(
-        ("view", "seed"), [((40, 15, 8), 0), ((40, 15, 8), 1), ((40, 15, 8), 2), ((200, 50, -60), 7)]
-    )
+    @pytest.mark.parametrize(("view", "seed"), [((40, 15, 8), 0), ((200, 50, -60), 7)])
     def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, view: tuple[float, float, float], seed: int):
         rng, photo = np.random.default_rng(seed), photographed(*view)
         off_by = [rng.choice([-5, 5]), rng.choice([-5, 5]), rng.choice([-4, 4])]
@@ -166,9 +166,8 @@ def test_a_camera_that_is_wrong_does_not_make_a_mesh_mirrored():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("view", [(40, 15, 8), (-120, -35, 170)])
-def test_without_a_start_the_best_view_is_the_right_one(view: tuple[float, float, float]):
-    photo = photographed(*view)
+def test_without_a_start_the_best_view_is_the_right_one():
+    photo = photographed(-120, -35, 170)
     best, *others = searched(evidence(photo), faces(), looking(0, 0, 0, lens=700.0))
     assert_the_same(best.camera, photo.camera)
     assert all(other.cost > best.cost for other in others)

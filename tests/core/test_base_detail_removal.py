@@ -20,6 +20,8 @@ from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
 from mpsnet_core.scene.rays import RayScene
 
+pytestmark = pytest.mark.accuracy
+
 POSE = np.diag([1.2, 1.2, 1.2, 1.0])
 POSE[:3, 3] = (4, -2, 1)
 MESH = sphere_mesh(96, 48, world_from_object=POSE)

@@ -103,7 +103,7 @@ def test_a_folder_of_frames_becomes_a_folder_of_normals(
 
 
 def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
-    tmp_path: Path, mpsnet_process: Mpsnet, rig_file: Path, sphere: Sphere
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
 ) -> None:
     (tmp_path / "shots").mkdir()
     (tmp_path / "out").mkdir()
@@ -114,7 +114,7 @@ def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
     def estimated(image: Path, *options: str) -> NDArray[np.float32]:
         normals = tmp_path / "out" / "frame_0001_normals.exr"
         output = normals if image == photo else normals.parent
-        done = mpsnet_process("estimate", image, "--rig", rig_file, *options, "--format", "exr", "-o", output)
+        done = mpsnet("estimate", image, "--rig", rig_file, *options, "--format", "exr", "-o", output)
         assert done.returncode == 0, done.stderr
         return read_normals(normals).vectors
 

@@ -79,7 +79,7 @@ def test_the_command_line_counts_samples_and_what_was_left_out(samples: Path, tm
 
 def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
     """On photographs with noise, crosstalk and errors of the rig, pooled, as a bake would weigh them."""
-    job = SampleJob("synthesis", count=24, seed=20_261_120, size=144)
+    job = SampleJob("synthesis", count=12, seed=20_261_120, size=96)
     for number in range(job.count):
         make_sample(job, number, tmp_path / f"sample_{number:06d}.exr")
     expected, errors = [], []

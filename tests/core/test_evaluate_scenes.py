@@ -19,6 +19,8 @@ from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
+pytestmark = pytest.mark.accuracy
+
 SIZE = 64
 
 

@@ -62,7 +62,6 @@ def inputs_of(network: Network, count: int, *size: int) -> dict[str, np.ndarray]
 
 @pytest.mark.parametrize("name", sorted(NETWORKS))
 def test_the_file_answers_as_the_network_does(name: str, models: dict[str, tuple[Trained, Path]]) -> None:
-    name = "multiscale"
     trained, path = models[name]
     session = OnnxModel(path).session
     network = trained.network.eval()
@@ -81,7 +80,6 @@ def test_the_file_answers_as_the_network_does(name: str, models: dict[str, tuple
 
 @pytest.mark.parametrize("name", sorted(NETWORKS))
 def test_the_file_says_what_it_is(name: str, models: dict[str, tuple[Trained, Path]]) -> None:
-    name = "multiscale"
     trained, path = models[name]
     model = onnx.load(path)
     onnx.checker.check_model(model, full_check=True)

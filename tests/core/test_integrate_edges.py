@@ -13,6 +13,8 @@ from mpsnet_core.relief.occlusion import ambient_occlusion
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
+pytestmark = pytest.mark.accuracy
+
 
 def beside_steps(surface: Surface, least: float, reach: int) -> np.ndarray:
     """The mask's pixels within `reach` of a step of more than `least` between neighbours."""

@@ -23,6 +23,8 @@ from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, read_rig, write_rig
 
+pytestmark = pytest.mark.accuracy
+
 
 @pytest.fixture(scope="module")
 def wide() -> Scene:

@@ -21,6 +21,8 @@ from mpsnet_core.estimate.white_photo import painted_grey
 from mpsnet_core.progress import silent
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
+pytestmark = pytest.mark.accuracy
+
 RIG = LightRig(direction_from_angles([25.0, 35.0, 45.0], [75.0, 210.0, 320.0]), np.array(CROSSTALK))
 Inputs = dict[str, np.ndarray]
 

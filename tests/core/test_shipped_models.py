@@ -29,6 +29,8 @@ from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
+pytestmark = pytest.mark.accuracy
+
 SIZE = 160
 MATERIALS = (
     Material(base_color=(0.7, 0.5, 0.4), roughness=0.6),
@@ -106,9 +108,7 @@ def turned_back(normals: NormalMap, degrees: float) -> NormalMap:
     return NormalMap((vectors / np.maximum(length, 1e-9)).astype(np.float32), whole)
 
 
-@pytest.mark.parametrize(
-    ("degrees", "most"), [(90, 1.5), (180, 1.5), (270, 1.5), (17, 3.0), (45, 3.0), (101, 3.0), (233, 3.0), (300, 3.0)]
-)
+@pytest.mark.parametrize(("degrees", "most"), [(90, 1.5), (180, 1.5), (45, 3.0), (233, 3.0)])
 def test_turning_the_scene_turns_the_answer(degrees: float, most: float) -> None:
     """Rendered anew, not resampled: the object, its colours and the lights are turned, the pixels are others.
 
@@ -145,9 +145,9 @@ def test_order_of_the_lights_does_not_matter() -> None:
 def test_tiles_leave_no_seams() -> None:
     """The default's halo is less than its layers could reach; what it cuts off must not be seen."""
     capture, _ = upright()
-    image, mask = (values.repeat(4, axis=0).repeat(4, axis=1) for values in (capture.image, capture.mask))
+    image, mask = (values.repeat(2, axis=0).repeat(2, axis=1) for values in (capture.image, capture.mask))
     large = Capture(image, mask, capture.rig)
-    tiled, untiled = (estimate_normals(large, tile=tile, passes=1) for tile in (128, 1024))
+    tiled, untiled = (estimate_normals(large, tile=tile, passes=1) for tile in (128, 512))
     assert angular_error(tiled.vectors, untiled.vectors)[large.mask].max() < 0.1
 
 

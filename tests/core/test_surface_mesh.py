@@ -14,6 +14,8 @@ from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.surface_mesh import SurfaceMesh, surface_mesh, write_surface_mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
+pytestmark = pytest.mark.accuracy
+
 # The camera looks along the world's +y, its right is +x, its up +z.
 POSE = np.array([[1, 0, 0, 10.0], [0, 0, -1, -20], [0, 1, 0, 30], [0, 0, 0, 1]])
 NEAR = Camera("perspective", 150, 130, (170.0, 160.0), (70.0, 66.0), POSE)

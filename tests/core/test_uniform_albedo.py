@@ -14,6 +14,8 @@ from mpsnet_core.estimate.uniform_albedo import halving, refine, refined
 from mpsnet_core.io.image import SATURATED_SHARE
 from mpsnet_core.scene.normal_map import NormalMap
 
+pytestmark = pytest.mark.accuracy
+
 PAINT = np.array([0.9, 0.5, 0.3])
 EXPECTED = 8.0  # degrees
 

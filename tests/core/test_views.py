@@ -281,6 +281,7 @@ def test_the_next_run_removes_the_normals_of_one_that_was_killed(table: Table) -
         time.sleep(0.001)
     child.kill()
     assert child.wait(60) == -signal.SIGKILL and listing(temporary)
+    command += ["--size", "64"]
     assert subprocess.run(command, env=environment, capture_output=True, timeout=120).returncode == 0
     assert listing(temporary) == []
 

@@ -9,6 +9,8 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.visibility import Visibility
 
+pytestmark = pytest.mark.accuracy
+
 VIEWS = [((1, 0.2, 0.1), "orthographic"), ((-0.3, 1, 0.4), "perspective"), ((-0.8, -0.3, -0.4), "perspective")]
 
 

@@ -149,21 +149,25 @@ def _fitted(
     weight: NDArray[np.float64] = np.ones(colours.shape)
     scale = float(colours.std())
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
+    there = _surface(ball, rig, points)
     for turn in range(ROUNDS):
-        basis = _shading(ball, rig, points, moved[3:])
+        basis = _shading(*there, rig, moved[3:])
         jacobian = np.zeros((len(points), 3, OTHERS))
         if turn == 0:
             answer = _joint_step(basis, jacobian, colours, weight, np.eye(OTHERS), moved, free)[0]
         for number, size in enumerate(STEPS):
             aside = moved + size * np.eye(OTHERS)[number]
-            beside = _shading(drawn.nudged(*aside[:3]), rig, points, aside[3:])
+            # The first three move the ball, the others leave its surface where it is.
+            place, normal = _surface(drawn.nudged(*aside[:3]), rig, points) if number < 3 else there
+            beside = _shading(place, normal, rig, aside[3:])
             jacobian[..., number] = (beside - basis) @ answer / size
         prior = precision * scale**2
         answer, step, left = _joint_step(basis, jacobian, colours, weight, prior, moved, free)
         step[:3] = np.clip(step[:3], -MOST_NUDGE, MOST_NUDGE)
         moved = moved + step
         ball = drawn.nudged(*moved[:3])
-        error = _shading(ball, rig, points, moved[3:]) @ answer - colours
+        there = _surface(ball, rig, points)
+        error = _shading(*there, rig, moved[3:]) @ answer - colours
         scale = deviation(error[weight > 0])
         lighter = biweight(error, scale)
         settled = turn > 3 and np.abs(lighter - weight).mean() < 1e-3 and np.abs(step).max() < 1e-3
@@ -213,7 +217,7 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
     columns, ambient = [], []
     for light, photo in enumerate(_three_photos(photos)):
         points, colours = _ball_pixels(photo, ball)
-        basis = _shading(ball, rig, points)
+        basis = _shading(*_surface(ball, rig, points), rig)
         shading = basis[:, light]
         lit = shading > LEAST_COSINE
         if lit.sum() < LEAST_PIXELS:
@@ -244,10 +248,11 @@ def equation_2_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> floa
     pixels = np.sum([photo.pixels for photo in photos], axis=0)
     clipped = np.any([photo.saturated for photo in photos], axis=0)
     points, colours = _ball_pixels(replace(photos[0], pixels=pixels, clipped=clipped), ball)
-    lit = (_shading(ball, rig, points)[:, :3] > LEAST_COSINE).all(axis=1)
+    place, normal = _surface(ball, rig, points)
+    lit = (_shading(place, normal, rig)[:, :3] > LEAST_COSINE).all(axis=1)
     if not lit.any():
         return None
-    place, normal, _ = surface(ball, points[lit])
+    place, normal = place[lit], normal[lit]
     lights = np.broadcast_to(rig.lights_at(place), (len(place), 3, 3))
     found = np.linalg.solve(lights, rig.unmixed(colours[lit])[..., None])[..., 0]
     return float(angular_error(normalised(found), normal).mean())
@@ -310,18 +315,24 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
     return points[chosen], colours[chosen]
 
 
-def _shading(
-    ball: Ball, rig: LightRig, points: NDArray[np.float64], other: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """(P, 4) how much of each light a white matt surface reflects at points of the ball, and 1 for ambient light.
-
-    other: (7,) how many radians each light is turned, along and across, and what the cosine's exponent is above 1.
-    """
+def _surface(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
     if rig.near is not None and ball.camera.projection == "orthographic":
         raise GeometryError(
             "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
         )
     place, normal, _ = surface(ball, points)
+    return place, normal
+
+
+def _shading(
+    place: NDArray[np.float64], normal: NDArray[np.float64], rig: LightRig, other: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """(P, 4) how much of each light a white matt surface reflects at places (P, 3) with unit normals (P, 3), and 1 for
+    ambient light.
+
+    other: (7,) how many radians each light is turned, along and across, and what the cosine's exponent is above 1.
+    """
     lights = rig.lights_at(place)
     exponent = 1.0
     if other is not None:
@@ -332,7 +343,7 @@ def _shading(
         lights = normalised(lights + length * (turn[:, :1] * along + turn[:, 1:] * across)) * length
         exponent += other[6]
     shading = np.maximum(np.einsum("...ki,...i->...k", lights, normal), 0) ** exponent
-    return np.column_stack([shading, np.ones(len(points))])
+    return np.column_stack([shading, np.ones(len(place))])
 
 
 def _joint_step(
