@@ -84,7 +84,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "fbc0d78864a52ecb644df92079b0a8366d88cb5e1f978a2621326c52212342b5",
+        "57f6208518a13e0408836c86a52c6e860dd4b4691bb23fe6dde4514516cfb98c",
     ),
     _rival(
         "mpsnet-dense",
