@@ -13,6 +13,7 @@ from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.even_albedo import estimate_with_second_look
 from mpsnet_core.estimate.features import divided
 from mpsnet_core.estimate.fireflies import without_fireflies
+from mpsnet_core.estimate.grain import without_grain
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refined
 from mpsnet_core.estimate.white_photo import painted_grey
@@ -89,6 +90,7 @@ class Estimator:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         elif self._network.card.kind == "pyramid":  # others, as the paper's, expect no error of themselves
             seen = part(progress, 0.0, 0.8)
+            capture = without_grain(capture)
             if self._network.card.passes > 1:
                 normals = estimate_with_second_look(self._network, photo, capture, seen)
             else:

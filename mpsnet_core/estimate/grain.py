@@ -1,0 +1,232 @@
+"""Grain: one colour that is darker here and brighter there, as of stone, plaster, paper and cloth.
+
+Equation 2 does not see it: what is as much darker under each of the three lights has the same normal. To a network that
+has learned shapes from shading it may look like relief. So where a photo proves that its surface is matt and of one
+chromaticity, each pixel is divided by how much brighter it is than the surface's mean, which the length of equation 2's
+vector tells. The proof has three parts:
+
+* the surface's one colour, found as the gains that make these lengths as equal as they can be, leaves lengths that do
+  not depend on the direction: so the surface is matt;
+* with this colour equation 2's normals are those of a surface: their gradients have no curl. Where there are several
+  colours they have some, at each edge;
+* most lengths are near their mean.
+
+Deep shadows and highlights are no grain, and stay.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import means_inside
+from mpsnet_core.arrays.robust_statistics import TUKEY, biweight, deviation
+from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
+
+Floats = NDArray[np.floating[Any]]
+
+SAMPLED = 20_000  # pixels that the colour is found by
+LEAST_PIXELS = 2_000
+DIM = 0.15  # of a light's median: below, it may be blocked
+DARKEST = 1e-6  # keeps logarithms finite
+ROWS = 32  # a band of pixels takes some hundred bytes a pixel on the way
+ROUNDS, ENOUGH = 30, 1e-4
+# How much lengths of a surface with grain differ, as the standard deviation of their logarithm. Below, it hides nothing
+# from the solver of matt surfaces; above, it is pattern rather than grain.
+LEAST_GRAIN, MOST_GRAIN = 0.02, 0.3
+# What must hold for a proof: the part of these differences that the direction explains,
+MOST_BY_DIRECTION = 0.006
+# the least eigenvalue of the fit's normal equations for one pixel, of the two that tell colours apart,
+DETERMINED = 0.02
+# the share of pixels that count in the fit,
+LEAST_SHARE = 0.85
+# and the curl, as a share of what random gradients would have, at the scale where noise hides least, of so many cells.
+MOST_CURL, LEAST_CELLS = 0.02, 400
+# The curl is measured from this many pixels down, in halvings.
+MOST_PIXELS, SCALES = 1 << 18, 5
+LEAST_FACING = 0.3  # of normals that gradients are taken of
+# The differences of lengths that stay, for each radian of noise in the normals: the solver of matt surfaces takes from
+# them how exact equation 2 is.
+LEFT_BY_NOISE, LEAST_LEFT, MOST_LEFT = 1 / 3.5, 0.003, 0.012
+
+
+@dataclass(frozen=True)
+class Grain:
+    """A surface's one chromaticity, and how its brightness differs.
+
+    Attributes
+    ----------
+    gains : (3,) float64 array
+        Unmixed light times these is each light's cosine on the surface, times how bright it is against the mean.
+    deviation : float
+        Standard deviation of the logarithm of that brightness.
+    by_direction : float
+        The part of it that the direction of the normal explains.
+    determined : float
+        The second of three eigenvalues of the fit's normal equations, for one pixel.
+    share : float
+        Of the pixels that count in the fit.
+    curl : float
+        Of equation 2's gradients, as a share of what random ones would have.
+    noise : float
+        Standard deviation of equation 2's normals, in radians, as far as neighbours differ.
+    """
+
+    gains: NDArray[np.float64]
+    deviation: float
+    by_direction: float
+    determined: float
+    share: float
+    curl: float = np.inf
+    noise: float = 0.0
+
+
+def without_grain(capture: Capture) -> Capture:
+    """The capture as if its surface had one albedo; itself where it does not prove one chromaticity with grain.
+
+    Lights may be near. Unlike the normals by equation 2, those by a network change.
+    """
+    grain = find_grain(capture)
+    if grain is None:
+        return capture
+    share = 1 - np.clip(LEFT_BY_NOISE * grain.noise, LEAST_LEFT, MOST_LEFT) / grain.deviation
+    image = capture.image.copy()
+
+    def divide(rows: slice) -> None:
+        vectors, usable = _equation_2(capture, rows, grain.gains)
+        brightness = np.log(np.maximum(np.linalg.norm(vectors, axis=-1), DARKEST))
+        # All of a usual difference, less of a large one, nothing of a shadow.
+        brightness *= share * usable * biweight(brightness, 2 * grain.deviation) ** 0.5
+        image[rows] /= np.exp(brightness)[..., None].astype(np.float32)
+
+    on_all_cores(divide, bands(len(image), ROWS))
+    return replace(capture, image=image, clip=np.inf, clipped=capture.saturated)
+
+
+def find_grain(capture: Capture) -> Grain | None:
+    """A surface's chromaticity and grain, or None where the photo does not prove them."""
+    grain = _fit(capture)
+    if (
+        grain is None
+        or not LEAST_GRAIN < grain.deviation < MOST_GRAIN
+        or grain.by_direction > MOST_BY_DIRECTION
+        or grain.determined < DETERMINED
+        or grain.share < LEAST_SHARE
+    ):
+        return None
+    grain = _with_curl(capture, grain)
+    return grain if grain.curl < MOST_CURL else None
+
+
+def _equation_2(capture: Capture, rows: slice, gains: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
+    """(h, W, 3) vectors of some rows, and (h, W) where they count."""
+    light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False)) * gains
+    usable = capture.mask[rows] & (light > 0).all(axis=-1) & ~capture.saturated_in(rows).any(axis=-1)
+    return pseudo_normals(light, lights_in(capture, rows)), usable
+
+
+def _fit(capture: Capture) -> Grain | None:
+    light, lights = _sample(capture)
+    if len(light) < LEAST_PIXELS:
+        return None
+    # What each channel adds to the solution of equation 2.
+    parts = light[:, :, None] * np.stack([pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2)
+    gains = np.median(lights[..., 2], axis=0) / np.median(light, axis=0)  # of a surface that faces the camera
+    for _ in range(ROUNDS):
+        vectors = np.einsum("k,nki->ni", gains, parts)
+        length = np.linalg.norm(vectors, axis=-1)
+        brightness = np.log(length)
+        brightness -= np.median(brightness)
+        weight = biweight(brightness, deviation(brightness, 0.01))
+        weight /= weight.sum()
+        gradient = np.einsum("ni,nki->nk", vectors, parts) * gains / (length**2)[:, None]
+        gradient -= weight @ gradient
+        mean = float(weight @ np.log(length))
+        equations = (gradient * weight[:, None]).T @ gradient
+        change = np.linalg.solve(
+            equations + 1e-4 * np.eye(3), -(gradient * weight[:, None]).T @ (np.log(length) - mean)
+        )
+        change -= change.mean()
+        gains = gains * np.exp(np.clip(change, -0.2, 0.2) - mean)
+        if np.abs(change).max() < ENOUGH:
+            break
+    x, y = (vectors[:, :2] / length[:, None]).T
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * np.sqrt(weight)[:, None]
+    explained = terms @ np.linalg.lstsq(terms, brightness * np.sqrt(weight), rcond=None)[0]
+    explained -= np.sqrt(weight) * float(np.sqrt(weight) @ explained)
+    return Grain(
+        gains,
+        deviation(brightness),
+        float(np.linalg.norm(explained)),
+        float(np.linalg.eigvalsh(equations)[1]),
+        float((weight > 0).mean()),
+    )
+
+
+def _sample(capture: Capture) -> tuple[Floats, Floats]:
+    """(N, 3) each light alone, of pixels from all over the object that all three lights seem to reach, and (N, 3, 3)
+    the lights there."""
+    light, lights = [], []
+    for rows, chosen in sampled_rows(capture.mask, SAMPLED):
+        chosen = chosen & ~capture.saturated_in(rows).any(axis=-1)
+        light.append(capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))[chosen])
+        lights.append(np.broadcast_to(lights_in(capture, rows), (*chosen.shape, 3, 3))[chosen])
+    values, towards = np.concatenate(light).astype(np.float64), np.concatenate(lights)
+    if not len(values):
+        return values, towards
+    reached = (values > DIM * np.maximum(np.median(values, axis=0), 1e-12)).all(axis=-1)
+    return values[reached], towards[reached]
+
+
+def _with_curl(capture: Capture, grain: Grain) -> Grain:
+    """With the curl at the best of all scales, and the noise at the finest."""
+    halvings = 0
+    while capture.mask.size >> 2 * halvings > MOST_PIXELS:
+        halvings += 1
+    vectors, usable = [], []
+    for rows in bands(len(capture.mask), ROWS << halvings):
+        found, counts = _equation_2(capture, rows, grain.gains)
+        length = np.linalg.norm(found, axis=-1)
+        counts &= np.abs(np.log(np.maximum(length, DARKEST))) < TUKEY * grain.deviation
+        some, whole = _halved(found, counts, halvings)
+        vectors.append(some)
+        usable.append(whole)
+    field, counts = np.concatenate(vectors), np.concatenate(usable)
+    curls, noise = [np.inf], 0.0
+    for scale in range(SCALES):
+        if scale:
+            field, counts = _halved(field, counts, 1)
+        cells, curl, derivatives = _curl(field, counts)
+        if cells < LEAST_CELLS:
+            break
+        if scale == 0:  # the mean of four values has half of their noise, and two differences have it
+            noise = float(np.sqrt(curl / cells / 2)) * 2**halvings
+        curls.append(4 * curl / derivatives)
+    return replace(grain, curl=min(curls), noise=noise)
+
+
+def _halved(field: Floats, counts: NDArray[np.bool_], halvings: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """Means over blocks of which every pixel counts."""
+    means, _ = means_inside(np.concatenate([field, counts[..., None]], axis=-1).astype(np.float32), counts, halvings)
+    shares, _ = means_inside(counts[..., None].astype(np.float32), np.ones_like(counts), halvings)
+    return means[..., :3], shares[..., 0] > 0.999
+
+
+def _curl(vectors: Floats, counts: NDArray[np.bool_]) -> tuple[int, float, float]:
+    """Of the gradients of a surface with these normals (H, W, 3): how many cells of four pixels there are, and the sums
+    over them of the squared curl and of all squared derivatives, less where it is steep."""
+    normals = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    counts = counts & (normals[..., 2] > LEAST_FACING)
+    cells = counts[:-1, :-1] & counts[:-1, 1:] & counts[1:, :-1] & counts[1:, 1:]
+    facing = np.maximum(normals[..., 2:], LEAST_FACING)
+    gradients = -normals[..., :2] / facing
+    level = np.square(facing[1:, 1:])
+    across, down = np.diff(gradients, axis=1), np.diff(gradients, axis=0)
+    along_x = (((across[:-1] + across[1:]) / 2) * level)[cells]
+    along_y = (-((down[:, :-1] + down[:, 1:]) / 2) * level)[cells]
+    curl = float(np.square(along_y[:, 0] - along_x[:, 1]).sum())
+    return len(along_x), curl, max(2 * float(np.square(along_x).sum() + np.square(along_y).sum()), 1e-12)
