@@ -22,7 +22,7 @@ from blender_addon.child_process.trust import preferences_trust  # noqa: E402
 from blender_addon.commands import COMMAND, main  # noqa: E402
 from blender_addon.errors import operator_report  # noqa: E402
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_UNFORESEEN  # noqa: E402
-from mpsnet_core.io.crash_log import unforeseen  # noqa: E402
+from mpsnet_core.io.crash_log import describe_unexpected_error  # noqa: E402
 
 
 def run(arguments: list[str]) -> int:
@@ -46,7 +46,7 @@ try:
     code = run(sys.argv[1:])
 except Exception as error:  # noqa: BLE001
     code = EXIT_UNFORESEEN
-    sys.stderr.write(f"{COMMAND}: {unforeseen(error)}\n")
+    sys.stderr.write(f"{COMMAND}: {describe_unexpected_error(error)}\n")
 except SystemExit as ended:  # argparse's
     code = ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1
     raise

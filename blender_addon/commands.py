@@ -14,7 +14,7 @@ import bpy
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.errors import FileError, InputError, in_one_line
-from mpsnet_core.io.crash_log import unforeseen
+from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from .estimate.decode_video import decode_video
 from .openimageio import load_openimageio
@@ -85,7 +85,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _fault(error: BaseException) -> int:
-    print(f"{COMMAND}: {unforeseen(error)}", file=sys.stderr)  # noqa: T201
+    print(f"{COMMAND}: {describe_unexpected_error(error)}", file=sys.stderr)  # noqa: T201
     return EXIT_UNFORESEEN
 
 

@@ -107,12 +107,12 @@ def output_frames(given: str, name: str) -> Path:
         raise SettingsError(
             f"{folder.name} is a picture's name, and frames go into a folder; name one, or ask for one frame"
         )
-    if not lasting(folder):
+    if not is_permanent(folder):
         raise FileError("no folder is named for the frames; name one, or save this file and they go beside it")
     return ensure_folder(folder, "frames")
 
 
-def may_open(given: str | Path) -> bool:
+def is_safe_to_open(given: str | Path) -> bool:
     """Whether a path is a folder or a page: what the system opens otherwise it may run, and a file named it."""
     path = Path(bpy.path.abspath(str(given)))
     try:
@@ -123,7 +123,7 @@ def may_open(given: str | Path) -> bool:
         return False
 
 
-def lasting(path: Path) -> bool:
+def is_permanent(path: Path) -> bool:
     """Whether a file or a folder outlives this run of Blender."""
     return Path(bpy.app.tempdir) not in path.parents
 
@@ -135,6 +135,6 @@ def render_path(path: Path) -> Path:
     return writable_path(path)
 
 
-def literally(path: Path) -> str:
+def with_escaped_braces(path: Path) -> str:
     """A path for Blender's render settings, which fill in what stands between single braces."""
     return str(path).replace("{", "{{").replace("}", "}}")

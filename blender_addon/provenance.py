@@ -30,7 +30,7 @@ _MADE, _MADE_FROM = "made", "made_from"
 _TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
 
 _SIZE_SECONDS = 1.0
-# When files were looked at, and their sizes: for the panel alone, see `seen_lately`.
+# When files were looked at, and their sizes: for the panel alone, see `cached_file_sizes`.
 _sizes: dict[Path, tuple[float, int]] = {}
 # When each file was last written in this session: undo takes back what Blender knows of it, and not the file.
 _written: dict[Path, str] = {}
@@ -72,7 +72,7 @@ def is_there(path: Path) -> bool:
 
 
 @contextmanager
-def seen_lately() -> Iterator[None]:
+def cached_file_sizes() -> Iterator[None]:
     """Within, files have the sizes that they had up to a second ago: panels are drawn many times a second, and a file's
     folder may be far away."""
     before = _lately.set(True)

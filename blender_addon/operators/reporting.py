@@ -7,7 +7,7 @@ import bpy
 from bpy.props import StringProperty
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.io.crash_log import unforeseen
+from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import CoreCrashed
 from ..errors import system_report
@@ -90,7 +90,7 @@ class ReportingOperator(bpy.types.Operator):
         except (Cancelled, KeyboardInterrupt):
             self.report({"ERROR"}, CANCELLED)
         except Exception as error:  # noqa: BLE001
-            self._failed(unforeseen(error))
+            self._failed(describe_unexpected_error(error))
         else:
             return True
         return False

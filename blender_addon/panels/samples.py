@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..outputs import lasting
+from ..outputs import is_permanent
 from ..preferences import preference
 from ..training.training_data import samples_folder, samples_status
 from .step import Step
@@ -39,7 +39,7 @@ class MPS_PT_samples(Step):
         column.prop(samples, "denoise")
         column = self.column()
         target = samples_folder(context.scene)
-        column.prop(samples, "output", placeholder="Automatic" if lasting(target) else "Name one")
+        column.prop(samples, "output", placeholder="Automatic" if is_permanent(target) else "Name one")
         column.prop(samples, "processes")
         if address := preference("cluster"):
             column.label(text=f"On {address}, see the preferences")

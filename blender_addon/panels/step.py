@@ -16,8 +16,8 @@ from typing import Any
 import bpy
 
 from ..operators.reporting import ReportingOperator, verb_of
-from ..outputs import may_open
-from ..provenance import changed_since, made_by, made_when, seen_lately
+from ..outputs import is_safe_to_open
+from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
@@ -103,7 +103,7 @@ class Step(bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         if not self.verbs:
             return
-        with seen_lately():
+        with cached_file_sizes():
             kind = self.state(context).kind
         if self.optional and kind in {Kind.TO_DO, Kind.READY}:
             return
@@ -128,7 +128,7 @@ class Step(bpy.types.Panel):
         if self.progress_of(context, verb):
             return
         scene = context.scene
-        with seen_lately():
+        with cached_file_sizes():
             own = bool(self.verbs) and self.verb(context) == verb
             lacking = lacks or (self.lacks(context) if own else _operator(verb).lacks(context))
         if lacking and not error_of(scene, verb):  # which says so below
@@ -183,7 +183,7 @@ class Step(bpy.types.Panel):
         """
         if image is None:
             return
-        with seen_lately():
+        with cached_file_sizes():
             changed = _changed(bpy.context, image)
         if changed:
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
@@ -197,7 +197,7 @@ class Step(bpy.types.Panel):
         row = row or self.layout.row()
         when = made_when(image)
         row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=2.5 if folded else 1.5))
-        if may_open(path.parent):
+        if is_safe_to_open(path.parent):
             row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
 
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from ..bake.many_views import background
-from ..outputs import may_open
+from ..outputs import is_safe_to_open
 from ..provenance import made_by
 from .bake import lacks_base_map, lacks_targets
 from .step import Step
@@ -48,7 +48,7 @@ class MPS_PT_views(Step):
         column.prop(views, "write_report")
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         self.picture(self.result(context))
-        if views.report_file and may_open(views.report_file):
+        if views.report_file and is_safe_to_open(views.report_file):
             self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file
 
 

@@ -29,7 +29,7 @@ from bpy.app.handlers import render_stats
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.child_process import Parent, ParentGone, only_request
-from mpsnet_core.io.crash_log import unforeseen
+from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import Program, blender_command
 from ..child_process.file_copy import save_copy
@@ -182,7 +182,7 @@ def render_job(folder: Path) -> int:
     except (Cancelled, ParentGone):
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
-        parent.send(error=unforeseen(error, folder.parent))  # the folder itself goes
+        parent.send(error=describe_unexpected_error(error, folder.parent))  # the folder itself goes
         return EXIT_UNFORESEEN
     parent.send(result={"output": str(rendered.file), "notes": [*blocked_scripts_note(), *rendered.notes]})
     return 0

@@ -21,7 +21,7 @@ from mpsnet_core.scene.rig import write_rig
 from ..errors import operator_report
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
-from ..outputs import literally, render_path
+from ..outputs import render_path, with_escaped_braces
 from ..rig.light_rig import drawn_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
@@ -313,7 +313,7 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
     studio.render.use_file_extension = False
     with written_whole(path) as unfinished:
-        studio.render.filepath = literally(unfinished)
+        studio.render.filepath = with_escaped_braces(unfinished)
         try:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:

@@ -11,7 +11,7 @@ from mpsnet_core.errors import InputError
 
 from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import file_name, lasting, requested_path
+from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import as_typed, take_given
@@ -63,7 +63,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         settings.image = image
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
-        if not lasting(self._rig):
+        if not is_permanent(self._rig):
             self.note(f"{self._rig} goes when Blender quits; save this file first, or name the rig file")
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 

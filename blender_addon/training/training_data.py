@@ -19,7 +19,7 @@ from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
 from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
-from ..outputs import file_name, lasting, requested_path
+from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..scene.objects import by_session_uid
 from ..settings.declared import GIVEN, take_given
@@ -56,7 +56,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if self.output:
             requested_path(self.output)
         target = samples_folder(scene)
-        if not (self.output or lasting(target)):
+        if not (self.output or is_permanent(target)):
             raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
         job, (cluster, trusted) = self._sample_job(context, target), self._cluster()
         place_job(target, job)

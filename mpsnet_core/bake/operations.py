@@ -496,7 +496,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         default=None,
         choices={
             1: "a sixth to half of the time",
-            3: "the mean of its answers on the scene turned and mirrored, and a second look at many colours",
+            3: "the mean of its answers on the scene turned and mirrored, and a second estimate without the albedo",
         },
         help="passes of the network over each photo",
         unset="3 for the default model",

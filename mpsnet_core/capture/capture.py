@@ -21,7 +21,7 @@ from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsErr
 from mpsnet_core.io.files import located, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
-from mpsnet_core.io.image_encoding import Encoding, as_stored
+from mpsnet_core.io.image_encoding import Encoding, with_stored_values
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
 
@@ -267,7 +267,7 @@ def read_capture(
     if correction is not None:  # which has been read as sRGB
         note_doubtful_curve(Path(path).name, image, capture.mask, rig)
     elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
-        reading, image = replace(reading, encoding="linear"), as_stored(image)
+        reading, image = replace(reading, encoding="linear"), with_stored_values(image)
         # What is found by brightness lies elsewhere by another curve; any other mask stays.
         capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:

@@ -309,7 +309,7 @@ class Check(ReadsPhotos):
         from mpsnet_core.capture.photo_check import check_photo, worst
         from mpsnet_core.io.files import check_apart, located, writable_path, write_json
         from mpsnet_core.io.frames import files_meant
-        from mpsnet_core.scene.rig import read_rig, states_mixing
+        from mpsnet_core.scene.rig import has_mixing, read_rig
 
         if self.json:
             writable_path(self.json)
@@ -319,7 +319,7 @@ class Check(ReadsPhotos):
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.6, "checking the photo")
         with located(self.image):
-            findings = check_photo(image, mask, rig, mixing_stated=not self.rig or states_mixing(self.rig))
+            findings = check_photo(image, mask, rig, mixing_stated=not self.rig or has_mixing(self.rig))
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
         if self.json:

@@ -12,7 +12,7 @@ from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
-from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
+from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
 
@@ -138,7 +138,7 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
 
 
 def _encoding(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> Finding:
-    rather = linear_rather(image.pixels, mask, rig)
+    rather = evidence_for_linear(image.pixels, mask, rig)
     figures: dict[str, float | list[float]] = {"linear_rather": round(rather, 3)}
     level = _level(rather, (CLOSE, DECIDED))
     if level == "good":

@@ -35,7 +35,7 @@ def is_taken_as_linear(name: str, image: Image, mask: NDArray[np.bool_], rig: Li
 
     image: as it was read, not corrected.
     """
-    rather = _linear_rather(image, mask, rig)
+    rather = _evidence(image, mask, rig)
     if rather > DECIDED:
         log.warning(
             "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
@@ -49,11 +49,11 @@ def is_taken_as_linear(name: str, image: Image, mask: NDArray[np.bool_], rig: Li
 
 def note_doubtful_curve(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> None:
     """Warn where a file that does not state its encoding, and is read as sRGB, may be linear. image: not corrected."""
-    _note(name, _linear_rather(image, mask, rig))
+    _note(name, _evidence(image, mask, rig))
 
 
-def _linear_rather(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> float:
-    return linear_rather(image.pixels, mask, rig) if image.assumed else 0.0
+def _evidence(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> float:
+    return evidence_for_linear(image.pixels, mask, rig) if image.assumed else 0.0
 
 
 def _note(name: str, rather: float) -> None:
@@ -65,7 +65,7 @@ def _note(name: str, rather: float) -> None:
         )
 
 
-def linear_rather(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> float:
+def evidence_for_linear(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> float:
     """How much rather a photo's file holds linear values than sRGB ones; above 0 linear ones are likelier.
 
     pixels: (H, W, 3) linear by the sRGB curve, whether or not that was right. 0 where too few pixels are usable.

@@ -34,9 +34,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
         from mpsnet_core.cli.reporter import refuse
-        from mpsnet_core.io.crash_log import unforeseen
+        from mpsnet_core.io.crash_log import describe_unexpected_error
 
-        refuse(unforeseen(error), arguments)
+        refuse(describe_unexpected_error(error), arguments)
         return EXIT_UNFORESEEN
     finally:
         for number, handler in handlers.items():

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
+from mpsnet_core.estimate.albedo_removal import estimate_without_albedo, without_grain
 from mpsnet_core.estimate.distant_lights import under_distant_lights
-from mpsnet_core.estimate.even_albedo import estimate_with_second_look
 from mpsnet_core.estimate.features import divided
 from mpsnet_core.estimate.fireflies import without_fireflies
-from mpsnet_core.estimate.grain import without_grain
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refined
 from mpsnet_core.estimate.white_photo import painted_grey
@@ -35,7 +34,7 @@ class Estimator:
         A name of `mpsnet models` or the path of an ONNX file.
     passes : {1, 3}, optional
         3 averages the network's answers on the scene turned and mirrored, and of pyramids a surface of many colours
-        gets a second look. By default the registry's number for stills, else that of the network's card.
+        gets a second estimate. By default the registry's number for stills, else that of the network's card.
     provider : {"cpu", "cuda", "directml", "coreml"}
         What runs the network.
     threads : int
@@ -92,7 +91,7 @@ class Estimator:
             seen = part(progress, 0.0, 0.8)
             capture = without_grain(capture)
             if self._network.card.passes > 1:
-                normals = estimate_with_second_look(self._network, photo, capture, seen)
+                normals = estimate_without_albedo(self._network, photo, capture, seen)
             else:
                 normals = self._network(capture, seen)
             normals = refined(capture, normals, part(progress, 0.8, 1.0))

@@ -133,7 +133,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         default=None,
         choices={
             1: "",
-            3: "the mean of its answers on the scene turned and mirrored, and a second look at many colours",
+            3: "the mean of its answers on the scene turned and mirrored, and a second estimate without the albedo",
         },
         help="passes of the network",
         unset="for the default model 3 of one photo and 1 of each of several or of a video",

@@ -18,7 +18,7 @@ LONGEST_REASON = 120
 VISUAL_C_RUNTIME = "https://aka.ms/vs/17/release/vc_redist.x64.exe"
 
 
-def unforeseen(error: BaseException, folder: Path | None = None) -> str:
+def describe_unexpected_error(error: BaseException, folder: Path | None = None) -> str:
     """A sentence on what happened and how to report it, with the path of a file with the traceback.
 
     folder: of that file, whose name is random; that for temporary files by default.

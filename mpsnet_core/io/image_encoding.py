@@ -45,7 +45,7 @@ def stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
         if curve is None and not linear:
             curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float))
     assumed = not (linear or curve is not None or transfer is not None or _states_its_curve(path, spec))
-    known: tuple[tuple[str, Curve], ...] = (("linear", as_it_is), ("sRGB", srgb_to_linear))
+    known: tuple[tuple[str, Curve], ...] = (("linear", identity_curve), ("sRGB", srgb_to_linear))
     name, decoded = known[0] if linear else known[1]
     if curve is not None:
         same = (pair for pair in known if np.abs(sampled(pair[1]) - sampled(curve)).max() < SAME_CURVE)
@@ -69,12 +69,12 @@ def _gamma_curve(gamma: float | None) -> Curve | None:
     return lambda values: np.maximum(values, 0) ** np.float32(gamma)
 
 
-def as_it_is(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+def identity_curve(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """The curve of linear values."""
     return values
 
 
-def as_stored(image: Image) -> Image:
+def with_stored_values(image: Image) -> Image:
     """An image that was decoded as sRGB, overwritten with the values of its file as linear ones."""
     for rows in bands(len(image.pixels)):
         image.pixels[rows] = linear_to_srgb(image.pixels[rows].astype(np.float32, copy=False))

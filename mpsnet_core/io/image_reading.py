@@ -14,7 +14,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import Image, srgb_to_linear, storage_type
-from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, as_it_is, is_float, stated_encoding
+from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
 from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent, open_image
 from mpsnet_core.io.image_layers import choose_layer, has_colours, layers_of, orientation_of, read_layer
 from mpsnet_core.io.raw import read_raw
@@ -75,7 +75,7 @@ def read_image(
     if requested is None:
         decoded, assumed = stated_encoding(path, spec)
     else:
-        decoded, assumed = (as_it_is if requested else srgb_to_linear), False
+        decoded, assumed = (identity_curve if requested else srgb_to_linear), False
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
@@ -87,7 +87,7 @@ def read_image(
             band = np.divide(band, cover, out=band, where=cover > 1e-6)
         pixels[rows] = decoded(band)
     # What another curve makes ends at 1.
-    clip = np.inf if is_float(spec) and decoded in (as_it_is, srgb_to_linear) else 1.0
+    clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear) else 1.0
     return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
 
 

@@ -305,7 +305,7 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing, exact=exact)
 
 
-def states_mixing(path: str | os.PathLike[str]) -> bool:
+def has_mixing(path: str | os.PathLike[str]) -> bool:
     """Whether a rig file says how the lights' colours mix; an .lp file does not. Raises as :func:`read_rig` does."""
     if Path(path).suffix.lower() == ".lp":
         return False

@@ -13,7 +13,7 @@ import pytest
 from blender_addon.appearance.modifiers import move_by_modifier, subdivide
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.child_process.simulation_caches import simulations_write_into
-from blender_addon.outputs import may_open
+from blender_addon.outputs import is_safe_to_open
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
@@ -72,10 +72,12 @@ def test_nothing_that_the_system_may_run_is_opened(tmp_path, monkeypatch):
     program.touch()
     page.touch()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert may_open(page) and may_open("//report.html") and may_open(tmp_path)
-    assert not any(map(may_open, [program, "//report.exe", tmp_path / "none.html", "https://x.org/a.html", "x" * 9999]))
+    assert is_safe_to_open(page) and is_safe_to_open("//report.html") and is_safe_to_open(tmp_path)
+    assert not any(
+        map(is_safe_to_open, [program, "//report.exe", tmp_path / "none.html", "https://x.org/a.html", "x" * 9999])
+    )
     monkeypatch.setattr(sys, "platform", "darwin")
-    assert not may_open(bundle)
+    assert not is_safe_to_open(bundle)
 
 
 def test_the_copy_that_is_rendered_packs_nothing_into_the_open_file(sphere, scene, tmp_path):

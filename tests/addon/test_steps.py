@@ -18,7 +18,7 @@ from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
 from blender_addon.panels.what_counts import camera_of, lights_of
-from blender_addon.provenance import seen_lately
+from blender_addon.provenance import cached_file_sizes
 from blender_addon.settings.record import notes_of
 from mpsnet_core.scene.rig import near_rig, write_rig
 
@@ -155,7 +155,7 @@ def test_files_are_looked_at_once_a_second_however_often_the_panel_is_drawn(bake
     monkeypatch.setattr("blender_addon.provenance.time", SimpleNamespace(monotonic=lambda: clock[0]))
 
     def drawn():
-        with seen_lately():
+        with cached_file_sizes():
             return [stands(one)[0] for one in (MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)]
 
     for _ in range(3):

@@ -9,8 +9,8 @@ from synthetic import degrees_between
 
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.albedo_removal.grain import without_grain
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.grain import without_grain
 from mpsnet_core.scene.rig import published_rig
 
 PAINT = np.array([0.9, 0.5, 0.3])

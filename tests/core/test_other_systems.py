@@ -8,7 +8,7 @@ import pytest
 from mpsnet_core.cli.command import _nobody_reads
 from mpsnet_core.errors import FileError
 from mpsnet_core.io import files
-from mpsnet_core.io.crash_log import unforeseen
+from mpsnet_core.io.crash_log import describe_unexpected_error
 from mpsnet_core.io.files import check_apart, write_json, written_together, written_whole
 from mpsnet_core.io.frames import output_files
 from mpsnet_core.synthesis.reflectance import material_names
@@ -93,5 +93,7 @@ def test_windows_calls_a_closed_pipe_an_invalid_argument(
 
 
 def test_a_library_without_its_runtime_says_what_to_install() -> None:
-    said = unforeseen(ImportError("DLL load failed while importing onnxruntime_pybind11_state: The specified module"))
+    said = describe_unexpected_error(
+        ImportError("DLL load failed while importing onnxruntime_pybind11_state: The specified module")
+    )
     assert "install Microsoft's Visual C++ runtime from https://" in said and "fault" not in said

@@ -12,7 +12,7 @@ from synthetic import Sphere, shaded_sphere
 from mpsnet_core import Check, Estimate, write_rig
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
-from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
+from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image, read_mask
@@ -154,7 +154,7 @@ def test_photographs_are_taken_as_what_they_are_or_left_at_srgb(diligent: Path, 
         image = np.clip(image / np.percentile(image[mask], 98), 0, 1)
         for linear, reached in decided.items():
             stored = np.rint(DEVELOPED[linear](image) * 255) / 255
-            reached.append(linear_rather(srgb_to_linear(stored).astype(np.float32), mask, LightRig(directions)))
+            reached.append(evidence_for_linear(srgb_to_linear(stored).astype(np.float32), mask, LightRig(directions)))
     print(f"{name}: linear {np.round(decided[True], 2)}, sRGB {np.round(decided[False], 2)}")
     assert max(decided[False]) < DECIDED
     assert np.median(decided[False]) < CLOSE < np.median(decided[True])

@@ -8,7 +8,7 @@ import bpy
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
 from mpsnet_core.synthesis.recipe import Recipe
 
-from ...outputs import literally
+from ...outputs import with_escaped_braces
 
 LAYER = "ViewLayer"  # the view layer's name, which the names of a render's passes begin with
 _FRAME = 1  # its number ends the name of the compositor's file in Blender 4.5
@@ -71,10 +71,10 @@ class _Written:
         settings = self.node.format
         if bpy.app.version >= (5, 0):
             settings.media_type = "MULTI_LAYER_IMAGE"
-            self.node.directory, self.node.file_name = literally(path.parent), path.stem
+            self.node.directory, self.node.file_name = with_escaped_braces(path.parent), path.stem
             self.path = path
         else:
-            self.node.base_path = literally(path.with_suffix(""))
+            self.node.base_path = with_escaped_braces(path.with_suffix(""))
             self.path = path.with_name(f"{path.stem}{_FRAME:04d}{path.suffix}")
         settings.file_format = "OPEN_EXR_MULTILAYER"
         settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"

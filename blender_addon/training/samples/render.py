@@ -16,7 +16,7 @@ from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape
 
 from ...errors import operator_report
-from ...outputs import literally
+from ...outputs import with_escaped_braces
 from .denoising import add_denoising, denoising_helps
 from .materials import weight_passes
 from .objects import SceneObjects, add_objects
@@ -81,7 +81,7 @@ def render_layers(scene: Any, path: Path) -> None:
         settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
-    render.filepath = literally(path)
+    render.filepath = with_escaped_braces(path)
     try:
         # Where there is denoising, the compositor writes the file.
         bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)

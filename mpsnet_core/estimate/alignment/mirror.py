@@ -7,7 +7,7 @@ import numpy as np
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats
 from mpsnet_core.estimate.alignment.refine import Fit, measured, refined
-from mpsnet_core.estimate.alignment.search import brought_to_the_object
+from mpsnet_core.estimate.alignment.search import moved_onto_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -46,7 +46,7 @@ def better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | No
 def _fit_reflected(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
     """The fit near what `camera` sees of the mesh in a mirror. estimate: the mirror image of what `camera` took."""
     across = [*faces.axes, camera.rotation[:, 2]]
-    starts = [brought_to_the_object(estimate, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
+    starts = [moved_onto_mask(estimate, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
     start = min(starts, key=lambda one: measured(estimate, faces, one).cost)
     return refined(estimate, faces, start, fix_focal=True)
 

@@ -187,7 +187,7 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.estimate.alignment.mirror import better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import measured, refined
-        from mpsnet_core.estimate.alignment.search import brought_to_the_object, searched
+        from mpsnet_core.estimate.alignment.search import moved_onto_mask, searched
         from mpsnet_core.scene.camera import Camera, read_camera
 
         height, width = capture.mask.shape
@@ -209,7 +209,7 @@ class Align(RunsModel, ReadsPhotos):
             progress(0.4, "aligning")
             begin = shown.camera(rough)
             if by_points is None:
-                begin = brought_to_the_object(estimate, faces, begin)
+                begin = moved_onto_mask(estimate, faces, begin)
             fits = [refined(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
         if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
@@ -231,7 +231,7 @@ class Align(RunsModel, ReadsPhotos):
         turned_over: bool,
         progress: Progress,
     ) -> CameraFound:
-        from mpsnet_core.estimate.alignment.points import off_by
+        from mpsnet_core.estimate.alignment.points import reprojection_errors
         from mpsnet_core.io.files import written_together
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import FULL_FRAME, write_camera
@@ -268,7 +268,9 @@ class Align(RunsModel, ReadsPhotos):
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
         lens = best.camera.focal[0] / max(best.camera.width, best.camera.height) * FULL_FRAME
-        residuals = None if pairs is None else [round(float(one), 2) for one in off_by(best.camera, *pairs)]
+        residuals = (
+            None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
+        )
         return CameraFound(
             self.output,
             round(best.outline, 2),
@@ -424,9 +426,9 @@ def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", poin
     """Whether a refined camera is further from the pairs than clicks go wrong."""
     import numpy as np
 
-    from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, off_by
+    from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, reprojection_errors
 
     used = np.array([number not in by_points.left_out for number in range(len(points))])
     before = float(np.sqrt(np.mean(by_points.residuals[used] ** 2)))
-    after = float(np.sqrt(np.mean(off_by(camera, pixels, points)[used] ** 2)))
+    after = float(np.sqrt(np.mean(reprojection_errors(camera, pixels, points)[used] ** 2)))
     return after > 3 * max(before, PIXEL_ERROR * max(camera.width, camera.height) / 1024)

@@ -89,7 +89,7 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
     return PointFit(camera, residuals[used], () if used == 0 else (used - 1,))
 
 
-def off_by(camera: Camera, pixels: Floats, points: Floats) -> Floats:
+def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Floats:
     """(N,) how far each of `points` (N, 3) is from its pixel (N, 2) through a camera, in pixels."""
     poses = Poses.of(camera)
     return np.asarray(np.linalg.norm(poses.projected(poses.in_camera(points))[0] - pixels, axis=1))

@@ -125,7 +125,7 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     return cameras
 
 
-def brought_to_the_object(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
+def moved_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
     """The camera, or that from the same side which sees the mesh in the mask's place and size where that fits better.
 
     A rough start, a viewport's view, has the object elsewhere in the picture.

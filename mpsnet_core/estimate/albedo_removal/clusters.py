@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.even_albedo.albedos import LEAST_PIXELS, SAMPLED, Floats, divided_by, pixels_in, valid_in
+from mpsnet_core.estimate.albedo_removal.albedos import LEAST_PIXELS, SAMPLED, Floats, divided_by, pixels_in, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
 
 # A pixel counts by this power of how sure the network is of its normal.
@@ -49,7 +49,7 @@ class _Clusters:
         return colours
 
 
-def in_one_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
+def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
     """The capture as if all of its surface had one colour.
 
     Parameters

@@ -5,8 +5,8 @@ import numpy as np
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.even_albedo.chromaticity import in_even_albedo
-from mpsnet_core.estimate.even_albedo.clusters import in_one_albedo
+from mpsnet_core.estimate.albedo_removal.chromaticity import without_chromaticity_albedo
+from mpsnet_core.estimate.albedo_removal.clusters import without_clustered_albedo
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.normal_map import NormalMap
@@ -17,7 +17,7 @@ POWER, CAUTION = 8, 1.05
 LEAST_ERROR = 0.003  # as a share of a right angle
 
 
-def estimate_with_second_look(network: OnnxModel, photo: Capture, painted: Capture, progress: Progress) -> NormalMap:
+def estimate_without_albedo(network: OnnxModel, photo: Capture, painted: Capture, progress: Progress) -> NormalMap:
     """Normals by a network that expects its error, in camera space.
 
     Parameters
@@ -37,21 +37,21 @@ def estimate_with_second_look(network: OnnxModel, photo: Capture, painted: Captu
     the network is surer, the first or the last. A surface of one colour needs no further ones.
     """
     if painted.white is not None:
-        first = network(painted, _look("first look", progress, 0.0, 0.25), passes=1)
-        even = in_even_albedo(photo, painted, first)
+        first = network(painted, _look("first estimate", progress, 0.0, 0.25), passes=1)
+        even = without_chromaticity_albedo(photo, painted, first)
         del first  # a large photo takes much memory
-        return network(even, _look("second look", progress, 0.25, 1.0))
-    first = network(painted, _look("first look", progress, 0.0, 0.4))
-    evened = in_one_albedo(painted, first)
+        return network(even, _look("second estimate", progress, 0.25, 1.0))
+    first = network(painted, _look("first estimate", progress, 0.0, 0.4))
+    evened = without_clustered_albedo(painted, first)
     if evened is None:
         return first
-    better = combined(first, network(evened, _look("second look", progress, 0.4, 0.6), passes=1))
+    better = combined(first, network(evened, _look("second estimate", progress, 0.4, 0.6), passes=1))
     del evened
-    evened = in_one_albedo(painted, better)
+    evened = without_clustered_albedo(painted, better)
     if evened is None:
         return better
     del better
-    return combined(first, network(evened, _look("third look", progress, 0.6, 1.0)))
+    return combined(first, network(evened, _look("third estimate", progress, 0.6, 1.0)))
 
 
 def _look(name: str, progress: Progress, start: float, end: float) -> Progress:

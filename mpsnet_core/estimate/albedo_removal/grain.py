@@ -15,25 +15,21 @@ Deep shadows and highlights are no grain, and stay.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.robust_statistics import TUKEY, biweight, deviation
-from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divided_by
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
 
-Floats = NDArray[np.floating[Any]]
-
-SAMPLED = 20_000  # pixels that the colour is found by
 LEAST_PIXELS = 2_000
 DIM = 0.15  # of a light's median: below, it may be blocked
 DARKEST = 1e-6  # keeps logarithms finite
-ROWS = 32  # a band of pixels takes some hundred bytes a pixel on the way
 ROUNDS, ENOUGH = 30, 1e-4
 # How much lengths of a surface with grain differ, as the standard deviation of their logarithm. Below, it hides nothing
 # from the solver of matt surfaces; above, it is pattern rather than grain.
@@ -88,23 +84,21 @@ class Grain:
 def without_grain(capture: Capture) -> Capture:
     """The capture as if its surface had one albedo; itself where it does not prove one chromaticity with grain.
 
-    Lights may be near. Unlike the normals by equation 2, those by a network change.
+    Lights may be near. Each channel is one light alone then. Normals by equation 2 stay, those by a network change.
     """
     grain = find_grain(capture)
     if grain is None:
         return capture
     share = 1 - np.clip(LEFT_BY_NOISE * grain.noise, LEAST_LEFT, MOST_LEFT) / grain.deviation
-    image = capture.image.copy()
 
-    def divide(rows: slice) -> None:
-        vectors, usable = _equation_2(capture, rows, grain.gains)
+    def factors(rows: slice) -> tuple[Floats, Floats]:
+        light, vectors, usable = _equation_2(capture, rows, grain.gains)
         brightness = np.log(np.maximum(np.linalg.norm(vectors, axis=-1), DARKEST))
         # All of a usual difference, less of a large one, nothing of a shadow.
         brightness *= share * usable * biweight(brightness, 2 * grain.deviation) ** 0.5
-        image[rows] /= np.exp(brightness)[..., None].astype(np.float32)
+        return light, np.exp(brightness)[..., None]
 
-    on_all_cores(divide, bands(len(image), ROWS))
-    return replace(capture, image=image, clip=np.inf, clipped=capture.saturated)
+    return divided_by(capture, factors)
 
 
 def find_grain(capture: Capture) -> Grain | None:
@@ -122,11 +116,13 @@ def find_grain(capture: Capture) -> Grain | None:
     return grain if grain.curl < MOST_CURL else None
 
 
-def _equation_2(capture: Capture, rows: slice, gains: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
-    """(h, W, 3) vectors of some rows, and (h, W) where they count."""
-    light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False)) * gains
+def _equation_2(
+    capture: Capture, rows: slice, gains: NDArray[np.float64]
+) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_]]:
+    """Of some rows (h, W, 3) each light alone, (h, W, 3) equation 2's vectors, and (h, W) where they count."""
+    light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
     usable = capture.mask[rows] & (light > 0).all(axis=-1) & ~capture.saturated_in(rows).any(axis=-1)
-    return pseudo_normals(light, lights_in(capture, rows)), usable
+    return light, pseudo_normals(light * gains, lights_in(capture, rows)), usable
 
 
 def _fit(capture: Capture) -> Grain | None:
@@ -189,7 +185,7 @@ def _with_curl(capture: Capture, grain: Grain) -> Grain:
         halvings += 1
     vectors, usable = [], []
     for rows in bands(len(capture.mask), ROWS << halvings):
-        found, counts = _equation_2(capture, rows, grain.gains)
+        _, found, counts = _equation_2(capture, rows, grain.gains)
         length = np.linalg.norm(found, axis=-1)
         counts &= np.abs(np.log(np.maximum(length, DARKEST))) < TUKEY * grain.deviation
         some, whole = _halved(found, counts, halvings)

@@ -15,8 +15,7 @@ from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.distant_lights import pseudo_normals
-from mpsnet_core.estimate.even_albedo.albedos import (
+from mpsnet_core.estimate.albedo_removal.albedos import (
     LEAST_PIXELS,
     SAMPLED,
     Floats,
@@ -25,6 +24,7 @@ from mpsnet_core.estimate.even_albedo.albedos import (
     pixels_in,
     valid_in,
 )
+from mpsnet_core.estimate.distant_lights import pseudo_normals
 from mpsnet_core.estimate.white_photo import WhitePhoto, measured_white, white_valid
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -40,7 +40,7 @@ LEAST_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo woul
 LEAST_ALBEDO = 0.02  # as a share of the median
 
 
-def in_even_albedo(photo: Capture, painted: Capture, normals: NormalMap) -> Capture:
+def without_chromaticity_albedo(photo: Capture, painted: Capture, normals: NormalMap) -> Capture:
     """`painted` with the brightness of its colours divided out.
 
     Parameters

@@ -1,0 +1,6 @@
+"""A surface's changing albedo divided out of its photo: grain before an estimate, several colours for a second one."""
+
+from mpsnet_core.estimate.albedo_removal.grain import without_grain
+from mpsnet_core.estimate.albedo_removal.second_estimate import estimate_without_albedo
+
+__all__ = ["estimate_without_albedo", "without_grain"]
