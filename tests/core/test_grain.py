@@ -13,6 +13,8 @@ from mpsnet_core.estimate.albedo_removal.grain import without_grain
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.rig import published_rig
 
+pytestmark = pytest.mark.accuracy
+
 PAINT = np.array([0.9, 0.5, 0.3])
 
 
