@@ -43,6 +43,18 @@ def test_grain_is_divided_out(name: str, scenes: dict[str, Scene]) -> None:
     assert spread(scene, without_grain(capture)) < 0.015
 
 
+@pytest.mark.parametrize("steep", [0.0, 0.1])
+def test_of_a_nearly_flat_wall_too(steep: float) -> None:
+    """It is taken to face the camera, as its lengths hardly tell its colour."""
+    x, y = np.meshgrid(np.linspace(0, 60, 128), np.linspace(0, 60, 128))
+    normals = np.stack([steep * np.sin(x), steep * np.cos(y), np.ones_like(x)], axis=-1)
+    rig = published_rig()
+    clean = (normals / np.linalg.norm(normals, axis=-1, keepdims=True)) @ rig.directions.T * PAINT
+    clean *= 1 + 0.003 * np.random.default_rng(4).normal(size=clean.shape)
+    found = without_grain(Capture((clean * grain(clean.shape)).astype(np.float32), np.ones((128, 128), bool), rig))
+    assert np.log(found.image / clean).mean(axis=-1).std() < 0.015
+
+
 def test_noise_of_the_sensor_stays_in_part(scenes: dict[str, Scene]) -> None:
     """So that the solver of matt surfaces sees how exact equation 2 is."""
     scene = scenes["distant"]
@@ -67,6 +79,9 @@ def two_colours(scene: Scene) -> np.ndarray:
             id="tinted grain",
         ),
         pytest.param(lambda scene: grain(scene.image.shape, 0.5), id="a pattern"),
+        pytest.param(
+            lambda scene: 1 + 0.04 * np.random.default_rng(5).normal(size=scene.image.shape), id="noise of the sensor"
+        ),
     ],
 )
 def test_what_proves_no_grain_stays(change: Callable[[Scene], np.ndarray], scenes: dict[str, Scene]) -> None:

@@ -31,23 +31,26 @@ LEAST_PIXELS = 2_000
 DIM = 0.15  # of a light's median: below, it may be blocked
 DARKEST = 1e-6  # keeps logarithms finite
 ROUNDS, ENOUGH = 30, 1e-4
+PRIOR = 1e-3  # how firmly a surface is assumed to face the camera where lengths do not tell its colour
 # How much lengths of a surface with grain differ, as the standard deviation of their logarithm. Below, it hides nothing
 # from the solver of matt surfaces; above, it is pattern rather than grain.
 LEAST_GRAIN, MOST_GRAIN = 0.02, 0.3
-# What must hold for a proof: the part of these differences that the direction explains,
-MOST_BY_DIRECTION = 0.006
+# What must hold for a proof: what the direction explains of these differences, and as a share of them,
+MOST_BY_DIRECTION, MOST_EXPLAINED = 0.006, 0.1
 # the least eigenvalue of the fit's normal equations for one pixel, of the two that tell colours apart,
-DETERMINED = 0.02
+DETERMINED = 0.003
 # the share of pixels that count in the fit,
 LEAST_SHARE = 0.85
 # and the curl, as a share of what random gradients would have, at the scale where noise hides least, of so many cells.
-MOST_CURL, LEAST_CELLS = 0.02, 400
+MOST_CURL, LEAST_CELLS = 0.035, 400
+# Or else it has to be flat: the standard deviation of its directions, in radians. It has one tint for certain then.
+FLAT = 0.035
 # The curl is measured from this many pixels down, in halvings.
 MOST_PIXELS, SCALES = 1 << 18, 5
 LEAST_FACING = 0.3  # of normals that gradients are taken of
 # The differences of lengths that stay, for each radian of noise in the normals: the solver of matt surfaces takes from
-# them how exact equation 2 is.
-LEFT_BY_NOISE, LEAST_LEFT, MOST_LEFT = 1 / 3.5, 0.003, 0.012
+# them how exact equation 2 is. All differences must be this many times the noise, or they may be noise themselves.
+LEFT_BY_NOISE, LEAST_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,8 @@ class Grain:
         The second of three eigenvalues of the fit's normal equations, for one pixel.
     share : float
         Of the pixels that count in the fit.
+    turned : float
+        Standard deviation of equation 2's directions, in radians.
     curl : float
         Of equation 2's gradients, as a share of what random ones would have.
     noise : float
@@ -77,6 +82,7 @@ class Grain:
     by_direction: float
     determined: float
     share: float
+    turned: float
     curl: float = np.inf
     noise: float = 0.0
 
@@ -89,7 +95,7 @@ def without_grain(capture: Capture) -> Capture:
     grain = find_grain(capture)
     if grain is None:
         return capture
-    share = 1 - np.clip(LEFT_BY_NOISE * grain.noise, LEAST_LEFT, MOST_LEFT) / grain.deviation
+    share = 1 - max(LEFT_BY_NOISE * grain.noise, LEAST_LEFT) / grain.deviation
 
     def factors(rows: slice) -> tuple[Floats, Floats]:
         light, vectors, usable = _equation_2(capture, rows, grain.gains)
@@ -107,13 +113,16 @@ def find_grain(capture: Capture) -> Grain | None:
     if (
         grain is None
         or not LEAST_GRAIN < grain.deviation < MOST_GRAIN
-        or grain.by_direction > MOST_BY_DIRECTION
-        or grain.determined < DETERMINED
+        or grain.by_direction > min(MOST_BY_DIRECTION, MOST_EXPLAINED * grain.deviation)
         or grain.share < LEAST_SHARE
     ):
         return None
+    flat = grain.turned < FLAT
+    if not flat and grain.determined < DETERMINED:
+        return None
     grain = _with_curl(capture, grain)
-    return grain if grain.curl < MOST_CURL else None
+    proven = grain.deviation > ABOVE_NOISE * grain.noise and (flat or grain.curl < MOST_CURL)
+    return grain if proven else None
 
 
 def _equation_2(
@@ -131,7 +140,10 @@ def _fit(capture: Capture) -> Grain | None:
         return None
     # What each channel adds to the solution of equation 2.
     parts = light[:, :, None] * np.stack([pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2)
-    gains = np.median(lights[..., 2], axis=0) / np.median(light, axis=0)  # of a surface that faces the camera
+    facing = np.median(lights[..., 2], axis=0) / np.median(
+        light, axis=0
+    )  # the gains of a surface that faces the camera
+    gains = facing
     for _ in range(ROUNDS):
         vectors = np.einsum("k,nki->ni", gains, parts)
         length = np.linalg.norm(vectors, axis=-1)
@@ -143,14 +155,15 @@ def _fit(capture: Capture) -> Grain | None:
         gradient -= weight @ gradient
         mean = float(weight @ np.log(length))
         equations = (gradient * weight[:, None]).T @ gradient
-        change = np.linalg.solve(
-            equations + 1e-4 * np.eye(3), -(gradient * weight[:, None]).T @ (np.log(length) - mean)
-        )
+        away = np.log(gains / facing)
+        error = (gradient * weight[:, None]).T @ (np.log(length) - mean) + PRIOR * (away - away.mean())
+        change = -np.linalg.solve(equations + PRIOR * np.eye(3), error)
         change -= change.mean()
         gains = gains * np.exp(np.clip(change, -0.2, 0.2) - mean)
         if np.abs(change).max() < ENOUGH:
             break
-    x, y = (vectors[:, :2] / length[:, None]).T
+    directions = vectors / length[:, None]
+    x, y = directions[:, :2].T
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * np.sqrt(weight)[:, None]
     explained = terms @ np.linalg.lstsq(terms, brightness * np.sqrt(weight), rcond=None)[0]
     explained -= np.sqrt(weight) * float(np.sqrt(weight) @ explained)
@@ -160,6 +173,7 @@ def _fit(capture: Capture) -> Grain | None:
         float(np.linalg.norm(explained)),
         float(np.linalg.eigvalsh(equations)[1]),
         float((weight > 0).mean()),
+        float(np.sqrt(weight @ np.square(directions - weight @ directions).sum(axis=-1))),
     )
 
 
