@@ -84,7 +84,7 @@ _MODELS = (
         "mpsnet",
         "MPS-Net",
         "The paper's network, patch by patch, a quarter of its width: slow",
-        "57f6208518a13e0408836c86a52c6e860dd4b4691bb23fe6dde4514516cfb98c",
+        "fbc0d78864a52ecb644df92079b0a8366d88cb5e1f978a2621326c52212342b5",
     ),
     _rival(
         "mpsnet-dense",
@@ -96,7 +96,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "2b87e2bbefa4440d4ed60b9a513636159a0c717ba3c22862df5ba978ddeedc0c",
+        "57f6208518a13e0408836c86a52c6e860dd4b4691bb23fe6dde4514516cfb98c",
     ),
     _rival(
         "demultiplexer",
