@@ -362,6 +362,7 @@ class TestCommand:
             poor[stretch] = result["poor"]
         assert poor == {1: False, 1.2: True}
 
+    @pytest.mark.long
     def test_a_mirrored_mesh_of_a_nearly_symmetric_object_is_reported(self, mpsnet, files):
         photo = bumpy_ball.photo(looking(15, 20, 10), bumpy_ball.NEARLY_SYMMETRIC)
         write_file(files / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
@@ -376,6 +377,7 @@ class TestCommand:
             noted[name] = "[mirrored-mesh]" in done.stderr + done.stdout, result["poor"]
         assert noted == {"right": (False, False), "mirrored": (True, True)}
 
+    @pytest.mark.long
     def test_a_mirrored_mesh_is_reported_where_pairs_place_it(self, mpsnet, files):
         """Of any shape. From afar, points look alike mirrored and seen from behind: no pair contradicts the others."""
         mesh = bumpy_ball.mesh()
