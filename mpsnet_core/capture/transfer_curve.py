@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
@@ -103,19 +104,11 @@ def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, ri
     scaled = colours * _strengths(colours[whole], rig)
     normals = scaled @ np.linalg.inv(rig.directions).T
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
-    whole = whole & (normals[..., 2] > LEAST_FACING)
-    facing = np.maximum(normals[..., 2:], LEAST_FACING)
-    gradients = -normals[..., :2] / facing
-    corners = [gradients[:-1, :-1], gradients[:-1, 1:], gradients[1:, :-1], gradients[1:, 1:]]
-    along_x = (corners[1] + corners[3] - corners[0] - corners[2]) / 2
-    along_y = (corners[0] + corners[1] - corners[2] - corners[3]) / 2
-    cells = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
-    if np.count_nonzero(cells) < LEAST_CELLS:
+    along_x, along_y = gradient_derivatives(normals, whole, LEAST_FACING)
+    if len(along_x) < LEAST_CELLS:
         return 0.0
-    # Steep places have large gradients by nature.
-    level = facing[1:, 1:, 0][cells] ** 2
-    curl = np.abs(along_y[..., 0] - along_x[..., 1])[cells] * level
-    all_of_it = np.sqrt(np.square(along_x).sum(axis=-1) + np.square(along_y).sum(axis=-1))[cells] * level
+    curl = np.abs(along_y[:, 0] - along_x[:, 1])
+    all_of_it = np.sqrt(np.square(along_x).sum(axis=-1) + np.square(along_y).sum(axis=-1))
     return float(np.mean(curl / (all_of_it + 0.1 * np.median(all_of_it) + 1e-12)))
 
 

@@ -95,6 +95,14 @@ def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating
     return result
 
 
+def pseudo_normals_by_light(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """(N, 3, 3) what each light adds to :func:`pseudo_normals` of pixels (N, 3): their sum is that."""
+    parts: NDArray[np.float64] = light[:, :, None] * np.stack(
+        [pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2
+    )
+    return parts
+
+
 def _is_perspective(camera: Camera | None) -> TypeGuard[Camera]:
     return camera is not None and camera.projection == "perspective"
 

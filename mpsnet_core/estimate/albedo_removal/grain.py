@@ -20,12 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import means_inside
+from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.robust_statistics import TUKEY, biweight, deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divided_by
-from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
+from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 
 LEAST_PIXELS = 2_000
 DIM = 0.15  # of a light's median: below, it may be blocked
@@ -138,12 +140,8 @@ def _fit(capture: Capture) -> Grain | None:
     light, lights = _sample(capture)
     if len(light) < LEAST_PIXELS:
         return None
-    # What each channel adds to the solution of equation 2.
-    parts = light[:, :, None] * np.stack([pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2)
-    facing = np.median(lights[..., 2], axis=0) / np.median(
-        light, axis=0
-    )  # the gains of a surface that faces the camera
-    gains = facing
+    parts = pseudo_normals_by_light(light, lights)
+    gains = facing = np.median(lights[..., 2], axis=0) / np.median(light, axis=0)  # of a surface that faces the camera
     for _ in range(ROUNDS):
         vectors = np.einsum("k,nki->ni", gains, parts)
         length = np.linalg.norm(vectors, axis=-1)
@@ -210,33 +208,18 @@ def _with_curl(capture: Capture, grain: Grain) -> Grain:
     for scale in range(SCALES):
         if scale:
             field, counts = _halved(field, counts, 1)
-        cells, curl, derivatives = _curl(field, counts)
-        if cells < LEAST_CELLS:
+        along_x, along_y = gradient_derivatives(normalised(field), counts, LEAST_FACING)
+        if len(along_x) < LEAST_CELLS:
             break
+        curl = float(np.square(along_y[:, 0] - along_x[:, 1]).mean())
         if scale == 0:  # the mean of four values has half of their noise, and two differences have it
-            noise = float(np.sqrt(curl / cells / 2)) * 2**halvings
-        curls.append(4 * curl / derivatives)
+            noise = float(np.sqrt(curl / 2)) * 2**halvings
+        curls.append(2 * curl / max(float(np.square([along_x, along_y]).sum(axis=(0, 2)).mean()), 1e-12))
     return replace(grain, curl=min(curls), noise=noise)
 
 
 def _halved(field: Floats, counts: NDArray[np.bool_], halvings: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Means over blocks of which every pixel counts."""
-    means, _ = means_inside(np.concatenate([field, counts[..., None]], axis=-1).astype(np.float32), counts, halvings)
-    shares, _ = means_inside(counts[..., None].astype(np.float32), np.ones_like(counts), halvings)
-    return means[..., :3], shares[..., 0] > 0.999
-
-
-def _curl(vectors: Floats, counts: NDArray[np.bool_]) -> tuple[int, float, float]:
-    """Of the gradients of a surface with these normals (H, W, 3): how many cells of four pixels there are, and the sums
-    over them of the squared curl and of all squared derivatives, less where it is steep."""
-    normals = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
-    counts = counts & (normals[..., 2] > LEAST_FACING)
-    cells = counts[:-1, :-1] & counts[:-1, 1:] & counts[1:, :-1] & counts[1:, 1:]
-    facing = np.maximum(normals[..., 2:], LEAST_FACING)
-    gradients = -normals[..., :2] / facing
-    level = np.square(facing[1:, 1:])
-    across, down = np.diff(gradients, axis=1), np.diff(gradients, axis=0)
-    along_x = (((across[:-1] + across[1:]) / 2) * level)[cells]
-    along_y = (-((down[:, :-1] + down[:, 1:]) / 2) * level)[cells]
-    curl = float(np.square(along_y[:, 0] - along_x[:, 1]).sum())
-    return len(along_x), curl, max(2 * float(np.square(along_x).sum() + np.square(along_y).sum()), 1e-12)
+    """Means over blocks, and of which of them every pixel counts."""
+    values = np.concatenate([field, counts[..., None]], axis=-1, dtype=np.float32)
+    means, _ = means_inside(values, np.ones_like(counts), halvings)
+    return means[..., :3], means[..., 3] > 0.999

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.estimate.distant_lights import pseudo_normals
+from mpsnet_core.estimate.distant_lights import pseudo_normals_by_light
 
 Floats = NDArray[np.floating[Any]]
 
@@ -84,8 +84,7 @@ def find_uniform_albedo(
     bright = positive & (cosines > GRAZING).all(axis=-1)
     if np.count_nonzero(bright) < LEAST_PIXELS:
         return None
-    # What each channel adds to the solution of equation 2.
-    parts = light[:, :, None] * np.stack([pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2)
+    parts = pseudo_normals_by_light(light, lights)
     nearby = np.maximum(0.1, 2 * expected_error)
     gains = 1 / np.median(light[bright] / cosines[bright], axis=0)
     spreads = list(SPREADS)

@@ -1,0 +1,25 @@
+"""Derivatives of a surface's gradients, which say whether normals are those of a surface: then their curl is zero."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def gradient_derivatives(
+    normals: NDArray[np.floating[Any]], usable: NDArray[np.bool_], least_facing: float
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+    """Derivatives of the gradients along x, (N, 2), and along y, (N, 2), of all cells of four usable pixels.
+
+    normals: (H, W, 3) unit vectors; those whose z is not above `least_facing` have no reliable gradients and are left
+    out. Steep places have large gradients by nature, so all is multiplied by the square of z.
+    """
+    usable = usable & (normals[..., 2] > least_facing)
+    facing = np.maximum(normals[..., 2:], least_facing)
+    gradients = -normals[..., :2] / facing
+    corners = [gradients[:-1, :-1], gradients[:-1, 1:], gradients[1:, :-1], gradients[1:, 1:]]
+    along_x = (corners[1] + corners[3] - corners[0] - corners[2]) / 2
+    along_y = (corners[0] + corners[1] - corners[2] - corners[3]) / 2
+    cells = usable[:-1, :-1] & usable[:-1, 1:] & usable[1:, :-1] & usable[1:, 1:]
+    level = facing[1:, 1:][cells] ** 2
+    return along_x[cells] * level, along_y[cells] * level
