@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import between, between_log
+from mpsnet_core.synthesis.draws import between, between_log, generator
 
 Range = tuple[float, float]
 
@@ -28,6 +28,8 @@ class CaptureDraw:
         :class:`CaptureModel`. jpeg_quality: 0 for none. noise_seed: what the noise is drawn from, where a photograph is
         taken alone.
     white_mixing: (3, 3) the mixing matrix of the white photo.
+    grain: standard deviation of the logarithm of the albedo's grain, 0 for none. grain_size: see
+        :class:`CaptureModel`. grain_hue: 0 for grain of one tint, 1 for red, green and blue that vary independently.
     """
 
     exact: bool
@@ -49,6 +51,9 @@ class CaptureDraw:
     noise_seed: int
     white: bool
     white_mixing: NDArray[np.float64]
+    grain: float = 0.0
+    grain_size: float = 1.0
+    grain_hue: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,10 @@ class CaptureModel:
         one make differ by some 10%.
     mask_error: pixels by which the mask is too large, or too small where negative; our estimate for masks by threshold
         and by hand.
+    grain: chance that the albedo varies in small spots, as that of stone, plaster and paper does. It multiplies a
+        sample's pixels, so samples of any kind can have it. grain_amount: standard deviation of its logarithm, and
+        grain_size: diameter of a spot in pixels of the sample; both log-uniform. grain_tinted: chance that the spots
+        differ in tint as well as in brightness. Our estimates.
     """
 
     crosstalk: Range = (0.0, 0.4)
@@ -127,6 +136,10 @@ class CaptureModel:
     white: float = 0.25
     white_strengths: Range = (0.87, 1.15)
     mask_error: tuple[int, int] = (-3, 2)
+    grain: float = 0.0
+    grain_amount: Range = (0.01, 0.2)
+    grain_size: Range = (1.0, 12.0)
+    grain_tinted: float = 0.3
 
     def draw(self, rng: np.random.Generator) -> CaptureDraw:
         """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
@@ -171,6 +184,15 @@ class CaptureModel:
             noise_seed=int(rng.integers(1 << 62)),
             white=rng.random() < self.white,
             white_mixing=np.outer(white_gains, white_strengths),
+        )
+        # From a generator of its own, so that the other parameters of a seed do not depend on it.
+        own = generator(draw.noise_seed, 1)
+        grainy, tinted = own.random(2) < (self.grain, self.grain_tinted)
+        draw = replace(
+            draw,
+            grain=between_log(own, *self.grain_amount) * bool(grainy),
+            grain_size=between_log(own, *self.grain_size),
+            grain_hue=own.random() * bool(tinted),
         )
         if not rendered:
             return draw

@@ -92,6 +92,26 @@ def test_a_channel_sees_its_own_light_on_the_surface_s_colour(coloured: Sample) 
     np.testing.assert_allclose(image / image.max(), expected / expected.max(), atol=1e-6)
 
 
+@pytest.mark.parametrize("hue", [0.0, 1.0])
+def test_grain_varies_the_albedo_alike_under_all_lights(white: Sample, hue: float) -> None:
+    """On a flat grey surface the photo is the grain itself: its amount, its size and its tint can be measured."""
+    draw = ideal(grain=0.1, grain_size=8.0, grain_hue=hue, white=True, white_mixing=np.ones((3, 3)))
+    capture = flat(np.ones((256, 256)), draw)
+    grain = np.log(capture.image)
+    np.testing.assert_allclose(grain.std(axis=(0, 1)), 0.1, rtol=0.02)
+    between_channels = np.corrcoef(grain.reshape(-1, 3).T)[0, 1]
+    assert between_channels > 0.999 if hue == 0 else abs(between_channels) < 0.15
+    for shift, least, most in ((1, 0.9, 1.0), (8, -0.1, 0.4), (24, -0.2, 0.2)):
+        beside = np.corrcoef(grain[:, shift:, 0].ravel(), grain[:, :-shift, 0].ravel())[0, 1]
+        assert least < beside < most, shift
+    assert capture.white is not None
+    np.testing.assert_allclose(capture.white / capture.white.max(), capture.image / capture.image.max(), rtol=1e-4)
+    # Equation 2 of one light's image over another's does not see a grain of one tint.
+    lit = white.mask & (white.lit > 0).all(axis=0)
+    error = degrees_between(lambertian_normals(taken(white, draw)).vectors, white.normals)[lit].max()
+    assert error < 0.01 if hue == 0 else error > 3
+
+
 def test_the_mixing_is_found_again_on_a_white_sphere(white: Sample) -> None:
     for seed in range(5):
         draw = ideal(mixing=CaptureModel().draw(generator(seed)).mixing)
@@ -284,9 +304,10 @@ def test_the_paper_s_mixing_is_the_same_in_every_photograph() -> None:
 
 def test_changing_one_range_leaves_the_other_numbers() -> None:
     changed = replace(CaptureModel(), blur=(5.0, 5.0), full_well=(np.inf, np.inf), crosstalk=(0.0, 0.0), jpeg=0.0)
-    changed = replace(changed, bits=(16,), jpeg_quality=(80, 80), srgb=1.0)
+    changed = replace(changed, bits=(16,), jpeg_quality=(80, 80), srgb=1.0, grain=1.0)
     before, after = CaptureModel().draw(generator(8)), changed.draw(generator(8))
     assert (after.blur, after.bits, after.srgb) == (5.0, 16, True)
+    assert before.grain == 0 and 0.01 <= after.grain <= 0.2
     for name in ("colours", "direction_errors", "exposure", "read_noise", "mask_error", "noise_seed"):
         np.testing.assert_array_equal(getattr(before, name), getattr(after, name), err_msg=name)
 

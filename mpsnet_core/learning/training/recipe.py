@@ -61,6 +61,10 @@ _CAPTURE_RANGES: dict[str, tuple[float, float]] = {
     "white": (0.0, 1.0),
     "white_strengths": (0.001, 1000.0),
     "mask_error": (-32, 32),
+    "grain": (0.0, 1.0),
+    "grain_amount": (0.001, 1.0),
+    "grain_size": (1.0, 64.0),
+    "grain_tinted": (0.0, 1.0),
 }
 
 
