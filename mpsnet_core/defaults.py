@@ -1,12 +1,13 @@
 """What options are unless given, how far they go, and choices that several share: for the functions that take them, and
 for the operations that describe them to the command line and to Blender."""
 
-# Pictures: how their values stand for light, and which way the green channel of normals points.
+# Pictures: how their values stand for light, where the object is, and which way the green channel of normals points.
 ENCODINGS = {
     "auto": "linear for float files and camera raw, sRGB for all others, unless the file says otherwise",
     "linear": "twice the value is twice the light",
     "srgb": "as for a screen",
 }
+MASK = "alpha-or-auto"
 CONVENTIONS = {"opengl": "green is up: Blender, glTF, Unity, Godot", "directx": "green is down: Unreal Engine"}
 
 # A lens's 35 mm equivalent focal length, in millimetres: fisheyes have some 8, telescopes a few thousand.

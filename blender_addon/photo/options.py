@@ -6,6 +6,7 @@ from typing import Any, TypedDict
 
 import bpy
 
+from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
@@ -144,7 +145,7 @@ def model_name(settings: Any) -> str:
     return bpy.path.abspath(settings.model_file)
 
 
-def reading(settings: Any, unmasked: str = "alpha-or-auto", painted: str = "") -> Reading:
+def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> Reading:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
     unmasked: the mask unless one is chosen. painted: the file of :func:`painted_mask`, "" where there is none.

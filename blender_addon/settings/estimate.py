@@ -22,7 +22,8 @@ class EstimateSettings:
             (
                 "AUTO",
                 "Alpha or Find",
-                "The photo's alpha if it has one, as rendered photos do; else the object is found as by Find Object",
+                "The photo's alpha if it has one, as rendered photos do; else the object if it stands out clearly; "
+                "else the whole photo",
             ),
             (
                 "FIND",

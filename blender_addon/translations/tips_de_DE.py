@@ -833,9 +833,12 @@ TIPS = {
     "The photo that was taken with it": "Das Foto, das mit ihm aufgenommen wurde",
     "The photo under red, green and blue light": "Das Foto unter rotem, grünem und blauem Licht",
     "The photo with the outlines of mask and mesh": "Das Foto mit den Umrissen von Maske und Mesh",
-    "The photo's alpha if it has one, as rendered photos do; else the object is found as by Find Object": (
-        "Der Alphakanal des Fotos, falls es einen hat, wie gerenderte Fotos; sonst wird das Objekt wie mit Objekt "
-        "suchen gefunden"
+    (
+        "The photo's alpha if it has one, as rendered photos do; else the object if it stands out clearly; else the "
+        "whole photo"
+    ): (
+        "Der Alphakanal des Fotos, falls es einen hat, wie gerenderte Fotos; sonst das Objekt, wenn es sich deutlich "
+        "abhebt; sonst das ganze Foto"
     ),
     "The photo's camera, else the scene's, stands about where the photo was taken": (
         "Die Kamera des Fotos, sonst die der Szene, steht ungefähr dort, wo das Foto aufgenommen wurde"

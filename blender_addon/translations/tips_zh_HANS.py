@@ -653,9 +653,10 @@ TIPS = {
     "The photo that was taken with it": "用它拍摄的照片",
     "The photo under red, green and blue light": "红、绿、蓝光下的照片",
     "The photo with the outlines of mask and mesh": "带有遮罩和网格轮廓的照片",
-    "The photo's alpha if it has one, as rendered photos do; else the object is found as by Find Object": (
-        "若照片有 Alpha（渲染的照片有），则使用它；否则按“查找物体”的方式查找物体"
-    ),
+    (
+        "The photo's alpha if it has one, as rendered photos do; else the object if it stands out clearly; else the "
+        "whole photo"
+    ): "若照片有 Alpha（渲染的照片有），则使用它；否则使用明显突出于背景的物体；否则使用整张照片",
     "The photo's camera, else the scene's, stands about where the photo was taken": (
         "照片的摄像机（否则为场景的摄像机）大致位于拍摄位置"
     ),

@@ -17,6 +17,7 @@ from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
+from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.files import located, resolved
 from mpsnet_core.io.frames import expand_images
@@ -217,7 +218,7 @@ def read_capture(
     path: str | os.PathLike[str],
     rig: LightRig,
     *,
-    mask: str | os.PathLike[str] | None = None,
+    mask: str | os.PathLike[str] = MASK,
     encoding: Encoding = "auto",
     layer: str | None = None,
     camera: Camera | float | None = None,
@@ -234,8 +235,9 @@ def read_capture(
         The photo.
     rig : LightRig
         The lights, in camera space.
-    mask : str or path, optional
-        A mask file, or a word of :func:`find_mask`. By default alpha where the photo has it, else the whole photo.
+    mask : str or path
+        A mask file, or a word of :func:`find_mask`. By default alpha where the photo has it, else the object that
+        stands out clearly from its background, else the whole photo.
     encoding, layer : str, optional
         As in :func:`read_image`; but where neither `encoding` nor the file states how its values are encoded, and its
         shading does (:mod:`mpsnet_core.capture.transfer_curve`), they are linear.
@@ -259,17 +261,17 @@ def read_capture(
     reading = Reading(encoding, layer, correction)
     image = reading.photo(path, compact=correction is None)
 
-    def taken(image: Image) -> Capture:
+    def taken(image: Image, notes: Notes = "all") -> Capture:
         with located(path):
-            return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth)
+            return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
 
     capture = taken(image)
     if correction is not None:  # which has been read as sRGB
         note_doubtful_curve(Path(path).name, image, capture.mask, rig)
     elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
         reading, image = replace(reading, encoding="linear"), with_stored_values(image)
-        # What is found by brightness lies elsewhere by another curve; any other mask stays.
-        capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)
+        # What is found by brightness lies elsewhere by another curve, and was reported; any other mask stays.
+        capture = taken(image, "none") if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         if any(resolved(file) == resolved(path) for file in several):
@@ -316,7 +318,7 @@ def capture_from(
     image: Image,
     rig: LightRig,
     *,
-    mask: str | os.PathLike[str] | None = None,
+    mask: str | os.PathLike[str] = MASK,
     reading: Reading = AS_STATED,
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
@@ -338,7 +340,7 @@ def capture_from(
 def corrected_and_masked(
     image: Image,
     rig: LightRig,
-    mask: str | os.PathLike[str] | None,
+    mask: str | os.PathLike[str],
     reading: Reading,
     notes: Notes = "all",
 ) -> tuple[Image, NDArray[np.bool_]]:

@@ -16,7 +16,8 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.reading import Reading
-from mpsnet_core.errors import FileError, GeometryError, NoObject, SettingsError
+from mpsnet_core.defaults import MASK
+from mpsnet_core.errors import FileError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_mask
@@ -27,7 +28,7 @@ log = logging.getLogger(__name__)
 Notes = Literal["all", "doubts", "none"]
 
 # What a choice of mask may be, besides a file, threshold:T and background:FILE.
-WORDS = ("alpha", "auto", "alpha-or-auto", "alpha-or-all", "none")
+WORDS = ("alpha", "auto", "alpha-or-auto", "none")
 
 # Object and background are separated in a picture of at most this side; the outline is then drawn at full size,
 # within so many of that picture's pixels.
@@ -50,7 +51,7 @@ NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
 
 def find_mask(
     image: Image,
-    choice: str | os.PathLike[str] | None,
+    choice: str | os.PathLike[str] = MASK,
     *,
     encoding: Encoding = "auto",
     layer: str | None = None,
@@ -63,11 +64,11 @@ def find_mask(
     ----------
     image : Image
         The photo, read and corrected.
-    choice : str or path, or None
+    choice : str or path
         A mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
         :func:`auto_mask`; "background:FILE", the same scene without the object, see :func:`background_mask`;
-        "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo where nothing stands out;
-        "alpha-or-all", which None stands for: alpha where the photo has it, else the whole photo.
+        "alpha-or-auto": alpha where the photo has it, else as "auto" where an object stands out clearly, else the whole
+        photo.
     encoding, layer, correction
         How the photo was read and corrected; the background's photo is too, but for the layer where it has only one.
     notes : {"all", "doubts", "none"}
@@ -82,23 +83,21 @@ def find_mask(
     InputError
         Where a file is missing or broken, or nothing stands out from the background.
     """
-    words = os.fspath(choice or "alpha-or-all")
+    words = os.fspath(choice)
     kind, _, argument = words.partition(":")
-    if words == "alpha-or-all" and image.alpha is None:
-        if notes != "none":
-            _note_no_mask(image.pixels)
-        return _whole(image)
     if words == "none":
         return _whole(image)
-    if words in ("alpha-or-all", "alpha"):
+    if words == "alpha" or (words == "alpha-or-auto" and image.alpha is not None):
         return _alpha_mask(image)
     if words == "alpha-or-auto":
         try:
-            return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
-        except GeometryError:
-            log.warning(
-                "no object stands out from the background: the whole photo is assumed to be the object [no-mask]"
-            )
+            return auto_mask(image.pixels, notes, clearly=True)
+        except NoObject:
+            if notes != "none":
+                log.warning(
+                    "no object stands out clearly from a background: the whole photo is assumed to be the object; if "
+                    "it is not, choose a mask [no-mask]"
+                )
             return _whole(image)
     if words == "auto":
         return auto_mask(image.pixels, notes)
@@ -139,17 +138,17 @@ def mask_source(choice: str) -> str | None:
     return choice.removeprefix("background:")
 
 
-def follows_values(choice: str | os.PathLike[str] | None, image: Image) -> bool:
+def follows_values(choice: str | os.PathLike[str], image: Image) -> bool:
     """Whether the mask that :func:`find_mask` returns for a choice depends on how bright the photo's pixels are."""
-    words = "" if choice is None else os.fspath(choice)
+    words = os.fspath(choice)
     if words == "alpha-or-auto":
         return image.alpha is None
     return words == "auto" or words.startswith(("threshold:", "background:"))
 
 
-def mask_identity(choice: str | None) -> str:
+def mask_identity(choice: str) -> str:
     """Text that changes with a choice of mask, and with the files that it names."""
-    return identity(choice) if choice and mask_source(choice) else str(choice)
+    return identity(choice) if mask_source(choice) else choice
 
 
 def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
@@ -164,13 +163,16 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
     return brightest > level * np.percentile(brightest, 99.9)
 
 
-def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.bool_]:
+def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: bool = False) -> NDArray[np.bool_]:
     """(H, W) the object before a dark or plain background, which takes up most of the picture's border.
 
     pixels: (H, W, 3) linear. The background is a smooth surface (a quadratic in x and y for each channel) through the
     border's values. What differs from it by more than border and noise do, and more than Otsu's threshold (1979, on the
     logarithm of all differences), is the object. Gaps in it are closed, and holes that a shadow may have made are
     filled: small ones where the background is dark too, or that do not look like it.
+
+    clearly: whether an object that hardly differs from the background in places counts as none. Cloth, a wall or a
+    relief that fills the photo has no background; what Otsu's threshold separates there is its own pattern.
 
     Raises GeometryError where nothing stands out.
     """
@@ -180,7 +182,7 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.b
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
         return _contrast(_on_screen(pixels[rows], white), behind[lines][:, columns])
 
-    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
+    return _outlined(_standing_out(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
 
 
 def background_mask(
@@ -210,14 +212,15 @@ def background_mask(
 
 
 class _Found(NamedTuple):
-    """The object's mask in the small picture, the contrast that its pixels have at least, and what is doubtful."""
+    """The object's mask in the small picture, and the contrast that its pixels have at least."""
 
     mask: NDArray[np.bool_]
     threshold: float
-    doubts: list[str]
 
 
-def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes) -> _Found:
+def _standing_out(
+    photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes, clearly: bool = False
+) -> _Found:
     """The object where a photo differs from what is behind it, both (H, W, 3) on the screen's scale."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
@@ -226,16 +229,15 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes
     threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(threshold)), least)
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
-    if not mask.any() or (clearness < CLEAR and mask.mean() < NOISE_SHARE):
+    if not mask.any() or (clearness < CLEAR and (clearly or mask.mean() < NOISE_SHARE)):
         raise NoObject("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
         share = 100 * mask.mean()
         log.info("the mask covers %.1f%% of the photo, with a certainty of %.2f of 1", share, clearness)
-    doubts = list(_doubts(mask, clearness))
     if notes != "none":
-        for doubt in doubts:
+        for doubt in _doubts(mask, clearness):
             log.warning("%s [doubtful-mask]", doubt)
-    return _Found(mask, threshold, doubts)
+    return _Found(mask, threshold)
 
 
 def _mended(
@@ -270,25 +272,6 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
     if not SMALL_SHARE <= share <= LARGE_SHARE:
         size = "small" if share < SMALL_SHARE else "large"
         yield f"the mask is {size} for an object: look at it before you use it"
-
-
-def _note_no_mask(pixels: NDArray[np.float32]) -> None:
-    """Warn that the whole photo counts as the object, and of an object that clearly stands out all the same."""
-    whole = "no mask and no alpha: the whole photo is assumed to be the object"
-    try:
-        _, _, photo, behind = _reduced(pixels)
-        found = _standing_out(photo, behind, "none")
-    except NoObject:
-        found = None
-    if found is None or found.doubts:
-        log.warning("%s [no-mask]", whole)
-        return
-    log.warning(
-        "%s, but one that covers %.0f%% of it stands out; unless the rest counts too, give --mask auto: beside a "
-        "background, normals are wrong by degrees [no-mask]",
-        whole,
-        100 * found.mask.mean(),
-    )
 
 
 def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:

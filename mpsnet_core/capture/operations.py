@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
+from mpsnet_core.defaults import LEAST_FOCAL, MASK, MOST_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
@@ -227,10 +227,10 @@ class FindMask(ReadsPhotos):
 
     image: str = option(positional=True, help="photo")
     mask: str = option(
-        default="alpha-or-auto",
-        help="how to find the object: alpha, auto (before a dark or plain background), alpha-or-auto (auto where the "
-        "photo has no alpha), alpha-or-all (as `estimate` without --mask), background:FILE (a photo without the "
-        "object), threshold:0.05, or a mask file to look at",
+        default=MASK,
+        help="how to find the object: alpha, auto (before a dark or plain background), alpha-or-auto (alpha, else what "
+        "stands out clearly, else the whole photo), background:FILE (a photo without the object), threshold:0.05, or a "
+        "mask file to look at",
     )
     overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
     output: str = option(help="mask file, white on the object: .png, .tif or .exr")
@@ -300,7 +300,7 @@ class Check(ReadsPhotos):
         path="file",
         provenance="content",
     )
-    mask: str = option(default="alpha-or-auto", help="where the object is, as in `mask`")
+    mask: str = option(default=MASK, help="where the object is, as in `mask`")
     json: str | None = option(default=None, metavar="FILE", help="write the findings as JSON", provenance="none")
 
     def run(self, progress: Progress = silent) -> PhotoChecked:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
-from mpsnet_core.defaults import CONVENTIONS, MAX_SMOOTHING
+from mpsnet_core.defaults import CONVENTIONS, MASK, MAX_SMOOTHING
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import (
     AVERAGED_MODEL,
@@ -122,11 +122,10 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         provenance="none",
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    mask: str | None = option(
-        default=None,
+    mask: str = option(
+        default=MASK,
         help="where the object is: a mask file, alpha, none, auto, alpha-or-auto, background:FILE or threshold:0.05, "
         "as `mpsnet mask` explains and shows; for frames also a folder or pattern of masks",
-        unset="alpha, where the photo has it, else the whole photo",
         provenance="none",  # in each frame's own line
     )
     passes: Literal[1, 3] | None = option(
@@ -259,8 +258,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         """What else is read: files, folders and patterns."""
         from mpsnet_core.capture.masks import mask_source
 
-        mask = None if self.mask is None else mask_source(self.mask)
-        return [self.rig, self.camera, self.mesh, self.dark, self.flat, mask, *self.white]
+        return [self.rig, self.camera, self.mesh, self.dark, self.flat, mask_source(self.mask), *self.white]
 
     def _frames(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.io.frames import is_video

@@ -60,7 +60,7 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
     assert (video.width, video.height, video.count) == (WIDTH, HEIGHT, 40)
     assert video.frame_rate == pytest.approx(float(rate), rel=1e-6)
     outputs = video_outputs(video.path, tmp_path, ".png")
-    frames = list(video_frames(video, outputs, masks=Masks(None), encoding="linear"))
+    frames = list(video_frames(video, outputs, masks=Masks(), encoding="linear"))
     assert [frame.number for frame in frames] == list(range(1, 41))
     for frame, values in zip(frames, given, strict=True):
         image, expected = frame.read(), values / most
@@ -75,7 +75,7 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
 def test_values_are_assumed_to_be_srgb(header, tmp_path):
     given = np.tile(np.arange(WIDTH, dtype=np.uint8)[:, None] * 6, (HEIGHT, 1, 3))
     video = header(clip(tmp_path / "a.mkv", [given], "ffv1", "bgr0", 24))
-    [frame] = video_frames(video, video_outputs(video.path, tmp_path, ".png"), masks=Masks(None))
+    [frame] = video_frames(video, video_outputs(video.path, tmp_path, ".png"), masks=Masks())
     np.testing.assert_allclose(frame.read().pixels, srgb_to_linear(given / 255), atol=4e-5)
 
 

@@ -84,7 +84,7 @@ def main() -> None:
         photos = photographs(folder / "shots", options.frames, rig)
         outputs = [folder / "out" / f"{photo.stem}_normals.png" for photo in photos]
         estimator = Estimator("multiscale", passes=1)
-        captures = [take(frame) for frame in photo_frames(photos[:DIFFERENT], outputs, masks=Masks(None))]
+        captures = [take(frame) for frame in photo_frames(photos[:DIFFERENT], outputs, masks=Masks())]
 
         def alone() -> None:
             for number in range(options.frames):
@@ -92,7 +92,7 @@ def main() -> None:
 
         def sequence() -> None:
             shutil.rmtree(folder / "out", ignore_errors=True)
-            frames = photo_frames(photos, outputs, masks=Masks(None))
+            frames = photo_frames(photos, outputs, masks=Masks())
             done = estimate_sequence(frames, take, estimator, recipe="")
             assert done.made == options.frames
 
@@ -100,7 +100,7 @@ def main() -> None:
             """What it would be without threads: reading, estimating, writing in turn."""
             from mpsnet_core.scene.normal_map import write_normals
 
-            for frame in photo_frames(photos, outputs, masks=Masks(None)):
+            for frame in photo_frames(photos, outputs, masks=Masks()):
                 write_normals(folder / "turn.png", estimator(take(frame)))
 
         alone()

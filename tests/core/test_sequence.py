@@ -53,7 +53,7 @@ def take(frame: Frame) -> Capture:
 
 def run(photos: list[Path], out: Path, smooth: int = 0, recipe: str = "recipe", **options: Any) -> Outcome:
     outputs = [out / f"{photo.stem}_normals.png" for photo in photos]
-    frames = photo_frames(photos, outputs, masks=options.pop("masks", Masks(None)), reach=smooth)
+    frames = photo_frames(photos, outputs, masks=options.pop("masks", Masks()), reach=smooth)
     options = {"take": take, "estimator": LAMBERTIAN, **options}
     return estimate_sequence(frames, recipe=recipe, smooth=smooth, count=len(photos), **options)
 
@@ -80,7 +80,7 @@ def test_frames_are_made_in_the_order_of_their_numbers(tmp_path: Path) -> None:
 
 
 def frames_of(photos: list[Path]) -> Iterator[Frame]:
-    return photo_frames(photos, photos, masks=Masks(None))
+    return photo_frames(photos, photos, masks=Masks())
 
 
 def test_each_result_is_what_the_estimator_gives_alone(tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_a_result_that_was_cut_short_is_made_again(tmp_path: Path, suffix: str, 
     outputs = [tmp_path / "out" / f"{photo.stem}{suffix}" for photo in photos]
 
     def again() -> Outcome:
-        frames = photo_frames(photos, outputs, masks=Masks(None))
+        frames = photo_frames(photos, outputs, masks=Masks())
         return estimate_sequence(frames, take, LAMBERTIAN, recipe="")
 
     again()

@@ -63,7 +63,7 @@ def noise(count: int, depth: type = np.uint8, channels: int = 3) -> list[np.ndar
 
 def decoded(path: Path, encoding: Any = "auto") -> list[Frame]:
     video = read_video_header(path, encoding=encoding)
-    return list(video_frames(video, video_outputs(path, path.parent, ".png"), masks=Masks(None), encoding=encoding))
+    return list(video_frames(video, video_outputs(path, path.parent, ".png"), masks=Masks(), encoding=encoding))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.capture.operations import ReadsPhotos
-from mpsnet_core.defaults import LEAST_FOCAL, MOST_FOCAL
+from mpsnet_core.defaults import LEAST_FOCAL, MASK, MOST_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
@@ -89,9 +89,7 @@ class Align(RunsModel, ReadsPhotos):
         provenance="content",
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", path="file", provenance="content")
-    mask: str | None = option(
-        default=None, help="mask of the photo, as `mpsnet estimate` takes it", unset="alpha, where the photo has it"
-    )
+    mask: str = option(default=MASK, help="mask of the photo, as `mpsnet estimate` takes it")
     points: str | None = option(
         default=None,
         metavar="FILE",
@@ -150,7 +148,7 @@ class Align(RunsModel, ReadsPhotos):
         if self.lens and self.focal is not None:
             raise SettingsError("--lens and --focal both define the lens; give one of them")
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
-        mask = self.mask and mask_source(self.mask)
+        mask = mask_source(self.mask)
         inputs = (self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points, self.lens)
         check_apart(files_meant(inputs), outputs)  # but the start may be refined in place
         writable_path(self.output)

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from mpsnet_core.capture.masks import mask_identity, mask_source
+from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_several, numbering
 from mpsnet_core.io.image import Image
@@ -20,10 +21,10 @@ from mpsnet_core.io.provenance import identity
 class Masks:
     """The masks of a sequence. given: of all frames, as in `read_capture`, unless there are files `by_number`."""
 
-    given: str | None
+    given: str = MASK
     by_number: Mapping[int, Path] = field(default_factory=dict)
 
-    def of(self, number: int) -> str | os.PathLike[str] | None:
+    def of(self, number: int) -> str | os.PathLike[str]:
         """The mask of a frame. Raises FileError where the frames have masks of their own and this one has none."""
         if not self.by_number:
             return self.given
@@ -53,7 +54,7 @@ class Frame:
     output: Path
     made_from: str
     read: Callable[[], Image]
-    mask: str | os.PathLike[str] | None = None
+    mask: str | os.PathLike[str] = MASK
 
 
 def photo_frames(
@@ -89,13 +90,13 @@ def photo_frames(
         )
 
 
-def frame_masks(mask: str | None) -> Masks:
+def frame_masks(mask: str) -> Masks:
     """The masks that `mask` names: a folder or a pattern (mask_####.png) has one for each frame by its number, anything
     else is for all frames alike.
 
     Raises SettingsError where a folder's or a pattern's files are not numbered.
     """
-    if mask is None or mask_source(mask) != mask or not is_several(mask):
+    if mask_source(mask) != mask or not is_several(mask):
         return Masks(mask)
     files = expand_images([mask])
     numbered = numbering(files)

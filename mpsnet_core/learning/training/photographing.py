@@ -226,7 +226,7 @@ def _arranged(packed: Packed, draw: CaptureDraw, frame: LightFrame, device: torc
     weights = weights[:, np.argsort(order)].flatten(1).to(device)
     surface = lights.float()
     if draw.grain:
-        surface *= _grain(draw, mask.shape, device).repeat(3, 1, 1)
+        surface *= _grain(draw, surface.shape[1:], device).repeat(3, 1, 1)
     seen = (weights @ surface.flatten(1)).reshape(-1, *mask.shape)
     truth = torch.tensor(rotation, dtype=torch.float32, device=device) @ normals.float().flatten(1)
     planes = torch.cat([seen[PHOTO], truth.reshape(normals.shape), lit[order], mask[None], seen[3:]])
@@ -235,11 +235,11 @@ def _arranged(packed: Packed, draw: CaptureDraw, frame: LightFrame, device: torc
     return _Example(planes, directions, draw, 0, (height, width), np.zeros(2, np.int64), False)
 
 
-def _grain(draw: CaptureDraw, shape: tuple[int, int], device: torch.device) -> Tensor:
+def _grain(draw: CaptureDraw, shape: Sequence[int], device: torch.device) -> Tensor:
     """(3, H, W) factors for the albedo's red, green and blue: smooth noise on a lattice of the grain's size."""
     lattice = [max(2, round(side / draw.grain_size)) for side in shape]
     spots = torch.from_numpy(generator(draw.noise_seed, 2).standard_normal((1, 3, *lattice), np.float32)).to(device)
-    spots = functional.interpolate(spots, size=shape, mode="bicubic", align_corners=False)[0]
+    spots = functional.interpolate(spots, size=tuple(shape), mode="bicubic", align_corners=False)[0]
     spots = torch.lerp(spots[:1], spots, draw.grain_hue)
     return torch.exp(draw.grain * spots / spots.std(dim=(1, 2), keepdim=True))
 
