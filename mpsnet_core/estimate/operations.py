@@ -335,14 +335,16 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
         rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
         notes: Notes = "doubts"
+        found = False
 
         def take(frame: "Frame") -> "Capture":
-            nonlocal notes
+            nonlocal notes, found
             image = frame.read()
+            # Once an object was found it is looked for in every frame: none of them becomes a whole photo in between.
+            mask = "auto" if found else frame.mask
             with located(frame.name):
-                capture = capture_from(
-                    image, rig, mask=frame.mask, reading=reading, camera=camera, depth=depth, notes=notes
-                )
+                capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
+            found = found or (frame.mask == MASK and image.alpha is None and not capture.mask.all())
             if notes != "none":
                 note_doubtful_curve(frame.name, image, capture.mask, rig)
             notes = "none"  # the other frames are much like the first

@@ -318,6 +318,25 @@ def test_missing_frames_are_named_and_the_others_made(tmp_path: Path, mpsnet: Mp
     assert (again["made"], again["there"]) == (0, 6)
 
 
+def test_an_object_that_was_found_is_looked_for_in_every_frame(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    """Also where it hardly differs from its background; where it is gone the frame is left out, not taken whole."""
+    sphere, noise = shaded_sphere(120, albedo=[0.2] * 3), np.random.default_rng(1).normal(size=(200, 200, 3))
+    for number, (level, well) in enumerate(((0.003, 8000), (0.15, 300), (0.15, 1e9)), 1):
+        light = np.full(noise.shape, level)
+        if number < 3:
+            light[40:160, 40:160][sphere.mask] = sphere.image[sphere.mask]
+        write_file(tmp_path / f"frame_{number}.png", (light + noise * np.sqrt(light / well)).clip(0, 1), "uint16")
+    outputs = [tmp_path / "out" / f"frame_{number}_normals.png" for number in (1, 2, 3)]
+    command = ["estimate", tmp_path / "frame_#.png", "--rig", rig, "--model", "lambertian", "--encoding", "linear"]
+    told = result(mpsnet(*command, "--progress", "json", "-o", tmp_path / "out"))
+    assert [output.exists() for output in outputs] == [True, True, False]
+    assert [read_normals(one).mask.mean() < 0.4 for one in outputs[:2]] == [True, True]
+    assert any("frame_3.png: no object stands out" in note for note in told["notes"])
+    alone = tmp_path / "alone.png"
+    mpsnet(*[command[0], tmp_path / "frame_2.png", *command[2:], "-o", alone])
+    assert read_normals(alone).mask.all()
+
+
 @pytest.mark.parametrize("smooth", ["0", "2"])
 def test_frames_without_an_object_are_left_out_and_the_others_made(
     tmp_path: Path, mpsnet: Mpsnet, rig: Path, smooth: str
