@@ -273,7 +273,7 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
 
 
 def _note_no_mask(pixels: NDArray[np.float32]) -> None:
-    """Warn if the whole photo is used as the mask although an object clearly stands out."""
+    """Warn that the whole photo is used as the mask, and how to find the object if one clearly stands out."""
     whole = "no mask and no alpha: the whole photo is assumed to be the object"
     try:
         _, _, photo, behind = _reduced(pixels)

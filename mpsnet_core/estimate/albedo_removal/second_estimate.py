@@ -37,24 +37,24 @@ def estimate_without_albedo(network: OnnxModel, photo: Capture, painted: Capture
     estimate by confidence. A surface of one colour needs only one estimate.
     """
     if painted.white is not None:
-        first = network(painted, _look("first estimate", progress, 0.0, 0.25), passes=1)
+        first = network(painted, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
         even = without_chromaticity_albedo(photo, painted, first)
         del first  # a large photo takes much memory
-        return network(even, _look("second estimate", progress, 0.25, 1.0))
-    first = network(painted, _look("first estimate", progress, 0.0, 0.4))
+        return network(even, _run_progress("second estimate", progress, 0.25, 1.0))
+    first = network(painted, _run_progress("first estimate", progress, 0.0, 0.4))
     evened = without_clustered_albedo(painted, first)
     if evened is None:
         return first
-    better = combined(first, network(evened, _look("second estimate", progress, 0.4, 0.6), passes=1))
+    better = combined(first, network(evened, _run_progress("second estimate", progress, 0.4, 0.6), passes=1))
     del evened
     evened = without_clustered_albedo(painted, better)
     if evened is None:
         return better
     del better
-    return combined(first, network(evened, _look("third estimate", progress, 0.6, 1.0)))
+    return combined(first, network(evened, _run_progress("third estimate", progress, 0.6, 1.0)))
 
 
-def _look(name: str, progress: Progress, start: float, end: float) -> Progress:
+def _run_progress(name: str, progress: Progress, start: float, end: float) -> Progress:
     """Progress of one run of the network, which prefixes messages with the run's name."""
     return part(lambda fraction, message: progress(fraction, f"{name}, {message}"), start, end)
 
