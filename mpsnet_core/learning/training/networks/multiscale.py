@@ -5,8 +5,8 @@ output on the previous scale, like the multi-scale networks of Ikehata ("Scalabl
 photometric stereo", CVPR 2023) and Hardy et al. ("MS-PS", 2023). So every pixel has the context of the whole object,
 however large the photo is. On each scale the network is a U-Net over five resolutions. Its design:
 
-* *Canonical frame*: the image is rotated by quarter turns until the first light is nearly straight up, and the lights are
-  ordered counter-clockwise. The network learns one arrangement instead of all.
+* *Canonical frame*: the image is rotated by quarter turns until the first light is nearly straight up, and the lights
+  are ordered counter-clockwise. The network learns one arrangement instead of all.
 * *Two versions of the photo*: with each channel divided by its own mean (grey world), which removes exposure, the
   lights' strengths and the object's overall colour; and as calibrated, where equation 2 is exact on anything grey. An
   input says whether a white photo made the surface grey.
