@@ -43,8 +43,8 @@ class PatchRow:
 
 
 def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
-    """Recipe of one of the ten networks, which differ in side and normals only. Photographs are like the paper's, the
-    optimiser is not: with AdamW these short trainings end at about the same error for all sides."""
+    """Recipe of one of the ten networks, which differ in side and normals only. Photographs are like the paper's, but
+    the optimiser is Muon: with AdamW these short trainings end at about the same error for all sides."""
     warm_up = min(100, math.ceil(steps / 10))
     return replace(
         read_recipe("mpsnet"),
