@@ -61,8 +61,8 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
 
     Notes
     -----
-    Gauss-Newton with Levenberg damping on the reprojection error, from many rotations at once, each with the translation of a scaled
-    orthographic camera. Leaving out each pair in turn detects one that contradicts all others.
+    Gauss-Newton with Levenberg damping on the reprojection error, from many rotations at once, each with the
+    translation of a scaled orthographic camera. Leaving out each pair in turn detects one that contradicts all others.
     """
     pixels, points = np.asarray(pixels, np.float64), np.asarray(points, np.float64)
     if len(points) < LEAST_PAIRS:
