@@ -35,7 +35,7 @@ def disc(count: int, turns: int = 1) -> NDArray[np.float64]:
 
 
 def tiled(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
-    """(H, W) tiled Bayer matrix: numbers 0 to side² - 1, far apart for neighbours, in tiles of side x side (a power of 2)."""
+    """(H, W) tiled Bayer matrix: numbers 0 to side² - 1, far apart for neighbours. side: of a tile, a power of 2."""
     matrix = np.zeros((1, 1), np.int64)
     while len(matrix) < side:
         matrix = np.block([[4 * matrix, 4 * matrix + 2], [4 * matrix + 3, 4 * matrix + 1]])
