@@ -1,4 +1,4 @@
-"""Operations of the capture: photos put together, and masks found."""
+"""Operations of captures: superpose photos, find masks, check photos."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +86,7 @@ class ReadsPhotos(ReadsPictures):
 
 @dataclass(frozen=True)
 class HasLens(Operation):
-    """How the camera of a photo sees."""
+    """The camera or lens of a photo."""
 
     heading: ClassVar[str] = "where the photo was taken from"
 
@@ -118,7 +118,7 @@ class HasLens(Operation):
 
 @dataclass(frozen=True)
 class HasViewpoint(HasLens):
-    """Where a photo was taken from: camera or lens, and how far the object was."""
+    """The viewpoint of a photo: camera or lens, and the distance of the object."""
 
     heading: ClassVar[str] = "where the photo was taken from"
 
@@ -157,14 +157,14 @@ class HasViewpoint(HasLens):
 
 @dataclass(frozen=True)
 class PhotoMade(Result):
-    """Where the photo of all lights is."""
+    """File of the combined photo."""
 
     output: str
 
 
 @dataclass(frozen=True)
 class Superpose(ReadsPictures):
-    """Photos that show one light each become one photo."""
+    """Combine photos of one light each into one photo."""
 
     command: ClassVar[str] = "superpose"
 
@@ -212,7 +212,7 @@ class Superpose(ReadsPictures):
 
 @dataclass(frozen=True)
 class MaskFound(Result):
-    """Where the mask is, and the share of the photo that it covers."""
+    """File of the mask, and the share of the photo that it covers."""
 
     output: str
     overlay: str | None
@@ -270,10 +270,10 @@ class PhotoChecked(Result):
 
 @dataclass(frozen=True)
 class Check(ReadsPhotos):
-    """Say how good a photo and its lights are, and how to mend them.
+    """Check a photo and its lights, and say how to improve them.
 
-    It looks at the exposure, at what is clipped, whether the channels show different lights, where these stand, how
-    much of the object all three reach, and the focus. Each is good, to be watched, or bad; a bad photo is no error.
+    It checks the exposure, clipping, whether the channels show different lights, the lights' directions, how much of
+    the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no error.
 
     Examples
     --------

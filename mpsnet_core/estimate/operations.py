@@ -394,7 +394,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
 @dataclass(frozen=True)
 class ModelListed:
-    """A model's name, what it is, and whether it is only to compare with."""
+    """A model's name and title, whether it is for comparison only, and whether it is installed."""
 
     name: str
     title: str
@@ -404,7 +404,7 @@ class ModelListed:
 
 @dataclass(frozen=True)
 class ModelsListed(Result):
-    """The models by their names, or one network's card and how it was trained."""
+    """The known models, or the card and training record of one network."""
 
     models: list[ModelListed] | None = None
     card: dict[str, Any] | None = None

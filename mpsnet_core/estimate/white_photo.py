@@ -169,7 +169,7 @@ def _gains(
     light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
     weights, spread, multiple = light, 4 * LEAST_SPREAD, np.ones(3)
     for _ in range(ROUNDS):
-        if (strengths != 1).any():  # of another lamp than the rig's lights
+        if (strengths != 1).any():  # lit by another lamp than the rig's lights
             shares = (ratio * alike * multiple) @ unmixing.T
             reached = (shares > REACHED * np.median(shares, axis=0)).all(axis=-1)
             weights = weights * reached if np.count_nonzero(reached) >= LEAST_PIXELS else weights

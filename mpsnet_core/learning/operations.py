@@ -78,7 +78,7 @@ class Train(Operation):
     output: str = option(metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> NetworkTrained:
-        """Train to the recipe's end and write the network, or stop before it and leave the checkpoint."""
+        """Train to the recipe's end and write the network, or stop earlier and leave a checkpoint."""
         from mpsnet_core.learning.training.export import export_onnx
         from mpsnet_core.learning.training.loop import train
         from mpsnet_core.learning.training.recipe import read_recipe

@@ -33,7 +33,7 @@ class SamplesMade(Result):
 
 @dataclass(frozen=True)
 class RunsWorkers(Operation):
-    """Who makes samples: processes on this machine, or a cluster."""
+    """The workers that make samples: processes on this machine, or a cluster."""
 
     heading: ClassVar[str] = "who makes the samples"
 
@@ -84,7 +84,7 @@ class RunsWorkers(Operation):
 
 @dataclass(frozen=True)
 class Synthesize(RunsWorkers):
-    """Training samples without Blender."""
+    """Make training samples without Blender."""
 
     command: ClassVar[str] = "synthesize"
 
@@ -174,7 +174,7 @@ class Synthesize(RunsWorkers):
 
 @dataclass(frozen=True)
 class MakeSamples(RunsWorkers):
-    """Go on with a folder's training samples."""
+    """Resume making a folder's training samples."""
 
     command: ClassVar[str] = "make"
 
@@ -194,7 +194,7 @@ class MakeSamples(RunsWorkers):
 
 @dataclass(frozen=True)
 class Work(Operation):
-    """Make the samples of a folder whose numbers come on stdin; only the farm calls it."""
+    """Make samples of a folder, by numbers from stdin; called by the farm only."""
 
     command: ClassVar[str] = "work"
     listed: ClassVar[bool] = False
@@ -224,7 +224,7 @@ class SamplesShown(Result):
 
 @dataclass(frozen=True)
 class ShowSamples(Operation):
-    """Samples or photos as a picture."""
+    """Show samples or photos in one image."""
 
     command: ClassVar[str] = "show"
 

@@ -15,7 +15,7 @@ from mpsnet_core.scene.camera import Camera
 # Longer side of the image in which circles are detected.
 SEARCHED_SIDE = 400
 LEAST_SIDE = 16
-# A ball's radius, as a share of the photo's shorter side.
+# Range of a ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
 # Circles whose centres and radii differ by less, as a share of the radius, are duplicates: of candidates, and after

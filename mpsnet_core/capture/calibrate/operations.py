@@ -34,7 +34,7 @@ MOST_NAMED = 16
 
 @dataclass(frozen=True)
 class LooksAtBall(ReadsPhotos, HasLens):
-    """Where the ball is in the photo, how the camera sees, and what is written beside the rig."""
+    """The ball in the photo, the camera, and outputs besides the rig."""
 
     heading: ClassVar[str] = "the ball, and what else is written"
 

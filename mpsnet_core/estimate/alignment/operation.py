@@ -77,7 +77,7 @@ class CameraFound(Result):
 
 @dataclass(frozen=True)
 class Align(RunsModel, ReadsPhotos):
-    """Photo and mesh to the camera that took the photo."""
+    """Find the camera that took a photo, from a mesh of the object."""
 
     command: ClassVar[str] = "align"
 

@@ -42,7 +42,7 @@ def mesh_view_count() -> Any:
 
 @dataclass(frozen=True)
 class MeasuresModels(Operation):
-    """Which models a test measures, and where the answer goes."""
+    """The models that a test measures, and its outputs."""
 
     heading: ClassVar[str] = "the models, and where the answer goes"
 
@@ -152,7 +152,7 @@ class EvaluateMaterials(PhotographsSynthetic):
 
 @dataclass(frozen=True)
 class EvaluateRendered(PhotographsSynthetic):
-    """Meshes from files, of one and of several materials."""
+    """Rendered mesh files with one and with several materials."""
 
     command: ClassVar[str] = "evaluate rendered"
 
@@ -168,7 +168,7 @@ class EvaluateRendered(PhotographsSynthetic):
 
 @dataclass(frozen=True)
 class EvaluateStatues(Magnifies):
-    """Matt grey meshes with cast shadows; fine relief kept."""
+    """Matt grey meshes: errors in shadow, and how much fine relief is kept."""
 
     command: ClassVar[str] = "evaluate statues"
 
@@ -201,7 +201,7 @@ class EvaluateStatues(Magnifies):
 
 @dataclass(frozen=True)
 class EvaluateColour(PhotographsSynthetic):
-    """Blobs in many colours: their edges, their influence."""
+    """Blobs in many colours: errors at colour edges, and the effect of colour alone."""
 
     command: ClassVar[str] = "evaluate colour"
 

@@ -19,7 +19,7 @@ SEED = 0  # of the photographs
 
 
 class Samples(Evaluation):
-    """Samples in folders, each photographed once by the default capture model; the same photographs every time.
+    """Samples in folders, each photographed once by the default capture model, reproducibly.
 
     Raises FileError if there are no samples.
     """

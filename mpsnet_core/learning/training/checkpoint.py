@@ -57,7 +57,7 @@ _TYPES |= {"recipe": dict, "continues": dict | None}
 
 
 def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
-    """Write the file whole or not at all."""
+    """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
     with written_whole(Path(path)) as unfinished:
         torch.save(data, unfinished)

@@ -17,7 +17,7 @@ _BLOCK = 1 << 11  # points whose paths are traced at a time
 # Radius of the smoothing in gathering pixels. Weights fall where normals or tangent planes differ.
 REACH = 2
 _PLANE_REACH = 3.0  # gathering pixels
-_SQUARINGS = 5  # of the cosine between normals
+_SQUARINGS = 5  # weights are the cosine between normals to the power 2^5
 
 Albedo = Callable[[SurfacePoints], NDArray[np.float32]]
 

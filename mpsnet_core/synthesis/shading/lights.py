@@ -89,7 +89,7 @@ def arrival(
     found = np.zeros(shape, np.uint8)
     found.ravel()[pixels[facing]] = np.where(free, _FREE, _HIDDEN)
     unsure = _around(found).ravel()[pixels[facing]] == _FREE | _HIDDEN
-    unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon cuts the light
+    unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon may cut the light's disc
     sure = facing[~unsure]
     lit[sure] = free[~unsure]
     irradiance[sure] = cosine[sure] * lit[sure]

@@ -19,7 +19,7 @@ _SHARES = np.array([NOISE.cdf(level) for level in _LEVELS])
 PAINT_OCTAVES, DIRT_OCTAVES = 1, 2
 DARKEST_PAINT = 0.05
 DIRT_EDGE = 0.15  # half the width of dirt's soft edges, in units of its noise
-BUMP_STEP = 0.01  # of the length of a bump
+BUMP_STEP = 0.01  # step of the finite differences, as a share of a bump's length
 
 
 def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]) -> NDArray[np.float32]:

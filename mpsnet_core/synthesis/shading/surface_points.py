@@ -67,7 +67,7 @@ class Surface:
         return row[found] * camera.width + column[found], depth, self.points(hits.chosen(found), view)
 
     def _frame(self, camera: Camera) -> NDArray[np.int64]:
-        """(2, N) rows and columns of the pixels in the rectangle around the object."""
+        """(2, N) rows and columns of the pixels in the object's bounding box."""
         rows = camera.projection_rows()
         x, y, w = rows[:, :3] @ self.placed.T + rows[:, 3:]
         low, high = np.zeros(2, np.int64), np.array([camera.width, camera.height])

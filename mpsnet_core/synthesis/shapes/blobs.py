@@ -1,4 +1,4 @@
-"""Blobs: closed bodies without parts: smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
+"""Blobs: closed bodies of one part, smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
 
 from collections.abc import Callable
 from typing import Any

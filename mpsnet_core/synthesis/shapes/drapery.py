@@ -1,4 +1,4 @@
-"""Drapery: cloth that hangs from pins, in pleats, over hidden objects, or lies crumpled."""
+"""Drapery: cloth hanging from pins, in pleats, draped over hidden objects, or crumpled."""
 
 import numpy as np
 from numpy.typing import NDArray
