@@ -178,7 +178,7 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.b
 
     def contrast(rows: slice) -> NDArray[np.float32]:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
-        return _contrast(_on_screen(pixels[rows], white), behind[lines][:, columns])
+        return _contrast(_display_values(pixels[rows], white), behind[lines][:, columns])
 
     return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
@@ -198,10 +198,10 @@ def background_mask(
     small, empty = block_means(pixels, factor), block_means(background, factor)
     white = _white(small)
     scale = white / _exposure_ratio(small, empty)
-    photo, behind = _on_screen(small, white), _on_screen(empty, scale)
+    photo, behind = _display_values(small, white), _display_values(empty, scale)
 
     def contrast(rows: slice) -> NDArray[np.float32]:
-        return _contrast(_on_screen(pixels[rows], white), _on_screen(background[rows], scale))
+        return _contrast(_display_values(pixels[rows], white), _display_values(background[rows], scale))
 
     return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
@@ -315,7 +315,7 @@ def _reduced(
     factor = _factor(pixels)
     small = block_means(pixels, factor)
     white = _white(small)
-    photo = _on_screen(small, white)
+    photo = _display_values(small, white)
     return factor, white, photo, _smooth_background(photo)
 
 
@@ -384,7 +384,7 @@ def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:
     return white
 
 
-def _on_screen(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
+def _display_values(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
     """Roughly perceptual values, 0 to 1. The square root also makes shot noise uniform."""
     shown: NDArray[np.float32] = np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
     return shown

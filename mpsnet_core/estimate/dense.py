@@ -78,9 +78,9 @@ def dense_answer(
         for number, (window, place) in enumerate(work):
             if previous is not None:  # free the rows that no further tile reads
                 previous.resize((_window_before(window, previous)[0].stop, *previous.shape[1:]), refcheck=False)
-            progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
+            progress(_share_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
-                inner, seen = _within(place, window), photo.seen(window, halving, previous)
+                inner, seen = _relative_to_window(place, window), photo.seen(window, halving, previous)
                 for frame in frames:
                     result[place] += _tile_answer(network, card, seen, frame)[inner] / np.float32(len(frames))
         previous = result
@@ -120,13 +120,13 @@ def _resized(values: Floats, mask: NDArray[np.bool_], shape: tuple[int, int]) ->
     return resized
 
 
-def _done(halving: int, halvings: int, share: float) -> float:
+def _share_done(halving: int, halvings: int, share: float) -> float:
     """The share of all work that is done: each scale has four times the pixels of the previous one."""
     work = [4.0**-k for k in range(halvings + 1)]
     return (sum(work[halving + 1 :]) + share * work[halving]) / sum(work)
 
 
-def _within(place: Window, window: Window) -> Window:
+def _relative_to_window(place: Window, window: Window) -> Window:
     rows, columns = (slice(a.start - w.start, a.stop - w.start) for a, w in zip(place, window, strict=True))
     return rows, columns
 

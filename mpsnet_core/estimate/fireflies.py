@@ -42,7 +42,11 @@ def without_fireflies(capture: Capture) -> Capture:
         rows, columns, channels = np.nonzero((image[part] > least) & mask[part, :, None])
         rows += part.start
         around = [
-            capture.image[_within(rows + down, image.shape[0]), _within(columns + right, image.shape[1]), channels]
+            capture.image[
+                _mirrored_indices(rows + down, image.shape[0]),
+                _mirrored_indices(columns + right, image.shape[1]),
+                channels,
+            ]
             for down, right in AROUND
         ]
         usual = np.sort(around, axis=0)[-RANK]
@@ -53,6 +57,6 @@ def without_fireflies(capture: Capture) -> Capture:
     return capture if image is capture.image else replace(capture, image=image)
 
 
-def _within(places: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+def _mirrored_indices(places: NDArray[np.intp], length: int) -> NDArray[np.intp]:
     """Indices along a side, mirrored at its ends."""
     return np.asarray(length - 1 - np.abs(length - 1 - np.abs(places)))

@@ -49,7 +49,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
     model = _onnx_of(network)
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
     model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
-    _prove(network, model)
+    _check_equal_outputs(network, model)
     with written_whole(path) as unfinished:
         unfinished.write_bytes(model.SerializeToString())
 
@@ -121,7 +121,7 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
         return onnx.shape_inference.infer_shapes(onnx.load(str(file)), strict_mode=True)
 
 
-def _prove(network: Network, model: onnx.ModelProto) -> None:
+def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:
     session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
     sides = (network.patch,) if network.kind == "patch" else (64, 96)
     for side in sides:

@@ -156,7 +156,7 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
     saved = started
     try:
         while run.step < end:
-            loss = _whole_step(run, model)
+            loss = _uninterrupted_step(run, model)
             run.seconds = before + time.monotonic() - started
             if run.step % LOGGED_EVERY == 0 and first:
                 angle = math.degrees(float(loss.angle))
@@ -184,7 +184,7 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
     return figures
 
 
-def _whole_step(run: "_Run", model: nn.Module) -> Loss:
+def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
     """One step on this process's share of the batch. Signals are held back until it is done."""
     rank, count = run.processes.rank, run.processes.count
     scales = run.photographer.batch(run.step * count + rank, run.recipe.batch // count)
@@ -298,7 +298,7 @@ class _Run:
 
     def advance(self, model: nn.Module, scales: list[Scale]) -> Loss:
         """Take one step of the optimisers."""
-        recipe, seed = self.recipe, _seed(self.recipe.seed, self.step, self.processes.rank)
+        recipe, seed = self.recipe, _hashed_seed(self.recipe.seed, self.step, self.processes.rank)
         self.whole = False
         # Dropout depends on the step alone: a resumed run draws the same.
         torch.manual_seed(seed)
@@ -468,7 +468,7 @@ def _fingerprint(folders: list[Path], names: list[str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _seed(*key: int) -> int:
+def _hashed_seed(*key: int) -> int:
     return int.from_bytes(hashlib.sha256(repr(key).encode()).digest()[:7], "big")
 
 

@@ -111,7 +111,7 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
         for _ in range(steps):
             before, cloth = cloth, _fallen(cloth, before)
             for _ in range(_REPEATS):
-                _keeplengths(cloth, rest)
+                _constrain_lengths(cloth, rest)
                 for row, column, at in held:
                     cloth[:, row, column] = at[:, 0, 0]
             for (_, _, at), reach in zip(held, reaches, strict=True):
@@ -129,7 +129,7 @@ def _fallen(cloth: Array, before: Array) -> Array:
     return moved
 
 
-def _keeplengths(cloth: Array, rest: float) -> None:
+def _constrain_lengths(cloth: Array, rest: float) -> None:
     # Alternate pairs, so no node is moved twice at a time.
     for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):

@@ -80,7 +80,7 @@ def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64]
             total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
         cells = np.flatnonzero((total > 0) & (total < 8))
         points = strides @ np.stack(np.unravel_index(cells, total.shape)) + (np.array(corners) @ strides)[:, None]
-        boards = _chessboards(values.reshape(-1)[points])
+        boards = _ambiguous_faces(values.reshape(-1)[points])
         if not len(boards):
             break
         values.reshape(-1)[points[boards[:, 0], boards[:, 1]]] = -1e-6
@@ -103,7 +103,7 @@ def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64]
     return summed / crossings, np.concatenate(quads)
 
 
-def _chessboards(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+def _ambiguous_faces(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
     """(N, 2) corner and cell to fill, for faces whose inside corners are diagonal. at: (8, cells) corner values.
 
     Of the two outside corners, the one closer to the surface is filled. Only faces at the low sides of cells are
