@@ -48,7 +48,7 @@ def pixels_in(capture: Capture, normals: NormalMap, rows: slice) -> Pixels:
 
 
 def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]:
-    """(h, W) pixels inside the mask, not clipped, and lit by all three lights by both normals and photo."""
+    """(h, W) pixels inside the mask, not clipped, and lit by all three lights in both normals and photo."""
     reached = (pixels.light > 0).all(axis=-1) & (pixels.cosines > pixels.grazing).all(axis=-1)
     valid: NDArray[np.bool_] = reached & capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
     return valid
