@@ -1,1 +1,1 @@
-"""The capture: one photo as linear values, its mask and corrections; calibration of the lights."""
+"""Captures: photos in linear values with masks and corrections; calibration of the lights."""

@@ -1,4 +1,4 @@
-"""Capture: the one photo as linear values, with its mask, rig and camera, and a white photo where there is one."""
+"""Captures: a photo in linear values with its mask, rig and camera, and optionally a white photo."""
 
 import logging
 import os
@@ -30,55 +30,55 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.floating[Any])
 
-# A mesh that covers less of the mask than this hardly belongs to the photo.
+# A mesh that covers a smaller share of the mask probably does not belong to the photo.
 LEAST_KNOWN = 0.8
-# An object that is this many times nearer or farther than the lights' target is hardly in the rig's unit.
+# An object that is nearer or farther than the lights' target by this factor is probably in another unit.
 MOST_OFF = 2.0
-# The angle, in radians, between two channels as vectors of all pixels, below which they show the same light.
+# Below this angle in radians between two channels, as vectors over all pixels, they show the same light.
 ALIKE = 0.03
-# A channel whose mean is below this share of the brightest one's hardly saw its light.
+# Below this share of the brightest channel's mean, a channel's light was probably off.
 BLACK = 0.01
-# Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
+# Pixels by which a mesh's depth is extended beyond the mesh.
 DEPTH_MARGIN = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """One photo under three lights at once, and a second one under white light where there is one.
+    """One photo under three lights at once, optionally with a second one under white light.
 
     Parameters
     ----------
-    image : (H, W, 3) float32, or float16 where it comes so
-        Linear; channel i is camera channel R, G, B.
+    image : (H, W, 3) float32 or float16
+        Linear; the channels are the camera's R, G, B. float16 is kept, other types become float32.
     mask : (H, W) bool
-        The pixels of the object. Of floating-point values, those above 0.5, as of alpha.
+        The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5.
     rig
         The lights, in camera space.
     camera
-        Its projection and pose, where known.
+        Projection and pose, if known.
     clip
-        Linear value at which a channel saturates; infinity for renders, and where `clipped` states it for each pixel.
+        Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given.
     depth : (H, W) float32
-        How far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's pose;
-        needed where the rig's lights are near.
+        Distance of each pixel's surface in front of the camera, along its axis, in the unit of the camera's pose.
+        Required if the rig's lights are near.
     clipped : (H, W, 3) bool
-        Where a channel is saturated; None where `clip` decides it.
+        Where a channel is saturated; None if `clip` decides it.
     white : (H, W, 3) float32
-        Linear RGB of the same pose under white light; zero where it is not finite, outside the mask. Clipped pixels
-        keep their value, a lower bound.
+        Linear RGB of the same pose under white light. Values outside the mask that are not finite become zero. Clipped
+        pixels keep their value, a lower bound.
     white_clipped : (H, W, 3) bool
-        Where a channel of `white` is saturated; None where none is.
+        Where a channel of `white` is saturated; None if nowhere.
     white_light : (3,) float64
-        Unit vector from the surface to the one lamp that lit `white`; None where it was the rig's lights, all three of
-        them turned white.
+        Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights, turned white,
+        lit it.
 
     Raises
     ------
     GeometryError
-        Where shapes differ, the mask is empty, the photo is black inside it, near lights lack camera or depth, or the
+        If shapes differ, the mask is empty, the photo is black inside it, near lights lack camera or depth, or the
         white photo's lamp is behind the object.
     FormatError
-        Where an image has not three channels, or is not finite inside the mask.
+        If an image does not have three channels, or is not finite inside the mask.
 
     Examples
     --------
@@ -147,30 +147,30 @@ class Capture:
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
-        """(H, W, 3) where a channel is saturated, and so wrong."""
+        """(H, W, 3) whether a channel is saturated."""
         return self.saturated_in(slice(None))
 
     @property
     def saturated_lights(self) -> NDArray[np.bool_]:
-        """(H, W, 3) where a light, alone after unmixing, is wrong as a channel is saturated; not to be written to."""
+        """(H, W, 3) whether saturation affects a light after unmixing. Read-only."""
         saturated = self.saturated
         if np.array_equal(self.rig.mixing, np.eye(3)):
             return saturated
-        # Unmixing computes each light from all channels, so one saturated channel spoils all three.
+        # Unmixing computes each light from all channels, so one saturated channel affects all three.
         return np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
 
     def saturated_in(self, rows: slice) -> NDArray[np.bool_]:
-        """(h, W, 3) where a channel is saturated in some rows."""
+        """(h, W, 3) whether a channel is saturated, for some rows."""
         return self.image[rows] >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped[rows]
 
 
 def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDArray[T]:
-    """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite.
+    """The image (H, W, 3) with zeros in place of values that are not finite; unchanged if there are none.
 
-    Raises FormatError where it is not finite inside the mask.
+    Raises FormatError if such a value is inside the mask.
     """
     result = image
-    for channel in range(3):  # one at a time, which takes little memory
+    for channel in range(3):  # one at a time to save memory
         finite = np.isfinite(image[..., channel])
         if not finite.all(where=mask):
             row, column = np.argwhere(~finite & mask)[0]
@@ -185,7 +185,7 @@ def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDAr
 
 
 def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black: str) -> NDArray[T]:
-    """:func:`finite_inside`; raises GeometryError where the image is black inside the mask, and asks `black`."""
+    """As :func:`finite_inside`. Raises GeometryError, with the question `black`, if the image is black in the mask."""
     result = finite_inside(image, mask, name)
     if not any((result[..., channel] > 0).any(where=mask) for channel in range(3)):
         raise GeometryError(f"the {name} is black inside the mask; {black}")
@@ -236,27 +236,27 @@ def read_capture(
     rig : LightRig
         The lights, in camera space.
     mask : str or path
-        A mask file, or a word of :func:`find_mask`. By default alpha where the photo has it, else the object that
+        A mask file, or a keyword of :func:`find_mask`. By default the photo's alpha if it has any, else the object that
         stands out clearly from its background, else the whole photo.
     encoding, layer : str, optional
-        As in :func:`read_image`; but where neither `encoding` nor the file states how its values are encoded, and its
-        shading does (:mod:`mpsnet_core.capture.transfer_curve`), they are linear.
+        As in :func:`read_image`, with one exception: if neither `encoding` nor the file states the encoding, and the
+        shading shows that values are linear (:mod:`mpsnet_core.capture.transfer_curve`), they are read as linear.
     camera : Camera or float, optional
         The camera, or the focal length of its lens in mm on a sensor 36 mm wide.
     depth : (H, W) array or float, optional
-        How far in front of the camera the surface is, infinity where unknown. By default that of the lights' target.
+        Distance of the surface in front of the camera, infinity where unknown. By default that of the lights' target.
     correction : Correction, optional
-        Dark frame and flat field, of the white photo too.
+        Dark frame and flat field, also applied to the white photo.
     white : str, path or sequence of them, optional
-        A photo of the same pose under white light, or several to be added up: one for each light, turned white.
+        A photo of the same pose under white light, or several to add up, one for each light turned white.
     white_light : (3,) array, optional
         Direction from the surface to the one lamp that lit the white photo, in camera space. By default the rig's
-        lights were turned white.
+        lights, turned white, lit it.
 
     Raises
     ------
     InputError
-        Where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each other.
+        If a file is missing or damaged, or photo, mask, camera, depth and white photo do not match.
     """
     reading = Reading(encoding, layer, correction)
     image = reading.photo(path, compact=correction is None)
@@ -266,11 +266,11 @@ def read_capture(
             return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
 
     capture = taken(image)
-    if correction is not None:  # which has been read as sRGB
+    if correction is not None:  # the correction was read as sRGB, so the photo stays sRGB
         note_doubtful_curve(Path(path).name, image, capture.mask, rig)
     elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
         reading, image = replace(reading, encoding="linear"), with_stored_values(image)
-        # What is found by brightness lies elsewhere by another curve, and was reported; any other mask stays.
+        # A mask found by brightness depends on the curve: find it again, but report it once. Any other mask stays.
         capture = taken(image, "none") if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
@@ -289,19 +289,19 @@ def with_white(
     light: ArrayLike | None = None,
     straightened: Callable[[Image], Image] = lambda image: image,
 ) -> Capture:
-    """The capture with the sum of `photos`, read as the photo was, as its white photo.
+    """The capture with the sum of `photos` as its white photo.
 
-    light: direction to the one lamp that lit them, None for the rig's lights. straightened: takes the lens's distortion
-    out of an image, where it was taken out of the photo.
+    reading: as for the photo. light: direction to the one lamp that lit them, None for the rig's lights. straightened:
+    removes lens distortion from an image, if it was removed from the photo.
 
-    Raises InputError where one cannot be read, is the photo itself, or does not fit it.
+    Raises InputError if one cannot be read, is the photo itself, or does not match it.
     """
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = reading.companion(file)
         with located(file):
             image = straightened(corrected(image, reading.correction))
-            # Checked one by one: the sum would not show which of them does not fit.
+            # Checked one by one, to name the one that does not match.
             total += _checked_white(image.pixels, None, capture.mask)
         clipped |= image.saturated
     if np.array_equal(total.astype(capture.image.dtype), capture.image):
@@ -324,11 +324,11 @@ def capture_from(
     depth: NDArray[np.float32] | float | None = None,
     notes: Notes = "all",
 ) -> Capture:
-    """An image that has been read, a video's frame for instance, as a capture; all else as in :func:`read_capture`.
+    """A capture from an image in memory, such as a video frame. Other parameters as in :func:`read_capture`.
 
-    notes: what to log of a mask that is found, see :func:`find_mask`.
+    notes: what to log about a mask that is found, see :func:`find_mask`.
 
-    Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
+    Raises InputError if the mask cannot be read, or image, mask, camera and depth do not match.
     """
     image, inside = corrected_and_masked(image, rig, mask, reading, notes)
     height, width, _ = image.pixels.shape
@@ -344,7 +344,7 @@ def corrected_and_masked(
     reading: Reading,
     notes: Notes = "all",
 ) -> tuple[Image, NDArray[np.bool_]]:
-    """The image without what camera and lights add, and (H, W) its mask; all as in :func:`capture_from`."""
+    """The corrected image and its mask (H, W). Parameters as in :func:`capture_from`."""
     correction = reading.correction
     if rig.near is not None and correction is not None and correction.gain is not None:
         raise SettingsError(
@@ -362,15 +362,15 @@ def capture_of(
     camera: Camera | None,
     depth: NDArray[np.float32] | float | None,
 ) -> Capture:
-    """What :func:`corrected_and_masked` returned, as a capture. depth: as in :func:`read_capture`."""
-    inside = _depth_within(mask, depth, rig) if mask.any() else None  # an empty mask is refused later, as such
+    """A capture from the result of :func:`corrected_and_masked`. depth: as in :func:`read_capture`."""
+    inside = _depth_within(mask, depth, rig) if mask.any() else None  # Capture rejects an empty mask
     return Capture(image.pixels, mask, rig, camera, image.clip, inside, image.clipped)
 
 
 def _depth_within(
     mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
 ) -> NDArray[np.float32] | None:
-    """(H, W) a depth for every pixel of the mask, from what is known of it; None where the rig's lights are distant."""
+    """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights."""
     if rig.near is None:
         if depth is not None:
             log.info("the rig's lights are distant, so how far the object is does not count")
@@ -394,13 +394,13 @@ def _depth_within(
             100 * inside / mask.sum(),
         )
     _note_unit(float(np.median(depth[known & mask])), rig.near)
-    # Beside the mesh, its nearest pixel's depth, and far from it the mean.
+    # Close to the mesh use the depth of its nearest pixel, far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]
     return extend_to_nearest(filled, known, DEPTH_MARGIN)[..., 0]
 
 
 def _note_unit(distance: float, near: NearLights) -> None:
-    """Report an object that is far from what the lights are turned to: most likely in another unit."""
+    """Report an object far from the lights' target: its distance is probably in another unit."""
     expected = -float(near.target[2])
     if not expected / MOST_OFF < distance < expected * MOST_OFF:
         log.info(
@@ -413,10 +413,10 @@ def _note_unit(distance: float, near: NearLights) -> None:
 def channel_angles(
     means: NDArray[np.float64], products: NDArray[np.float64], pixels: int
 ) -> NDArray[np.float64] | None:
-    """(3,) the angles in radians between red and green, red and blue, green and blue as vectors of all pixels.
+    """(3,) angles in radians between the channels red and green, red and blue, green and blue as vectors over pixels.
 
-    None where all of the object faces one way: there the channels are alike under any light, and only equal ones are
-    conclusive. means: (3,) of the pixels; products: (3, 3) the sums of the channels' products.
+    None if the whole object faces one way, unless the channels are equal: a flat object's channels are alike under any
+    lights. means: (3,) of the pixels. products: (3, 3) sums over pixels of products of two channels.
     """
     sizes = np.sqrt(np.diag(products))
     varied = sizes**2 / pixels > 1.01 * means**2
@@ -427,7 +427,7 @@ def channel_angles(
 
 
 def note_doubts(capture: Capture, name: str = "") -> None:
-    """Report photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
+    """Report photos whose normals are probably wrong. name: of the photo, if there are several."""
     which = f"{name}: " if name else ""
     spoilt = 0
     total, products = np.zeros(3), np.zeros((3, 3))
@@ -462,7 +462,7 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             log.info(
                 "%s%.0f%% of the white photo's pixels are saturated; expose it shorter", which, 100 * spoilt / pixels
             )
-    # A white photo takes the colour away, and which light is the stronger.
+    # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(

@@ -1,4 +1,4 @@
-"""What camera and room add to every photo, and what lens and lights make of even white: dark frame and flat field."""
+"""Dark frame and flat field: remove offset and ambient light, and the falloff of lens and lights."""
 
 import logging
 import os
@@ -19,26 +19,26 @@ from mpsnet_core.io.image_reading import read_image
 
 log = logging.getLogger(__name__)
 
-# A flat field weaker than this share of its middle is useless: what is divided by it is mostly noise.
+# Below this share of its mean in the middle, a flat field is unusable: dividing by it amplifies noise.
 LEAST_FLAT = 0.05
-# Sensors have dead and hot pixels; a flat field that is wrong at more than this share of its pixels is a wrong one.
+# Largest share of unusable pixels in a flat field. Some are expected: sensors have dead and hot pixels.
 BAD_SHARE = 0.001
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What is subtracted from a photo, and what it is then multiplied by.
+    """An image to subtract from a photo, and one to multiply the difference by.
 
     Attributes
     ----------
     dark : (H, W, 3) float32, or None
-        Linear, as a photo without the three lights shows it.
+        Dark frame: the linear values of a photo without the three lights.
     gain : (H, W, 3) float32, or None
-        One over the flat field; each channel's flat field has mean 1 in the middle.
+        Reciprocal of the flat field, which has mean 1 in the middle in each channel.
     unusable : (H, W, 3) bool, or None
-        Where dark frame or flat field are saturated or too weak; None where there is neither.
+        Where dark frame or flat field are saturated or too weak; None if there is neither.
     exposure_time : float, or None
-        The dark frame's, in seconds, where its file states it.
+        The dark frame's, in seconds, if its file states it.
     """
 
     dark: NDArray[np.float32] | None
@@ -55,19 +55,19 @@ def read_correction(
     layer: str | None = None,
     smooth: int = 0,
 ) -> Correction:
-    """Read dark frames and flat fields; each a file, or a folder or pattern of frames, which are averaged.
+    """Read dark frame and flat field. Each is a file, or a folder or pattern of frames to average.
 
     Parameters
     ----------
     dark : str or path, optional
-        Photos without the three lights, else as the photo: same exposure and sensitivity, lens covered or the room as
-        it was.
+        Photos with the three lights off, with the exposure and sensitivity of the photo. Cover the lens, or leave the
+        room light as it was.
     flat : str or path, optional
-        Photos of an evenly white, matt card in the object's place, under the same lights and lens.
+        Photos of an even white, matt card in the object's place, under the same lights and through the same lens.
     encoding, layer : str, optional
-        As in :func:`read_image`; the layer of the files that have several.
+        As in :func:`read_image`; the layer applies to files with several layers.
     smooth : int
-        Removes detail of the flat field finer than so many pixels, for a card whose grain shows; 0 removes none.
+        Remove detail finer than this many pixels from the flat field, if the card's grain shows; 0 for none.
 
     Returns
     -------
@@ -76,13 +76,12 @@ def read_correction(
     Raises
     ------
     InputError
-        Where a file is missing or broken, frames are of different sizes, or the flat field is overexposed or nearly
-        black.
+        If a file is missing or damaged, frame sizes differ, or the flat field is overexposed or nearly black.
 
     Notes
     -----
-    The dark frame is subtracted from the flat field too, and what then remains is divided, channel by channel, by its
-    mean in the middle third of the picture: so unequal lights stay unequal, and the middle keeps its brightness.
+    The dark frame is also subtracted from the flat field. Each channel of the difference is then divided by its mean in
+    the middle third of the image: the lights keep their relative strengths, and the middle its brightness.
     """
     if smooth < 0:
         raise SettingsError(f"a flat field can be smoothed over 0 pixels or more, not {smooth}")
@@ -108,11 +107,11 @@ def read_correction(
 
 
 def corrected(image: Image, correction: Correction | None) -> Image:
-    """The photo less the dark frame, divided by the flat field; below zero is zero. Itself where there is neither.
+    """The photo minus the dark frame, divided by the flat field, clamped at zero; unchanged if there is neither.
 
-    What was clipped in the photo stays so, and what is unusable in dark frame or flat field counts as clipped.
+    Clipped pixels stay clipped, and pixels that are unusable in dark frame or flat field count as clipped.
 
-    Raises GeometryError where the sizes differ, FormatError where the photo is no brighter than the dark frame.
+    Raises GeometryError if sizes differ, FormatError if the photo is no brighter than the dark frame.
     """
     if correction is None:
         return image
@@ -135,14 +134,14 @@ def corrected(image: Image, correction: Correction | None) -> Image:
             pixels[rows] = np.maximum(pixels[rows] - correction.dark[rows], 0)
         if correction.gain is not None:
             pixels[rows] *= correction.gain[rows]
-    # Their curve cannot be judged any more.
+    # The transfer curve of corrected values cannot be judged any more, hence assumed=False.
     return replace(image, pixels=pixels, clip=np.inf, clipped=clipped, assumed=False)
 
 
 def _mean_frame(
     path: str | os.PathLike[str], encoding: Encoding, layer: str | None
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], float | None]:
-    """(H, W, 3) the mean of all frames, (H, W, 3) where any is saturated, and the first one's exposure time."""
+    """Mean of all frames (H, W, 3), whether any of them is saturated (H, W, 3), and the first one's exposure time."""
     first, *others = expand_images([path])
     image = read_image(first, encoding=encoding, layer=layer_in(first, layer))
     total, clipped, exposure_time = image.pixels, image.saturated, image.exposure_time
@@ -157,7 +156,7 @@ def _mean_frame(
 
 
 def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(H, W, 3) what divides by the flat field, 1 where it is too weak, and where that is."""
+    """Reciprocal of the flat field (H, W, 3), 1 where it is too weak, and where that is (H, W, 3)."""
     height, width, _ = field.shape
     middle = field[height // 3 : height - height // 3, width // 3 : width - width // 3].mean(axis=(0, 1))
     if not (middle > 0).all():
@@ -171,7 +170,7 @@ def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDA
 
 
 def _smoothed(field: NDArray[np.float32], pixels: int) -> NDArray[np.float32]:
-    """The field without detail finer than `pixels`: made small, and large again."""
+    """The field without detail finer than `pixels`: downsampled and upsampled."""
     height, width, _ = field.shape
     small = oiio.ROI(0, -(-width // pixels), 0, -(-height // pixels), 0, 1, 0, 3)
     whole = oiio.ROI(0, width, 0, height, 0, 1, 0, 3)

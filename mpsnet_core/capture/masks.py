@@ -1,4 +1,4 @@
-"""Where the object is: masks from files, alpha, a threshold, the empty scene, or the picture's border alone."""
+"""Object masks: from files, alpha, a threshold, a photo of the empty scene, or the image border alone."""
 
 import logging
 import os
@@ -27,25 +27,25 @@ log = logging.getLogger(__name__)
 
 Notes = Literal["all", "doubts", "none"]
 
-# What a choice of mask may be, besides a file, threshold:T and background:FILE.
+# Keywords for a mask, besides a file, threshold:T and background:FILE.
 WORDS = ("alpha", "auto", "alpha-or-auto", "none")
 
-# Object and background are separated in a picture of at most this side; the outline is then drawn at full size,
-# within so many of that picture's pixels.
+# The object is segmented in an image of at most this side; the outline is then refined at full size, within this many
+# pixels of the small image.
 WORKING_SIDE, OUTLINE = 1024, 2
-# The picture's border, by which the background is known, is as wide as this share of the shorter side; the object may
-# take up so much of it.
+# The background is estimated from the image border. Its width as a share of the shorter side; the share of it that the
+# object may cover.
 BORDER_SHARE, OBJECT_AT_BORDER = 0.04, 0.2
-# On a screen's scale, 0 to 1: what differs less from the background is it, and a background below it is dark.
+# Display values, 0 to 1: least contrast of the object; brightness below which a background is dark.
 LEAST_CONTRAST, DARK = 0.02, 0.1
-# Gaps up to this share of the picture's side are closed; holes are filled up to these shares of the object's area, the
-# first where a shadow may have made them, the second always.
+# Largest gap to close, as a share of the image side. Largest holes to fill, as shares of the object's area: the first
+# if a shadow may have made them, the second always.
 GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
-# Parts smaller than this share of the largest are not of the object.
+# Parts smaller than this share of the largest are dropped.
 PART = 0.02
-# Otsu's criterion, 0 to 1: 0.64 for a single bell curve cut in two.
+# Least value of Otsu's criterion, 0 to 1, for a clear mask. A single normal distribution has 0.64.
 CLEAR = 0.75
-# Shares of the photo. What is below the first and not clear is noise; most objects are between the others.
+# Shares of the photo. Below the first, an unclear mask is noise; most objects are between the other two.
 NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
 
 
@@ -67,12 +67,11 @@ def find_mask(
     choice : str or path
         A mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
         :func:`auto_mask`; "background:FILE", the same scene without the object, see :func:`background_mask`;
-        "alpha-or-auto": alpha where the photo has it, else as "auto" where an object stands out clearly, else the whole
-        photo.
+        "alpha-or-auto": alpha if the photo has it, else "auto" if an object stands out clearly, else the whole photo.
     encoding, layer, correction
-        How the photo was read and corrected; the background's photo is too, but for the layer where it has only one.
+        How the photo was read and corrected. The background photo is read alike; `layer` is ignored if it has only one.
     notes : {"all", "doubts", "none"}
-        What to log of a mask that is found: its size and doubts, doubts alone, or nothing.
+        What to log about a mask that is found: its size and doubts, doubts only, or nothing.
 
     Returns
     -------
@@ -81,7 +80,7 @@ def find_mask(
     Raises
     ------
     InputError
-        Where a file is missing or broken, or nothing stands out from the background.
+        If a file is missing or damaged, or nothing stands out from the background.
     """
     words = os.fspath(choice)
     kind, _, argument = words.partition(":")
@@ -127,19 +126,19 @@ def _read_background(file: str, reading: Reading) -> Image:
 
 
 def _whole(image: Image) -> NDArray[np.bool_]:
-    """True for every pixel; it is to be read only, and takes no memory."""
+    """(H, W) True everywhere; a read-only broadcast that takes no memory."""
     return np.broadcast_to(np.True_, image.pixels.shape[:2])
 
 
 def mask_source(choice: str) -> str | None:
-    """The file, folder or pattern that a choice of mask names; None for a word, even if a folder is named so."""
+    """The file, folder or pattern that a mask choice names; None for a keyword, even if a folder has that name."""
     if choice in WORDS or choice.startswith("threshold:"):
         return None
     return choice.removeprefix("background:")
 
 
 def follows_values(choice: str | os.PathLike[str], image: Image) -> bool:
-    """Whether the mask that :func:`find_mask` returns for a choice depends on how bright the photo's pixels are."""
+    """Whether the mask that :func:`find_mask` returns for this choice depends on the photo's pixel values."""
     words = os.fspath(choice)
     if words == "alpha-or-auto":
         return image.alpha is None
@@ -147,12 +146,12 @@ def follows_values(choice: str | os.PathLike[str], image: Image) -> bool:
 
 
 def mask_identity(choice: str) -> str:
-    """Text that changes with a choice of mask, and with the files that it names."""
+    """Text that changes with the mask choice and with the contents of the files it names."""
     return identity(choice) if mask_source(choice) else choice
 
 
 def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
-    """(H, W) bool: where the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
+    """(H, W) whether the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
     try:
         level = float(threshold)
     except ValueError:
@@ -164,23 +163,23 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
 
 
 def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: bool = False) -> NDArray[np.bool_]:
-    """(H, W) the object before a dark or plain background, which takes up most of the picture's border.
+    """(H, W) the object in front of a dark or plain background that covers most of the image border.
 
-    pixels: (H, W, 3) linear. The background is a smooth surface (a quadratic in x and y for each channel) through the
-    border's values. What differs from it by more than border and noise do, and more than Otsu's threshold (1979, on the
-    logarithm of all differences), is the object. Gaps in it are closed, and holes that a shadow may have made are
-    filled: small ones where the background is dark too, or that do not look like it.
+    pixels: (H, W, 3) linear. The background model is a quadratic in x and y per channel, fitted to the border. The
+    object differs from it by more than the border does, and by more than Otsu's threshold (1979, on the log
+    differences). Gaps are closed. Small holes that a shadow may have made are filled: those in front of a dark
+    background, or that do not look like the background.
 
-    clearly: whether an object that hardly differs from the background in places counts as none. Cloth, a wall or a
-    relief that fills the photo has no background; what Otsu's threshold separates there is its own pattern.
+    clearly: reject an object that hardly differs from the background in places. Cloth, a wall or a relief that fills
+    the photo has no background, and Otsu's threshold would separate its own pattern.
 
-    Raises GeometryError where nothing stands out.
+    Raises GeometryError if nothing stands out.
     """
     factor, white, photo, behind = _reduced(pixels)
 
     def contrast(rows: slice) -> NDArray[np.float32]:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
-        return _contrast(_on_screen(pixels[rows], white), behind[lines][:, columns])
+        return _contrast(_display_values(pixels[rows], white), behind[lines][:, columns])
 
     return _outlined(_standing_out(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
 
@@ -188,22 +187,22 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: boo
 def background_mask(
     pixels: NDArray[np.float32], background: NDArray[np.float32], notes: Notes = "all"
 ) -> NDArray[np.bool_]:
-    """(H, W) where the photo differs from one of the same scene without the object.
+    """(H, W) where the photo differs from a photo of the same scene without the object.
 
-    pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is that at the
-    picture's border. Otherwise as :func:`auto_mask`; a shadow that the object casts differs from the scene as well.
+    pixels, background: (H, W, 3) linear, under the same lights. The exposures may differ: their ratio is measured at
+    the image border. Otherwise as :func:`auto_mask`. Shadows that the object casts become part of the mask.
 
-    Raises GeometryError where the sizes differ or nothing stands out.
+    Raises GeometryError if sizes differ or nothing stands out.
     """
     check_same_size("the background", background.shape, "the photo", pixels.shape, SAME_CAMERA)
     factor = _factor(pixels)
     small, empty = block_means(pixels, factor), block_means(background, factor)
     white = _white(small)
     scale = white / _exposure_ratio(small, empty)
-    photo, behind = _on_screen(small, white), _on_screen(empty, scale)
+    photo, behind = _display_values(small, white), _display_values(empty, scale)
 
     def contrast(rows: slice) -> NDArray[np.float32]:
-        return _contrast(_on_screen(pixels[rows], white), _on_screen(background[rows], scale))
+        return _contrast(_display_values(pixels[rows], white), _display_values(background[rows], scale))
 
     return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
@@ -212,7 +211,7 @@ def background_mask(
 
 
 class _Found(NamedTuple):
-    """The object's mask in the small picture, and the contrast that its pixels have at least."""
+    """The object's mask in the small image, and the threshold of its contrast."""
 
     mask: NDArray[np.bool_]
     threshold: float
@@ -221,10 +220,10 @@ class _Found(NamedTuple):
 def _standing_out(
     photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes, clearly: bool = False
 ) -> _Found:
-    """The object where a photo differs from what is behind it, both (H, W, 3) on the screen's scale."""
+    """The object, where a photo differs from its background; both (H, W, 3) display values."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
-    # Twice what noise and a background of several things do, where the object is not.
+    # Twice the contrast at the border, where noise and an uneven background are all there is.
     least = max(LEAST_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
     threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(threshold)), least)
@@ -243,7 +242,7 @@ def _standing_out(
 def _mended(
     mask: NDArray[np.bool_], contrast: NDArray[np.float32], threshold: float, *, dark: bool
 ) -> NDArray[np.bool_]:
-    """The mask without specks, its gaps closed and the holes filled that a shadow may have made."""
+    """The mask without specks, with gaps closed and holes filled that a shadow may have made."""
     mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
     mask = eroded(dilated(mask, gap), gap)
@@ -275,14 +274,14 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
 
 
 def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
-    """The threshold that separates values best, and how well: variance between the classes by all variance, 0 to 1."""
+    """Otsu's threshold and criterion: the variance between the classes divided by the total variance, 0 to 1."""
     counts, edges = np.histogram(values, 256)
     share, middles = counts / counts.sum(), (edges[1:] + edges[:-1]) / 2
     weight, moment = np.cumsum(share)[:-1], np.cumsum(share * middles)
     mean = moment[-1]
     inner = weight * (1 - weight)
     between = np.divide((mean * weight - moment[:-1]) ** 2, inner, out=np.zeros_like(inner), where=inner > 1e-12)
-    # Between two classes far apart every threshold is as good: the middle one.
+    # All thresholds between two distant classes are equally good: take the middle one.
     best = np.flatnonzero(between >= between.max() * (1 - 1e-9))
     total = float((share * (middles - mean) ** 2).sum())
     return float(edges[1 + best[len(best) // 2]]), float(between.max() / total) if total > 0 else 0.0
@@ -294,16 +293,16 @@ def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
 def _reduced(
     pixels: NDArray[np.float32],
 ) -> tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """By how much a photo is made smaller, (3,) its white, (H, W, 3) it on the screen's scale, what is behind there."""
+    """Reduction factor of the small photo, its white (3,), its display values and their background, both (H, W, 3)."""
     factor = _factor(pixels)
     small = block_means(pixels, factor)
     white = _white(small)
-    photo = _on_screen(small, white)
+    photo = _display_values(small, white)
     return factor, white, photo, _smooth_background(photo)
 
 
 def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, 3) the quadratic through the border's values, fitted to the most of them that agree."""
+    """(H, W, 3) the quadratic robustly fitted to the border's values."""
     height, width, channels = photo.shape
     y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
     powers = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).astype(np.float32)
@@ -322,7 +321,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _exposure_ratio(photo: NDArray[np.float32], background: NDArray[np.float32]) -> float:
-    """By how much the photo is brighter than the background, at the picture's border; 1 where that is too dark."""
+    """Brightness of the photo relative to the background at the image border; 1 if that is too dark."""
     border = _border(photo.shape)
     shown, empty = photo[border], background[border]
     bright = empty > max(float(np.quantile(empty, 0.75)), 0.002 * float(photo.max()))
@@ -330,7 +329,7 @@ def _exposure_ratio(photo: NDArray[np.float32], background: NDArray[np.float32])
 
 
 def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_]:
-    """(H, W) the pixels along the picture's border, `wide` or BORDER_SHARE of its shorter side."""
+    """(H, W) pixels along the image border, `wide` pixels or BORDER_SHARE of the shorter side."""
     wide = wide or max(2, round(BORDER_SHARE * min(shape[:2])))
     border = np.ones(shape[:2], bool)
     border[wide:-wide, wide:-wide] = False
@@ -343,7 +342,7 @@ def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_
 def _outlined(
     found: _Found, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
-    """The small mask at full size, (H, W): along its outline each pixel is judged by its own contrast."""
+    """(H, W) the small mask at full size: along its outline each pixel is thresholded by its own contrast."""
     if factor == 1:
         return found.mask
     height, width = shape
@@ -362,18 +361,18 @@ def _factor(pixels: NDArray[np.float32]) -> int:
 
 
 def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(3,) what counts as white in each channel, so that a weak light's counts as much as a strong one's."""
+    """(3,) white point of each channel: weak and strong lights count alike."""
     white: NDArray[np.float32] = np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
     return white
 
 
-def _on_screen(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values about as the eye counts them, 0 to 1; the root also makes light's own noise as large everywhere."""
+def _display_values(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Roughly perceptual values, 0 to 1. The square root also makes shot noise uniform."""
     shown: NDArray[np.float32] = np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
     return shown
 
 
 def _contrast(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) the largest difference of the three channels."""
+    """(H, W) largest difference over the three channels."""
     contrast: NDArray[np.float32] = np.abs(photo - behind).max(axis=-1)
     return contrast

@@ -1,4 +1,4 @@
-"""Operations of the capture: photos put together, and masks found."""
+"""Operations of captures: superpose photos, find masks, check photos."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,9 +45,9 @@ class ReadsPhotos(ReadsPictures):
     )
 
     def reading(self) -> "Reading":
-        """How photos are read, with dark frame and flat field where they are given.
+        """How photos are read, with dark frame and flat field if given.
 
-        Raises SettingsError where the flat field to smooth is lacking, and as `read_correction` does.
+        Raises SettingsError if there is no flat field to smooth, and the errors of `read_correction`.
         """
         from mpsnet_core.capture.correction import read_correction
         from mpsnet_core.capture.reading import Reading
@@ -62,9 +62,9 @@ class ReadsPhotos(ReadsPictures):
         return Reading(self.encoding, self.layer, correction)
 
     def photo_and_mask(self, photo: str, choice: str, progress: Progress) -> "tuple[Image, NDArray[np.bool_]]":
-        """A photo, corrected, and (H, W) where the object is. choice: as :func:`mpsnet_core.find_mask` takes it.
+        """A corrected photo and the object's mask (H, W). choice: as in :func:`mpsnet_core.find_mask`.
 
-        Raises InputError where a file cannot be read, no object is found, or the mask has another size.
+        Raises InputError if a file cannot be read, no object is found, or the mask has another size.
         """
         from mpsnet_core.arrays.sizes import check_same_size
         from mpsnet_core.capture.correction import corrected
@@ -86,7 +86,7 @@ class ReadsPhotos(ReadsPictures):
 
 @dataclass(frozen=True)
 class HasLens(Operation):
-    """How the camera of a photo sees."""
+    """The camera or lens of a photo."""
 
     heading: ClassVar[str] = "where the photo was taken from"
 
@@ -105,9 +105,9 @@ class HasLens(Operation):
     )
 
     def lens(self) -> "Camera | float | None":
-        """Camera or focal length, None where neither is given.
+        """Camera or focal length, None if neither is given.
 
-        Raises SettingsError where both are set, and as :func:`mpsnet_core.scene.camera.read_camera` does.
+        Raises SettingsError if both are set, and the errors of :func:`mpsnet_core.scene.camera.read_camera`.
         """
         from mpsnet_core.scene.camera import read_camera
 
@@ -118,7 +118,7 @@ class HasLens(Operation):
 
 @dataclass(frozen=True)
 class HasViewpoint(HasLens):
-    """Where a photo was taken from: camera or lens, and how far the object was."""
+    """The viewpoint of a photo: camera or lens, and the distance of the object."""
 
     heading: ClassVar[str] = "where the photo was taken from"
 
@@ -132,10 +132,10 @@ class HasViewpoint(HasLens):
     )
 
     def viewpoint(self) -> "tuple[Camera | float | None, NDArray[np.float32] | float | None]":
-        """Camera (or focal length) and depth (or distance), None where not given.
+        """Camera (or focal length) and depth (or distance), None if not given.
 
-        Raises SettingsError where both of a pair are set, or a mesh without a camera; InputError where a file cannot be
-        read, or the camera does not see the mesh.
+        Raises SettingsError if both of a pair are set, or a mesh without a camera; InputError if a file cannot be read,
+        or the camera does not see the mesh.
         """
         from mpsnet_core.io.files import located
         from mpsnet_core.scene.camera import Camera
@@ -157,14 +157,14 @@ class HasViewpoint(HasLens):
 
 @dataclass(frozen=True)
 class PhotoMade(Result):
-    """Where the photo of all lights is."""
+    """File of the combined photo."""
 
     output: str
 
 
 @dataclass(frozen=True)
 class Superpose(ReadsPictures):
-    """Photos that show one light each become one photo."""
+    """Combine photos of one light each into one photo."""
 
     command: ClassVar[str] = "superpose"
 
@@ -212,7 +212,7 @@ class Superpose(ReadsPictures):
 
 @dataclass(frozen=True)
 class MaskFound(Result):
-    """Where the mask is, and the share of the photo that it covers."""
+    """File of the mask, and the share of the photo that it covers."""
 
     output: str
     overlay: str | None
@@ -236,7 +236,7 @@ class FindMask(ReadsPhotos):
     output: str = option(help="mask file, white on the object: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> MaskFound:
-        """Write the mask, and the overlay where one is requested."""
+        """Write the mask, and the overlay if requested."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, writable_image, written_together
         from mpsnet_core.io.frames import files_meant
@@ -262,7 +262,7 @@ class FindMask(ReadsPhotos):
 
 @dataclass(frozen=True)
 class PhotoChecked(Result):
-    """What was found, item by item. level: of the worst, "good", "watch" or "bad"."""
+    """Findings of the check. level: of the worst finding, "good", "watch" or "bad"."""
 
     level: str
     findings: "list[Finding]"
@@ -270,10 +270,10 @@ class PhotoChecked(Result):
 
 @dataclass(frozen=True)
 class Check(ReadsPhotos):
-    """Say how good a photo and its lights are, and how to mend them.
+    """Check a photo and its lights, and say how to improve them.
 
-    It looks at the exposure, at what is clipped, whether the channels show different lights, where these stand, how
-    much of the object all three reach, and the focus. Each is good, to be watched, or bad; a bad photo is no error.
+    It checks the exposure, clipping, whether the channels show different lights, the lights' directions, how much of
+    the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no error.
 
     Examples
     --------
@@ -304,7 +304,7 @@ class Check(ReadsPhotos):
     json: str | None = option(default=None, metavar="FILE", help="write the findings as JSON", provenance="none")
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
-        """Look at the photo, and write the findings where they are requested."""
+        """Check the photo, and write the findings if requested."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.capture.photo_check import check_photo, worst
         from mpsnet_core.io.files import check_apart, located, writable_path, write_json

@@ -1,4 +1,4 @@
-"""What can be said of a photo before anything is made of it, item by item: whether it is good, and how to mend it."""
+"""Checks of a photo before it is used: exposure, noise, lights and focus, each with advice if it is not good."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,33 +19,33 @@ from mpsnet_core.scene.rig import LightRig
 Level = Literal["good", "watch", "bad"]
 LEVELS: tuple[Level, ...] = ("good", "watch", "bad")
 
-# Each pair of limits: beyond the first a photo is to be watched, beyond the second it is bad.
-# Exposure: of what the file can hold, or of the brightest channel where a file has no upper end.
+# Pairs of limits: beyond the first the level is "watch", beyond the second "bad".
+# Exposure, as a share of full scale, or of the brightest channel if the file has no full scale.
 DARK, WEAK = (0.2, 0.05), (0.05, 0.02)
 AIM = 0.7
-# Brightness in standard deviations of the noise.
+# Signal-to-noise ratio.
 NOISY = (10.0, 4.0)
 # Shares of the object's pixels.
 CLIPPED, REACHED = (0.005, 0.05), (0.5, 0.3)
-# Radians between channels as vectors of all pixels; condition number of the mixing matrix.
+# Angle in radians between channels as vectors over all pixels; condition number of the mixing matrix.
 CLOSE_CHANNELS, MIXED = (0.05, ALIKE), (8.0, 20.0)
-# Degrees between two lights, and from the camera's axis; condition number of the directions' matrix: three lights that
-# stand 120° apart have 5.3 at a slant of 15°, and 10.5 at 7.7°.
+# Degrees between two lights, and from the camera's axis; condition number of the directions' matrix: three lights
+# 120° apart have 5.3 at a slant of 15°, and 10.5 at 7.7°.
 CLOSE_LIGHTS, LOW_LIGHTS, IN_LINE = (20.0, 10.0), (70.0, 80.0), (6.0, 12.0)
-# A light counts as not reaching a pixel below this share of its channel's 95th percentile, or this much of the noise;
-# where that is more than the second share of it, shadows cannot be seen.
+# A light does not reach a pixel below this share of its channel's 95th percentile, or this multiple of the noise. If
+# the latter is above the second share of that percentile, shadows cannot be detected.
 SHADOW, SHADOW_NOISE, UNSEEN = 0.03, 4.0, 0.25
-# Standard deviation of the blur, in pixels of an object whose area is that of a square of FOCUS_SIDE.
+# Standard deviation of the blur in pixels, for an object with the area of a square of side FOCUS_SIDE.
 BLURRED, FOCUS_SIDE = (1.6, 4.0), 400
-# An edge that shows the blur is this high, as a share of the object's 95th percentile, and above this much of the
-# noise; with fewer of them nothing is said.
+# Least height of an edge that shows the blur: as a share of the object's 95th percentile, and as a multiple of the
+# noise. Least number of such edges.
 EDGE, EDGE_NOISE, LEAST_EDGES = 0.08, 10.0, 50
 SHARPEST = 90  # percentile
-# Variances of the two smoothed pictures that are compared, in pixels²: twice a box of 3 or 5, and the derivative's box.
+# Variances of the two smoothing filters that are compared, in pixels²: a box of 3 or 5 twice, and the derivative's box.
 FINE, COARSE = 4 / 3 + 1 / 3, 4 + 1 / 3
-# Pixels that are looked at: of larger photos some rows.
+# Pixels to examine; larger photos are checked on some rows only.
 PIXELS = 4_000_000
-RUN = 32  # pixels in a row of which the noise is measured
+RUN = 32  # length in pixels of the row segments on which noise is measured
 LEAST_RUNS = 30
 
 
@@ -59,9 +59,9 @@ class Finding:
         "encoding", "exposure", "clipping", "channels", "lights", "mixing", "reach" or "focus".
     level : {"good", "watch", "bad"}
     sentence : str
-        What was found and, unless it is good, how to mend it.
+        The finding and, unless it is good, what to do about it.
     figures : dict
-        What was measured.
+        The measured values.
     """
 
     item: str
@@ -73,7 +73,7 @@ class Finding:
 def check_photo(
     image: Image, mask: NDArray[np.bool_], rig: LightRig | None, *, mixing_stated: bool = True
 ) -> list[Finding]:
-    """What there is to say of a photo and of the lights that it was taken under, one finding an item.
+    """Check a photo and its lights: one finding per item.
 
     Parameters
     ----------
@@ -82,18 +82,19 @@ def check_photo(
     mask : (H, W) bool
         The object, at least one pixel.
     rig : LightRig, optional
-        The lights; without it nothing is said of them.
+        The lights. Without it, they are not checked.
     mixing_stated : bool, optional
-        Whether the rig's mixing is known; else that is said, in an item more.
+        Whether the rig's mixing is known. If not, there is an additional finding.
 
     Raises
     ------
     FormatError
-        Where the photo is not finite inside the mask.
+        If the photo is not finite inside the mask.
 
     Notes
     -----
-    Of a file that does not state its encoding there is one item more, under a rig: whether its values may be linear.
+    If the file does not state its encoding, and there is a rig, an additional finding says whether its values may be
+    linear.
     """
     whole = finite_inside(image.pixels, mask, "photo")
     step = -(-mask.size // PIXELS)
@@ -118,12 +119,12 @@ def check_photo(
 
 
 def worst(findings: Sequence[Finding]) -> Level:
-    """The level of the worst of them."""
+    """The worst level of the findings."""
     return _worse(*(one.level for one in findings))
 
 
 def _level(value: float, limits: tuple[float, float]) -> Level:
-    """Of a figure that is the worse the larger it is, or the smaller, by the order of its limits."""
+    """Level of a value. The order of its limits decides whether large or small values are bad."""
     watch, bad = limits if limits[0] < limits[1] else (-limits[0], -limits[1])
     value = value if limits[0] < limits[1] else -value
     return "bad" if value > bad else "watch" if value > watch else "good"
@@ -176,7 +177,7 @@ def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scal
 
 
 def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Finding:
-    # A converter's float file is clipped at 1, and does not say so.
+    # Float files of raw converters are clipped at 1 without saying so.
     at_one = (values.max(axis=0) <= 1.0) & (values > 0.9999)
     shares = (clipped | at_one).mean(axis=0)
     worst_one = int(shares.argmax())
@@ -270,9 +271,9 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
 
 
 def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(3,) standard deviation of the noise in the calmest fifth of the object; 0 where that is not known.
+    """(3,) standard deviation of the noise in the smoothest fifth of the object; 0 if unknown.
 
-    By second differences along short runs of a row: smooth shading has next to none.
+    Measured by second differences along short row segments: those of smooth shading nearly vanish.
     """
     width = (pixels.shape[1] - 2) // RUN * RUN
     if width <= 0:
@@ -288,14 +289,14 @@ def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np
 def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: NDArray[np.float64]) -> Finding:
     side = np.sqrt(np.count_nonzero(mask))
     factor = max(1, int(side / FOCUS_SIDE))
-    # An outline that is much blurred is one in a smaller picture; shading inside it could be taken for one there.
+    # A very blurred outline is an edge in a smaller image. There only the outline counts: shading may look like edges.
     for smaller, outline in ((factor, False), (2 * factor, True), (4 * factor, True)):
         blur = _sharpest_edges(pixels, mask, noise, smaller, outline)
         if blur is not None:
             break
     else:
         return Finding("focus", "good", "the object shows no edges by which its focus could be judged", {})
-    # Of a small object a pixel is much, and nobody's fault.
+    # The blur of large objects is rated relative to their size, that of small ones in pixels.
     level = _level(blur * min(1.0, FOCUS_SIDE / side), BLURRED)
     figures: dict[str, float | list[float]] = {"blur_pixels": round(blur, 3)}
     if level == "good":
@@ -311,17 +312,16 @@ def _sharpest_edges(
     factor: int,
     outline: bool,
 ) -> float | None:
-    """The blur's standard deviation in pixels at the sharpest edges of paint or outline, or of the outline alone.
+    """Standard deviation of the blur in pixels, at the sharpest edges of paint and outline, or of the outline alone.
 
-    By how much less steep they are in a picture that is smoothed more: Zhuo and Sim, "Defocus map estimation from a
-    single image", Pattern Recognition 44, 2011. factor: how many times smaller the picture is that it looks at. None
-    where too few edges are high enough.
+    Compares the gradients of two smoothed images, after Zhuo and Sim, "Defocus map estimation from a single image",
+    Pattern Recognition 44, 2011. factor: by which the image is reduced first. None if too few edges are high enough.
     """
     part = bounding_box(mask, 8 * factor)
     small = block_means(pixels[part], factor)
     inside = mask[part][::factor, ::factor]
     near = dilated(inside, 2)
-    # A border of the picture is no edge.
+    # The image border is no edge.
     near[:6], near[-6:], near[:, :6], near[:, -6:] = False, False, False, False
     if not near.any():
         return None
@@ -333,7 +333,7 @@ def _sharpest_edges(
     high = max(EDGE * bright, EDGE_NOISE * grain)
     edge = near & (steep * np.sqrt(2 * np.pi * FINE) > high) & _crest(steep, *fine)
     if outline:
-        # Where noise may have hidden a sharp outline in the larger picture, this one proves nothing.
+        # If noise may have hidden a sharp outline in the larger image, a blurred one here proves nothing.
         edge &= dilated(~inside, 2) & (2 * EDGE_NOISE * grain < EDGE * bright)
     if np.count_nonzero(edge) < LEAST_EDGES:
         return None
@@ -343,7 +343,7 @@ def _sharpest_edges(
 
 
 def _crest(steep: NDArray[np.float64], down: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Where the gradient is no smaller than beside it, along the axis that it mostly points along."""
+    """Non-maximum suppression of the gradient, along the axis it mostly points along."""
     along_rows, along_columns = np.ones(steep.shape, bool), np.ones(steep.shape, bool)
     along_rows[1:-1] = (steep[1:-1] >= steep[:-2]) & (steep[1:-1] >= steep[2:])
     along_columns[:, 1:-1] = (steep[:, 1:-1] >= steep[:, :-2]) & (steep[:, 1:-1] >= steep[:, 2:])

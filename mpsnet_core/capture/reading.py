@@ -1,4 +1,4 @@
-"""How photos are read: what their values mean, which layer counts, and what camera and lights add to every photo."""
+"""How to read photos: their encoding and layer, and the correction by dark frame and flat field."""
 
 import logging
 import os
@@ -16,16 +16,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Reading:
-    """How a photo is read, and what goes with it: its background, its photo under white light.
+    """How to read a photo and its companions: the photo of the background and the one under white light.
 
-    The fields are keywords of :func:`find_mask` and :func:`read_capture`.
+    The fields are keyword arguments of :func:`find_mask` and :func:`read_capture`.
 
     Attributes
     ----------
     encoding, layer
         As in :func:`read_image`.
     correction
-        Dark frame and flat field; None where there is neither.
+        Dark frame and flat field; None if there is neither.
     """
 
     encoding: Encoding = "auto"
@@ -33,19 +33,19 @@ class Reading:
     correction: Correction | None = None
 
     def photo(self, path: str | os.PathLike[str], *, compact: bool = False) -> Image:
-        """The photo, not corrected yet. compact: as in :func:`read_image`, which says what is raised."""
+        """Read the photo, without correction. compact and errors: as in :func:`read_image`."""
         return read_image(path, encoding=self.encoding, layer=self.layer, compact=compact)
 
     def companion(self, path: str | os.PathLike[str]) -> Image:
-        """What belongs to the photo, not corrected yet: by the photo's layer where that file has several."""
+        """Read a companion of the photo, without correction, from the photo's layer if the file has several."""
         return read_image(path, encoding=self.encoding, layer=layer_in(path, self.layer))
 
 
-AS_STATED = Reading()  # as the files themselves state it
+AS_STATED = Reading()  # the encoding that the files state
 
 
 def note_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
-    """Report photos of one light each that, by their files, were not exposed as long as the first."""
+    """Report photos of one light each whose exposure time, by their files, differs from the first one's."""
     first = images[0].exposure_time
     for photo, image in zip(photos, images, strict=True):
         if exposed_otherwise(image.exposure_time, first):

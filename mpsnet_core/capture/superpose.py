@@ -1,4 +1,4 @@
-"""Photos that show one light each become one photo: coloured lights are added up, white ones get a channel each."""
+"""Combine photos of one light each: add up photos of coloured lights, make photos of white lights the channels."""
 
 import os
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ from mpsnet_core.io.image_reading import read_image
 def superpose(
     photos: Sequence[str | os.PathLike[str]], *, encoding: Encoding = "auto"
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """The sum of photos of a thing that did not move, and the largest alpha of them, None where none has any.
+    """The sum of photos of an object that did not move, and the maximum of their alphas.
 
     Parameters
     ----------
     photos : sequence of str or path
-        One for each light, under coloured lights.
+        One for each coloured light.
     encoding : str
         How the photos' values are encoded: "auto", "linear" or "srgb".
 
@@ -31,13 +31,14 @@ def superpose(
     pixels : (H, W, 3) float32
         Linear; may be above 1.
     alpha : (H, W) float32, or None
+        None if no photo has alpha.
 
     Raises
     ------
     SettingsError
-        Where there is no photo.
+        If there is no photo.
     GeometryError
-        Where their sizes differ or all of it is transparent.
+        If sizes differ, or the result is fully transparent.
     """
     images = _read(photos, encoding, grey=False)
     return np.sum([image.pixels for image in images], axis=0), _alpha(images)
@@ -46,9 +47,9 @@ def superpose(
 def as_channels(
     photos: Sequence[str | os.PathLike[str]], *, encoding: Encoding = "auto"
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Three photos of a thing that did not move, each under one white light, as the channels of one photo.
+    """Three photos of an object that did not move, each under one white light, as the channels of one photo.
 
-    Where a photo is clipped in any channel, its value is at least 1.
+    Pixels of a photo that are clipped in any channel become at least 1.
 
     Parameters
     ----------
@@ -60,17 +61,17 @@ def as_channels(
     Returns
     -------
     pixels : (H, W, 3) float32
-        Linear, each channel the mean of its photo's channels: the same mean for all three, so that paint has one
-        albedo under all lights. Photos of one channel are used as they are.
+        Linear. Each channel is the unweighted mean of its photo's channels: a paint has the same albedo under all three
+        lights. Photos of one channel are used as they are.
     alpha : (H, W) float32, or None
-        The largest of the three, None where none has any.
+        Maximum of the three; None if no photo has alpha.
 
     Raises
     ------
     SettingsError
-        Where there are not three photos.
+        If there are not three photos.
     GeometryError
-        Where their sizes differ or all of it is transparent.
+        If sizes differ, or the result is fully transparent.
     """
     if len(photos) != 3:
         raise SettingsError(f"{len(photos)} photo(s) where three are needed, one for each light in the rig's order")
@@ -92,7 +93,7 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
         check_same_size(str(photo), image.pixels.shape[:2], str(photos[0]), images[0].pixels.shape[:2])
     note_other_exposures(photos, images)
     for photo, image in zip(photos, images, strict=True):
-        note_saturated(photo, image)  # the photo of all lights, of floats, does not show it any more
+        note_saturated(photo, image)  # the combined photo, in floats, does not show it any more
     return images
 
 

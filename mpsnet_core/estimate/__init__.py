@@ -1,1 +1,1 @@
-"""From captures to normal maps, of photos and of moving things; where a mesh stands in a photo."""
+"""Estimation of normal maps from captures, sequences and videos; alignment of meshes with photos."""

@@ -1,15 +1,15 @@
-"""Albedo from a second photo, under white light: the surface's own colour, without the light and shadow on it.
+"""Albedo from a second photo under white light: the surface's colour without light and shadow.
 
-One shot under three coloured lights has three values a pixel, and its normals are made of them: what of it is colour
-and what is shape, no pixel shows. A photo of the same pose under white light does, once the normals are known: it is
-the albedo times the shading, ``w = a Σ v_k max(n·l_k, 0)``, so dividing by the shading leaves the albedo.
+A photo under three coloured lights has three values per pixel, and colour and shape cannot be separated. A photo of the
+same pose under white light is the albedo times the shading, ``w = a Σ v_k max(n·l_k, 0)``. Once the normals are known,
+dividing by the shading leaves the albedo.
 
-Which of the lights a shadow blocks (``v_k``, 0 to 1) follows from both photos, which show how much of each light
-arrives (:mod:`mpsnet_core.estimate.white_photo`). Divided by ``n·l_k`` that is the smaller for one light than for the
-others the more of that light a shadow blocks.
+The visibility of each light (``v_k``, 0 to 1) follows from both photos, which show how much of it arrives
+(:mod:`mpsnet_core.estimate.white_photo`). Divided by ``n·l_k``, that is smaller than for the other lights where a
+shadow blocks the light.
 
-What it assumes: that the surface is matt (highlights stay in the albedo, and are too bright in it); that the
-three lights are equally bright when they are white; and that what light bounces between surfaces is little.
+Assumptions: the surface is matt (highlights stay in the albedo, too bright); the three lights are equally bright when
+they are white; interreflections are weak.
 """
 
 import os
@@ -27,43 +27,42 @@ from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Where less light than this arrives (a cosine), the shading is assumed to be this: the albedo comes out too dark there,
-# and not as noise.
+# Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.
 LEAST_SHADING = 0.1
-# A light that arrives at less than this cosine shows nothing of its shadows, and adds little.
+# Below this cosine, shadows of a light cannot be detected, and it adds little.
 GRAZING = 0.1
-# Shares of a light, as against the light that arrives best: below the first a shadow blocks it, above the second it
-# arrives in full. Normals that are wrong by some degrees stay above, bounced light and noise in shadows below.
+# A light's visibility, as a share of the most visible light's: below the first, a shadow blocks it; above the second,
+# it arrives in full. Normal errors of some degrees stay above; bounced light and noise in shadows stay below.
 SHADOW, FULL = 0.2, 0.6
-# So much brighter than what all three lights reach (its 95th percentile) nothing is that a shadow is found on.
+# A shadow is at most this much brighter than the 95th percentile of pixels that all three lights reach.
 BRIGHTER = 1.25
-# Below this share of its channel's 99th percentile inside the mask a pixel of the white photo shows nothing of shadows.
+# Below this share of its channel's 99th percentile inside the mask, a pixel of the white photo shows no shadows.
 DARK = 0.02
-# The albedo is brought to this scale: its brightest channel's 99.5th percentile inside the mask.
+# The albedo is scaled to this value at the 99.5th percentile of its brightest channel inside the mask.
 BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
 
 
 def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float32]:
-    """The albedo of a matt surface by the capture's white photo.
+    """Albedo of a matt surface from the capture's white photo.
 
     Parameters
     ----------
     capture : Capture
-        With its white photo. Where the rig's lights lit that, shadows that block one or two of them are allowed for.
+        A capture with a white photo. If the rig's lights lit it, shadows of one or two of them are compensated.
     normals : NormalMap
-        Of the capture, in camera space.
+        Normals of the capture, in camera space.
 
     Returns
     -------
     (H, W, 3) float32
-        Linear, zero outside the mask. Relative, as a photo's exposure is unknown: scaled so that the 99.5th percentile
-        of its brightest channel inside the mask is 0.9. Channels keep their proportions: under a coloured light the
-        albedo has its colour. Where that one light, or all three, are blocked, it comes out too dark.
+        Linear, zero outside the mask. The scale is relative, because the exposure is unknown: the 99.5th percentile of
+        the brightest channel inside the mask is 0.9. Channels keep their proportions: a tint of the light stays in the
+        albedo. It is too dark where all light is blocked: the one lamp's, or that of all three lights.
 
     Raises
     ------
     SettingsError
-        Where there is no white photo.
+        If there is no white photo.
 
     Examples
     --------
@@ -86,7 +85,7 @@ def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float3
     for rows in bands(len(albedo)):
         albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(LEAST_SHADING))
         albedo[rows][~capture.mask[rows]] = 0
-    # What hardly any light reaches, or what clips, is no measure of the rest, unless there is nothing else.
+    # Measure the scale on well-lit pixels that are not clipped, if there are any.
     measure = capture.mask & (shading > LEAST_SHADING)
     if capture.white_clipped is not None:
         measure &= ~capture.white_clipped.any(axis=-1)
@@ -103,7 +102,7 @@ def write_albedo(
     *,
     bits: int | None = None,
 ) -> None:
-    """Write an albedo as sRGB, clipped at 1, or linear in float files: in EXR, and in TIFF of 32 bits.
+    """Write an albedo: as sRGB clipped at 1, or linear in float files (EXR, 32-bit TIFF).
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ def write_albedo(
     Raises
     ------
     InputError
-        As :func:`write_image` does.
+        As in :func:`write_image`.
     """
     linear = bits == 32 or os.fspath(path).lower().endswith(".exr")
     albedo = np.asarray(albedo)
@@ -130,7 +129,7 @@ def write_albedo(
 
 
 def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """Read an albedo, or any colour picture as one.
+    """Read an albedo map, or any colour image as one.
 
     Parameters
     ----------
@@ -140,12 +139,12 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     Returns
     -------
     (H, W, 3) float32
-        Linear; NaN where it is transparent.
+        Linear; NaN where transparent.
 
     Raises
     ------
     InputError
-        Where the file is missing, broken or no colour picture.
+        If the file is missing, damaged or no colour image.
     """
     image = read_image(path)
     if image.alpha is None:
@@ -154,7 +153,7 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 
 def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) the shading by the rig's three lights, as far as no shadow blocks them."""
+    """(H, W) shading by the rig's three lights, without the light that shadows block."""
     cosines = np.empty(normals.shape, np.float32)
     for rows, lights in lights_by_rows(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
@@ -172,7 +171,7 @@ def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.fl
     lit = (comparable & (arrives == 1)).all(axis=-1)
     if not lit.any():
         return shading
-    # A highlight of one light looks like a shadow of the others, but is brighter than what is lit by all.
+    # A highlight of one light looks like a shadow of the others, but is brighter than pixels lit by all three.
     ceiling = BRIGHTER * np.percentile(white[lit] / shading[lit][:, None], 95, axis=0)
     least = (white / np.maximum(ceiling, 1e-9).astype(np.float32)).max(axis=-1)
     reached: NDArray[np.float32] = np.maximum((arrives * cosines).sum(axis=-1), least)
@@ -180,7 +179,7 @@ def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.fl
 
 
 def _comparable(capture: Capture, white: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W, 3) where the photos show how much of each light arrives: not clipped, nor too dark under white light."""
+    """(H, W, 3) whether the photos show how much of a light arrives: not clipped, and not too dark in the white one."""
     bright: NDArray[np.bool_] = white > DARK * np.percentile(white[capture.mask], 99, axis=0)
     valid = capture.mask[..., None] & ~capture.saturated & bright
     if capture.white_clipped is not None:

@@ -1,4 +1,4 @@
-"""The card of an ONNX model, kept in the file's own metadata: what it is and how its inputs are made."""
+"""Model cards: what an ONNX network is and how its inputs are made, stored in the file's metadata."""
 
 import json
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 
 CARD_KEY = "mpsnet.card"
-# Beside the card, for people: how the model came about (recipe, date, time, hardware, figures), as JSON.
+# For people: how the model was trained (recipe, date, time, hardware, metrics), as JSON.
 TRAINING_KEY = "mpsnet.training"
 CARD_FORMAT = "mpsnet-model"
 CARD_VERSION = 1
@@ -24,32 +24,32 @@ class ModelCard:
     name, network, licence
         For people; `network` names the architecture.
     kind
-        "dense" maps (N, C, H, W) to (N, 3, H, W); "pyramid" does so on one scale after the other, coarse to fine, with
-        its answer on the scale before as an input; "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
+        "dense" maps (N, C, H, W) to (N, 3, H, W). "pyramid" does so on one scale after the other, coarse to fine, with
+        its output on the previous scale as an input. "patch" maps (N, C, patch, patch) to (N, 3), one pixel per patch.
     inputs
-        For each ONNX input the features that are stacked along its channels, see
-        :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants ("lights") are one pixel and stand alone:
-        (N, 9, 1, 1), or beside each other.
+        The features stacked along the channels of each ONNX input, see
+        :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants such as "lights" are of size 1 x 1 and are
+        stacked with constants only: (N, 9, 1, 1).
     halo
-        Dense and pyramid; radius of the receptive field in pixels.
+        Dense and pyramid: radius of the receptive field in pixels.
     multiple
-        Dense and pyramid; height and width must be a multiple of this (pooling).
+        Dense and pyramid: height and width must be a multiple of this, because of pooling.
     patch
-        Patch only; the side of a patch in pixels, odd.
+        Patch only: side of a patch in pixels, odd.
     frame
-        Dense and pyramid; "camera", or "canonical" for a network that always sees the first light straight up in the
-        picture and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
+        Dense and pyramid: "camera", or "canonical" for a network that always sees the first light nearly straight up
+        in the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
     passes
-        Canonical only; in how many frames the network sees the picture, 1 to 6, see
-        :func:`mpsnet_core.estimate.light_frame.canonical_frames`. The answers are averaged.
+        Canonical only: number of frames to average the network's output over, 1 to 6, see
+        :func:`mpsnet_core.estimate.light_frame.canonical_frames`.
     magnified
-        Pyramid only; how many times a small picture is magnified, 1 to 4, see
+        Pyramid only: factor by which a small image is magnified, 1 to 4, see
         :func:`mpsnet_core.estimate.dense.dense_answer`.
 
     Raises
     ------
     FormatError
-        Where a value is of the wrong type or out of range, or values contradict each other.
+        If a value has the wrong type or is out of range, or values contradict each other.
     """
 
     name: str
@@ -105,13 +105,13 @@ class ModelCard:
             raise FormatError(f'its card\'s "patch" is {self.patch}; expected an odd number of pixels')
 
     def to_json(self) -> str:
-        """The card as the text that stands under :data:`CARD_KEY` in the ONNX file's metadata."""
+        """The card as text, for :data:`CARD_KEY` in the ONNX file's metadata."""
         inputs = {name: list(features) for name, features in self.inputs.items()}
         return json.dumps({"format": CARD_FORMAT, "version": CARD_VERSION, **self.__dict__, "inputs": inputs})
 
 
 def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
-    """The card in an ONNX file's metadata. Raises FormatError where there is none or it is malformed."""
+    """The card in an ONNX file's metadata. Raises FormatError if it is missing or malformed."""
     text = metadata.get(CARD_KEY)
     if text is None:
         raise FormatError(f"it has no card (metadata {CARD_KEY!r}), so it is unknown how its inputs are made")
@@ -136,7 +136,7 @@ def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
 
 
 def record_from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """How the model came about, from an ONNX file's metadata; empty where it is missing or malformed."""
+    """How the model was trained, from an ONNX file's metadata; empty if missing or malformed."""
     try:
         record = json.loads(metadata.get(TRAINING_KEY, "{}"))
     except (ValueError, RecursionError):

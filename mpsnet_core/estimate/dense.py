@@ -1,4 +1,4 @@
-"""Dense networks: on the box around the object, in tiles, and for pyramids on one scale after another."""
+"""Inference of dense networks: in tiles over the object's bounding box; pyramids from coarse to fine scales."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,12 +28,12 @@ T = TypeVar("T", bound=np.generic)
 Floats = NDArray[np.float32]
 Window = tuple[slice, slice]
 
-# A pyramid begins at the scale on which the object's longer side is at most this many pixels.
+# A pyramid starts at the scale where the object's longer side is at most this many pixels.
 COARSEST = 128
-# Up to this many pixels a side pictures are magnified, where the card says so.
+# Images of up to this many pixels a side are magnified if the card says so.
 SMALL = 256
 RIGHT_ANGLE = np.float32(np.pi / 2)
-# Pixels that are read at a time where a coarse scale is made of a large photo.
+# Pixels of a large photo that are read at a time to make a coarse scale.
 READ_AT_ONCE = 1 << 20
 
 
@@ -46,16 +46,17 @@ class Network(Protocol):
 def dense_answer(
     network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress
 ) -> NDArray[np.floating[Any]]:
-    """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask.
+    """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
-    resolution, and the network sees its own answer on the one before. A pixel of a coarse scale is the mean of those
-    inside the mask. Where the card has several passes they are averaged on every scale. Where it magnifies, the
-    finest of the scales of at most 256 pixels a side is answered by a pyramid of its own, of its picture magnified so
-    many times: a small photo would be seen on too few scales to be understood.
+    resolution, and the network sees its own output on the previous scale. A pixel of a coarse scale is the mean of its
+    photo pixels inside the mask. Several passes are averaged on every scale.
 
-    Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
-    needed however large they are.
+    If the card says to magnify, the finest scale of at most 256 pixels a side is magnified and estimated by a pyramid
+    of its own: a small photo has too few scales.
+
+    Scales, features and outputs are computed a tile at a time: large photos need little memory beyond the photo and
+    the returned array.
     """
     answer: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
@@ -75,11 +76,11 @@ def dense_answer(
         result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
-            if previous is not None:  # rows that no further tile sees are freed
+            if previous is not None:  # free the rows that no further tile reads
                 previous.resize((_window_before(window, previous)[0].stop, *previous.shape[1:]), refcheck=False)
-            progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
+            progress(_share_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
-                inner, seen = _within(place, window), photo.seen(window, halving, previous)
+                inner, seen = _relative_to_window(place, window), photo.seen(window, halving, previous)
                 for frame in frames:
                     result[place] += _tile_answer(network, card, seen, frame)[inner] / np.float32(len(frames))
         previous = result
@@ -89,7 +90,7 @@ def dense_answer(
 def _by_magnified(
     network: Network, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
 ) -> Floats:
-    """(h, w, 4) the answer on a scale: that to its picture, magnified."""
+    """(h, w, 4) the output on a scale, estimated from its magnified image."""
     height, width = photo.shape(halving)
     seen = photo.seen((slice(0, height), slice(0, width)), halving, None)
     large = _magnified(photo.capture, seen, card.magnified)
@@ -99,7 +100,7 @@ def _by_magnified(
 
 
 def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
-    """A whole scale of a capture as a capture of its own, bilinear between the mask's pixels."""
+    """A whole scale as a capture of its own, magnified bilinearly from the pixels inside the mask."""
     shape = round(seen.mask.shape[0] * times), round(seen.mask.shape[1] * times)
     light = _resized(seen.light, seen.mask, shape)
     rows, columns = chosen_pixels(*shape, *seen.mask.shape)
@@ -107,31 +108,31 @@ def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
         light,
         seen.mask[rows][:, columns],
         replace(capture.rig, mixing=np.eye(3)),
-        white=light if seen.grey else None,  # it is painted grey by it already
+        white=light if seen.grey else None,  # only marks that the white photo has been applied already
     )
 
 
 def _resized(values: Floats, mask: NDArray[np.bool_], shape: tuple[int, int]) -> Floats:
-    """Values (h, w, C) on other pixels (H, W), bilinear, from those of the mask alone."""
+    """Values (h, w, C) resized bilinearly to (H, W), from the pixels inside the mask only."""
     inside = mask[..., None].astype(np.float32)
     covered = np.maximum(upsampled(inside, shape, slice(None)), np.float32(1e-3))
     resized: Floats = upsampled(values * inside, shape, slice(None)) / covered
     return resized
 
 
-def _done(halving: int, halvings: int, share: float) -> float:
-    """The share of all work that is done: each scale has four times the pixels of the one before."""
+def _share_done(halving: int, halvings: int, share: float) -> float:
+    """The share of all work that is done: each scale has four times the pixels of the previous one."""
     work = [4.0**-k for k in range(halvings + 1)]
     return (sum(work[halving + 1 :]) + share * work[halving]) / sum(work)
 
 
-def _within(place: Window, window: Window) -> Window:
+def _relative_to_window(place: Window, window: Window) -> Window:
     rows, columns = (slice(a.start - w.start, a.stop - w.start) for a, w in zip(place, window, strict=True))
     return rows, columns
 
 
 class _Photo:
-    """The box around the object, seen on any scale."""
+    """The photo within the object's bounding box, on any scale."""
 
     def __init__(self, capture: Capture) -> None:
         self.box = bounding_box(capture.mask)
@@ -144,18 +145,18 @@ class _Photo:
         return height, width
 
     def halvings(self, side: int) -> int:
-        """How often the resolution is halved until the object's longer side is at most so many pixels."""
+        """How often to halve the resolution until the object's longer side is at most `side` pixels."""
         count = 0
         while max(self.shape(count)) > side:
             count += 1
         return count
 
     def holds_object(self, window: Window, halving: int) -> bool:
-        """Whether anything of the object is in a window on a scale."""
+        """Whether any pixel of the object is in a window of a scale."""
         return bool(self.capture.mask[self._own_pixels(*window, halving)].any())
 
     def seen(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> Seen:
-        """A window on a scale, with the answer (h, w, 4) on the one before."""
+        """A window of a scale, with the output (h, w, 4) on the previous scale."""
         light, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
         rig, grey = self.capture.rig, self.capture.white is not None
@@ -164,7 +165,7 @@ class _Photo:
     def _read(self, window: Window, halving: int) -> tuple[Floats, NDArray[np.bool_]]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
         image, mask = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
-        # Rows of the window at a time, so that few of the photo's own pixels are in hand at once.
+        # A few rows of the window at a time: a row of a coarse scale covers many of the photo's own rows.
         rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
         for top in range(0, shape[0], rows):
             part = slice(top, min(top + rows, shape[0]))
@@ -188,7 +189,7 @@ class _Photo:
 
 
 def _previous(answer: NDArray[np.floating[Any]], window: Window) -> Floats:
-    """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
+    """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, ignoring empty pixels."""
     rows, columns = _window_before(window, answer)
     part = answer[rows, columns].astype(np.float32)
     answered = (part[..., :3] != 0).any(axis=-1, keepdims=True)
@@ -207,7 +208,7 @@ def _previous(answer: NDArray[np.floating[Any]], window: Window) -> Floats:
 
 
 def _window_before(window: Window, answer: NDArray[np.floating[Any]]) -> Window:
-    """The part of an answer that a window at twice its resolution needs."""
+    """The part of an output that a window at twice its resolution needs."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
         for side, length in zip(window, answer.shape, strict=False)
@@ -216,7 +217,7 @@ def _window_before(window: Window, answer: NDArray[np.floating[Any]]) -> Window:
 
 
 def _doubled(values: Floats, axis: int) -> Floats:
-    """Twice as many values along an axis, each three parts its own and one part its neighbour's."""
+    """Upsample by 2 along an axis, bilinearly: 3/4 of each value and 1/4 of its nearer neighbour."""
     shape = list(values.shape)
     shape[axis] *= 2
     twice = np.empty(shape, np.float32)
@@ -245,7 +246,7 @@ def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFram
 
 
 def _inputs(card: ModelCard, seen: Seen, frame: LightFrame) -> dict[str, Floats]:
-    """The network's inputs by name, (1, C, H, W) in a frame."""
+    """The network's inputs by name, (1, C, H, W), in a light frame."""
     turned = _in_frame(seen, frame, card.multiple)
     inputs = {}
     for name, features in card.inputs.items():
@@ -261,7 +262,7 @@ def _inputs(card: ModelCard, seen: Seen, frame: LightFrame) -> dict[str, Floats]
 
 
 def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
-    """A window in a frame, padded with zeros to the network's multiple."""
+    """A window in a light frame, padded with zeros to the network's multiple."""
     order = list(frame.order)
 
     def picture(values: NDArray[T]) -> NDArray[T]:
@@ -289,8 +290,8 @@ def _padded(shape: tuple[int, ...], multiple: int) -> tuple[int, ...]:
 
 
 def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator[tuple[Window, Window]]:
-    """For each tile, from the bottom up: the window that is read, with the halo; the tile itself."""
-    # Tiles and windows begin on the network's grain, so that pooling falls on the same pixels as untiled.
+    """For each tile, from the bottom up: the window to read, which includes the halo, and the tile itself."""
+    # Tiles and windows start at multiples of `grain`: pooling then covers the same pixels as without tiles.
     reach = -(-halo // grain) * grain
     height, width = shape
     down, right = (_step(length, max(1, tile // grain) * grain, grain, reach) for length in shape)
@@ -307,7 +308,7 @@ def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator
 
 
 def _step(length: int, tile: int, grain: int, reach: int) -> int:
-    """How long tiles are along a side: about the same for all, and no two where one window takes what two would."""
+    """Length of the tiles along one side: about equal, or the whole side if one window covers it."""
     if length <= tile + 2 * reach:
         return max(length, 1)
     return -(-length // -(-length // tile) // grain) * grain

@@ -1,11 +1,12 @@
-"""Near lights and perspective removed from a photo: what it would be from afar, under distant lights.
+"""Remove near lights and perspective from a photo: convert it to distant lights and a distant camera.
 
-The networks have learned one direction for each light and see the whole picture at once. In a photo from nearby every
-pixel has lights and a line of sight of its own. Where a matt surface is lit by all three lights, its normal times its
-albedo follows from the pixel (equation 2, with the lights as they are there); turned so that the line of sight becomes
-the z axis and lit anew by the rig's directions, it is the pixel that a distant camera would see under distant lights.
-The same 3 x 3 matrix is used for every pixel. Where a light does not reach, a little light comes in that was not there;
-shine is treated as if it were matt. Measured against alternatives that need the answer first, this was the best.
+The networks are trained on distant lights and orthographic cameras. In a photo from nearby every pixel has its own
+light directions and line of sight. Equation 2 with the lights at that pixel gives the normal times the albedo, exactly
+where the surface is matt and all three lights reach it. Rotated so that the line of sight becomes the z axis, and lit
+by the rig's directions, it is the pixel that a distant camera would see under distant lights.
+
+Pixels in shadow or with highlights are converted in the same way: shadows gain a little light, and highlights are
+treated as matt. This was more accurate than the alternatives, which need an estimate of the normals first.
 """
 
 from collections.abc import Iterator
@@ -21,23 +22,23 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig
 
-# A band of pixels takes some hundred bytes a pixel on the way.
+# Rows converted at a time; intermediate arrays take some hundred bytes a pixel.
 ROWS = 32
 
 
 def under_distant_lights(capture: Capture) -> Capture:
-    """The capture of near lights as its rig's directions would light it from afar.
+    """The capture, unmixed, as distant lights from the rig's directions would light it.
 
-    Exact for a matt surface that all three lights reach; values can be below zero elsewhere. The mixing is undone.
+    Exact for a matt surface that all three lights reach; elsewhere values can be below zero.
     """
     return _relit(capture, turned=False)
 
 
 def as_distant_lights(capture: Capture) -> Capture:
-    """The capture under distant lights and with every line of sight turned into the z axis, never below zero.
+    """The capture under distant lights, with every line of sight rotated onto the z axis; clipped at zero.
 
-    Itself where lights and camera are distant. Normals that are estimated from it are rotated back by
-    :func:`turn_back`.
+    A capture with distant lights and camera is returned unchanged. :func:`turn_back` rotates the normals estimated
+    from the result back into camera space.
     """
     if capture.rig.near is None and not _is_perspective(capture.camera):
         return capture
@@ -45,7 +46,7 @@ def as_distant_lights(capture: Capture) -> Capture:
 
 
 def turn_back(normals: NDArray[np.float32], camera: Camera | None) -> None:
-    """Rotate normals (H, W, 3) that were estimated from afar into camera space, in place."""
+    """Rotate normals (H, W, 3) estimated from :func:`as_distant_lights` into camera space, in place."""
     if not _is_perspective(camera):
         return
     for rows in bands(len(normals), ROWS):
@@ -64,14 +65,14 @@ def _relit(capture: Capture, *, turned: bool) -> Capture:
 
 
 def lights_by_rows(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Bands of rows, and the lights there as :func:`lights_in` has them."""
+    """Bands of rows, each with its lights as :func:`lights_in` returns them."""
     for rows in bands(len(capture.mask), ROWS):
         yield rows, lights_in(capture, rows)
 
 
 def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
-    """The lights in some rows: (h, W, 3, 3), or (3, 3) where they are the same for all. A light a row, its direction
-    times its brightness."""
+    """Light directions times brightness at the pixels of some rows, one light per matrix row: (h, W, 3, 3), or (3, 3)
+    for distant lights."""
     near, camera, depth = capture.rig.near, capture.camera, capture.depth
     if near is None:
         return capture.rig.directions
@@ -80,14 +81,14 @@ def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
 
 
 def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Equation 2 where every pixel has lights of its own: normals times albedo, (..., 3).
+    """Equation 2 with lights for each pixel: normals times albedo, (..., 3).
 
-    light: (..., 3) each light alone (unmixed). lights: (..., 3, 3), a light a row, as long as it is bright.
+    light: (..., 3) unmixed image values. lights: (..., 3, 3) directions times brightness, one light per row.
     """
     first, second, third = (lights[..., number, :] for number in range(3))
     across = np.cross(second, third)
     volume = dot(first, across)[..., None]
-    # Where the three lights lie in one plane no normal follows.
+    # Three lights in one plane determine no normal; keep the division finite.
     volume = np.where(np.abs(volume) < 1e-9, 1e-9, volume)
     result: NDArray[np.float64] = (
         light[..., :1] * across + light[..., 1:2] * np.cross(third, first) + light[..., 2:] * np.cross(first, second)
@@ -96,7 +97,7 @@ def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating
 
 
 def pseudo_normals_by_light(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(N, 3, 3) what each light adds to :func:`pseudo_normals` of pixels (N, 3): their sum is that."""
+    """(N, 3, 3) the contribution of each light to :func:`pseudo_normals` of pixels (N, 3); axis 1 sums to it."""
     parts: NDArray[np.float64] = light[:, :, None] * np.stack(
         [pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2
     )
@@ -108,14 +109,14 @@ def _is_perspective(camera: Camera | None) -> TypeGuard[Camera]:
 
 
 def _turn_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
-    """(h, W, 3) axes of the smallest turns that bring lines of sight onto z, as long as the angles' sines."""
+    """(h, W, 3) axes of the smallest rotations from lines of sight onto z; their length is the sine of the angle."""
     towards = -camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start)
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     return np.cross(towards, [0.0, 0.0, 1.0])
 
 
 def _turned(vectors: NDArray[np.floating[Any]], axes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors turned about axes that are as long as the sine of the angle, which is below 90° (Rodrigues)."""
+    """Rotate vectors about axes whose length is the sine of the angle, below 90° (Rodrigues' formula)."""
     cosine = np.sqrt(1 - dot(axes, axes))[..., None]
     once = np.cross(axes, vectors)
     turned: NDArray[np.float64] = vectors + once + np.cross(axes, once) / (1 + cosine)

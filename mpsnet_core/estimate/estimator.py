@@ -1,4 +1,4 @@
-"""From a capture to a normal map: the Lambertian baseline and the networks, one call for all."""
+"""Normals of a capture, by the Lambertian baselines or a network: one interface for all models."""
 
 import logging
 import os
@@ -21,35 +21,35 @@ from mpsnet_core.scene.normal_map import NormalMap
 
 log = logging.getLogger(__name__)
 
-# Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
+# A light does not reach a pixel that is darker than this share of its channel's 99th percentile inside the mask.
 SHADOW_SHARE = 0.02
 
 
 class Estimator:
-    """A model made ready once, for any number of captures.
+    """A model, loaded once for any number of captures.
 
     Parameters
     ----------
     model : str or path
-        A name of `mpsnet models` or the path of an ONNX file.
+        A name that `mpsnet models` lists, or the path of an ONNX file.
     passes : {1, 3}, optional
-        3 averages the network's answers on the scene turned and mirrored, and of pyramids a surface of many colours
-        gets a second estimate. By default the registry's number for stills, else that of the network's card.
+        3 averages the network's outputs on the scene rotated and mirrored. A pyramid then also makes a second estimate
+        of a surface of many colours. By default the registry's number for stills, else the one on the model's card.
     provider : {"cpu", "cuda", "directml", "coreml"}
-        What runs the network.
+        The onnxruntime execution provider.
     threads : int
         CPU threads of the network, 0 for all.
     tile : int
-        Side in pixels of the tiles of dense networks; memory grows with its square.
+        Side of a dense network's tiles in pixels; memory grows with its square.
 
     Raises
     ------
     InputError
-        Where there is no such model, its file is not one of ours, or an option is out of range.
+        If there is no such model, its file is no MPS-Net model, or an option is out of range.
 
     Notes
     -----
-    The baselines use none of the options.
+    The baselines ignore all options.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Estimator:
                 log.info("%s is no network and runs without %s", self.name, " and ".join(unused))
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
-        """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
+        """Estimate the normals of `capture`, in camera space. Raises Cancelled if `progress` does."""
         photo = without_fireflies(capture)
         capture = painted_grey(photo)
         if photo.white is not None and capture.white is None:
@@ -87,7 +87,7 @@ class Estimator:
             )
         if self._network is None:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
-        elif self._network.card.kind == "pyramid":  # others, as the paper's, expect no error of themselves
+        elif self._network.card.kind == "pyramid":  # other networks, such as the paper's, predict no error
             seen = part(progress, 0.0, 0.8)
             capture = without_grain(capture)
             if self._network.card.passes > 1:
@@ -118,9 +118,9 @@ def estimate_normals(
     capture : Capture
         The photo with its mask, lights and camera.
     model, passes, provider, threads, tile
-        As of :class:`Estimator`, which is the one to keep when there are many captures.
+        As in :class:`Estimator`. For many captures, keep an `Estimator` instead: it loads the model once.
     progress : callable
-        Receives the share that is done, 0 to 1, and what is being done.
+        Called with the share done, 0 to 1, and a message.
 
     Returns
     -------
@@ -130,13 +130,13 @@ def estimate_normals(
     Raises
     ------
     InputError
-        As :class:`Estimator` does.
+        As in :class:`Estimator`.
     Cancelled
-        Where `progress` raises it.
+        If `progress` raises it.
 
     Examples
     --------
-    A matt plane that faces the camera, by equation 2:
+    A matt plane facing the camera, by equation 2:
 
     >>> import numpy as np
     >>> from mpsnet_core import Capture, estimate_normals, published_rig
@@ -151,7 +151,7 @@ def estimate_normals(
 
 
 def usable_channels(capture: Capture) -> NDArray[np.bool_]:
-    """(H, W, 3) False where a light does not reach the pixel (shadow) or its channel is saturated."""
+    """(H, W, 3) whether a light reaches the pixel and its channel is not saturated."""
     light = capture.rig.unmixed(capture.image)
     lit: NDArray[np.bool_] = light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)
     return lit & ~capture.saturated_lights
@@ -160,8 +160,8 @@ def usable_channels(capture: Capture) -> NDArray[np.bool_]:
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
     """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1).
 
-    Under near lights every pixel has its own three. Perspective makes no difference: a matt surface looks the same from
-    all sides.
+    Near lights have their own directions and strengths at each pixel. Perspective needs no correction: the radiance of
+    a matt surface does not depend on the viewing direction.
     """
     confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)
     if capture.rig.near is not None:

@@ -1,4 +1,4 @@
-"""The inputs of networks: maps made from a capture, each by its name on a model's card."""
+"""Input features of the networks: maps made from a capture, by their names on a model's card."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -10,28 +10,28 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 
-# Channels of each map; maps are zero outside the mask.
+# Channels of each map. Maps are zero outside the mask.
 FEATURE_CHANNELS = {
     "photo": 3,  # unmixed, divided by its mean over the mask and all channels
     "grey_world": 3,  # unmixed, each channel divided by its own mean over the mask
     "initial_normals": 3,  # equation 2 on "photo"
     "initial_normals_grey_world": 3,  # equation 2 on "grey_world"
     "mask": 1,
-    "previous": 4,  # of pyramids: normals and expected error (radians) on the scale before; zero on the first
+    "previous": 4,  # pyramids: normals and expected error (radians) from the previous scale; zero on the first
     "lights": 9,  # the three directions (x, y, z each); one pixel, for an input of its own
     "channel_means": 3,  # of "photo" over the mask; one pixel
-    "exact": 1,  # 1 where the lights and their mixing are known exactly, as those of a render are, else 0; one pixel
-    "given": 2,  # 1 where there is an answer of the scale before, and where a white photo took the colour; one pixel
+    "exact": 1,  # 1 if the lights and their mixing are known exactly, as in a render, else 0; one pixel
+    "given": 2,  # 1 if "previous" is filled; 1 if a white photo removed the surface's colour; one pixel
 }
 
-# Not maps: one pixel that holds for the whole capture, so they cannot be stacked with maps.
+# One value for the whole capture, of size 1 x 1: they cannot be stacked with maps.
 CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
-# A channel that is black everywhere must not blow up the others: its mean counts as this share of theirs.
+# Lower limit of a channel's mean, as a share of the largest: an all-black channel must not divide by zero.
 LEAST_MEAN = 1e-4
 
 
 def divided(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
-    """The image (..., 3) divided by its mean, or each channel by its own; by 1 where the mean is not above 0."""
+    """The image (..., 3) divided by one mean, or each channel by its own; by 1 if that is not above 0."""
     divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
 
@@ -39,23 +39,23 @@ def divided(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> N
 def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64]) -> NDArray[np.float32]:
     """Equation 2: ``n = L⁻¹ c``, normalised.
 
-    image: (..., 3) linear, one channel a light. directions: (3, 3), a unit vector a row. Returns (..., 3) unit
-    vectors in the directions' frame; a black pixel faces the camera (+z).
+    image: (..., 3) linear, one channel per light. directions: (3, 3), one unit vector per row. Returns (..., 3) unit
+    vectors in the frame of the directions; black pixels get +z.
     """
     return normalised(image @ np.linalg.inv(directions).T.astype(np.float32))
 
 
 def channel_count(features: Iterable[str]) -> int:
-    """The channels of an input that these features are stacked in."""
+    """Number of channels of an input that stacks these features."""
     return sum(FEATURE_CHANNELS[feature] for feature in features)
 
 
 class Seen(NamedTuple):
-    """A window of a photo on some scale, with what holds for the whole photo.
+    """A window of a photo on some scale, and properties of the whole photo.
 
-    light: (H, W, 3) each light alone (unmixed). mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
-    light over the whole mask. previous: (H, W, 4) the map "previous", or None on the first scale. exact: whether the
-    lights are known exactly. grey: whether a white photo took the surface's colour away.
+    light: (H, W, 3) unmixed image. mask: (H, W). directions: (3, 3), one light per row. means: (3,) mean of `light`
+    over the whole mask. previous: (H, W, 4) the map "previous"; None on the first scale. exact: whether the lights are
+    known exactly. grey: whether a white photo removed the surface's colour.
     """
 
     light: NDArray[np.float32]
@@ -81,7 +81,7 @@ def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np
 
 
 def mean_light(capture: Capture) -> NDArray[np.float64]:
-    """(3,) the mean over the mask of each light alone (unmixed)."""
+    """(3,) mean of the unmixed image over the mask."""
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
         total += np.einsum("hwc,hw->c", capture.image[rows], capture.mask[rows], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Networks in ONNX files: opening them, checking that they fit their cards, running them."""
+"""Networks in ONNX files: open them, check them against their cards, run them."""
 
 import contextlib
 import os
@@ -23,7 +23,7 @@ from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
-# For Windows; see mpsnet_core/__init__.py.
+# On Windows the variable that mpsnet_core/__init__.py sets has no effect.
 onnxruntime.disable_telemetry_events()
 
 PROVIDERS = {
@@ -36,10 +36,10 @@ MAX_MODEL_BYTES = 2 << 30
 
 
 def _most_memory() -> int:
-    """What networks may hold in main memory as they run: half of the machine's, 16 GiB at most."""
+    """Memory limit of running networks in bytes: half of the machine's, at most 16 GiB."""
     try:
         machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError):  # Windows, which gives nobody more than it has
+    except (AttributeError, ValueError):  # Windows, which does not overcommit memory
         machine = 32 << 30
     return min(16 << 30, machine // 2)
 
@@ -48,12 +48,12 @@ MAX_ARENA_BYTES = _most_memory()
 
 
 class OnnxModel:
-    """A network from an ONNX file, with its card; options as of :class:`mpsnet_core.estimate.estimator.Estimator`.
+    """A network from an ONNX file, with its card. Options as in :class:`mpsnet_core.estimate.estimator.Estimator`.
 
-    passes: in place of the card's, for networks in the canonical frame.
+    passes: replaces the number on the card of networks in the canonical frame.
 
-    Raises FileError where the file is missing, FormatError where it is not an ONNX model of ours or its inputs do not
-    fit its card, SettingsError where an option is out of range or the provider is not present.
+    Raises FileError if the file is missing, FormatError if it is no MPS-Net model or its inputs do not match its card,
+    SettingsError if an option is out of range or the provider is not available.
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class OnnxModel:
         self._outputs = [node.name for node in self.session.get_outputs()]
 
     def __call__(self, capture: Capture, progress: Progress = silent, *, passes: int | None = None) -> NormalMap:
-        """Normals of `capture` in camera space; confidence 1 inside the mask unless the network outputs one.
+        """Normals of `capture` in camera space. Confidence is 1 inside the mask unless the network outputs it.
 
-        passes: in place of the card's, of dense networks.
+        passes: replaces the number on the card of dense networks.
         """
         card = self.card if passes is None else replace(self.card, passes=passes)
         seen = as_distant_lights(capture)
@@ -103,7 +103,7 @@ class OnnxModel:
     def _run(
         self, inputs: dict[str, NDArray[np.float32]], count: int, *size: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The network's normals (count, 3, *size) and confidence (count, 1, *size), 1 where it has none."""
+        """The network's normals (count, 3, *size) and confidence (count, 1, *size); all 1 if it outputs none."""
         try:
             outputs = dict(zip(self._outputs, self.session.run(None, inputs), strict=True))
         except _RUNTIME_ERRORS as error:
@@ -125,7 +125,7 @@ class OnnxModel:
         return normals, self._shaped("confidence", outputs, (count, 1, *size))
 
     def _release_memory(self) -> None:
-        """Free the memory onnxruntime reserved for large tiles, which it does only as it runs: on the least input."""
+        """Free the memory that onnxruntime reserved for large tiles. It does so only in a run, so run a tiny input."""
         side = self.card.patch if self.card.kind == "patch" else self.card.multiple
         least = {}
         for name, features in self.card.inputs.items():
@@ -133,13 +133,13 @@ class OnnxModel:
             least[name] = np.zeros((1, channel_count(features), size, size), np.float32)
         shrinking = onnxruntime.RunOptions()
         shrinking.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
-        with contextlib.suppress(*_RUNTIME_ERRORS):  # a network of another's may not run on so little
+        with contextlib.suppress(*_RUNTIME_ERRORS):  # other people's networks may refuse so small an input
             self.session.run(None, least, shrinking)
 
     def _shaped(
         self, name: str, outputs: dict[str, NDArray[np.float32]], expected: tuple[int, ...]
     ) -> NDArray[np.float32]:
-        """An output in the shape it must have; axes of length one do not matter."""
+        """An output in the expected shape. Axes of length one may differ."""
         shape = outputs[name].shape
         if [length for length in shape if length > 1] != [length for length in expected if length > 1]:
             raise FormatError(
@@ -170,15 +170,15 @@ def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSe
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
-    options.enable_mem_pattern = False  # plans for one size only, half as much memory again, and is no quicker
-    # Threads that wait for work would hold cores that reading and writing other frames can use; no slower alone.
+    options.enable_mem_pattern = False  # takes 50% more memory for one size only, and is no faster
+    # Spinning threads would take cores from the reading and writing of other frames; without it a still is as fast.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.add_session_config_entry("session.load_model_format", "ONNX")  # whatever its ending says
+    options.add_session_config_entry("session.load_model_format", "ONNX")  # whatever the file's suffix
     _limit_memory()
     options.add_session_config_entry("session.use_env_allocators", "1")
     options.log_severity_level = 4  # errors are reported in our own sentence
     try:
-        # On failure it would print on stdout, and try the CPU: in vain, where that is what failed.
+        # With fallback, a failure prints to stdout and tries the CPU again, which is useless if the CPU just failed.
         fallback = int(provider != "cpu")
         return onnxruntime.InferenceSession(
             str(path), options, providers=[PROVIDERS[provider]], enable_fallback=fallback
@@ -192,12 +192,12 @@ def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSe
 
 @cache
 def _limit_memory() -> None:
-    """Limit what all sessions of this process hold together: a few bytes of a file may request any size."""
+    """Limit the memory of all sessions of this process: a few bytes in a file can request tensors of any size."""
     memory = onnxruntime.OrtMemoryInfo(
         "Cpu", onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, onnxruntime.OrtMemType.DEFAULT
     )
     limit = onnxruntime.OrtArenaCfg({"max_mem": MAX_ARENA_BYTES})
-    with contextlib.suppress(*_RUNTIME_ERRORS):  # where another library in this process has registered its own
+    with contextlib.suppress(*_RUNTIME_ERRORS):  # another library in this process registered an allocator
         onnxruntime.create_and_register_allocator(memory, limit)
 
 

@@ -57,9 +57,9 @@ class RunsModel(Operation):
     tile: int = option(default=DEFAULT_TILE, help="tile side in pixels for networks")
 
     def model_facts(self, passes: Literal[1, 3] | None = None) -> dict[str, str]:
-        """What :func:`mpsnet_core.io.provenance.operation_facts` has to know of the model: a network's file may change.
+        """Facts of the model for :func:`mpsnet_core.io.provenance.operation_facts`: a network's file may change.
 
-        Raises SettingsError where there is no such model, FileError where its file is missing.
+        Raises SettingsError if there is no such model, FileError if its file is missing.
         """
         from mpsnet_core.io.provenance import content
 
@@ -69,7 +69,7 @@ class RunsModel(Operation):
         return {"model": content(network.path), "passes": str(passes or network.passes)}
 
     def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
-        """The model made ready. passes: as :class:`mpsnet_core.estimate.estimator.Estimator` takes them."""
+        """The loaded model. passes: as in :class:`mpsnet_core.estimate.estimator.Estimator`."""
         from mpsnet_core.estimate.estimator import Estimator
 
         return Estimator(self.model, passes=passes, provider=self.provider, threads=self.threads, tile=self.tile)
@@ -79,7 +79,7 @@ class RunsModel(Operation):
 class NormalsMade(Result):
     """The normal map of one photo.
 
-    outputs: the file. pixels: how many have a normal. albedo: its file, where it was requested.
+    outputs: the file. pixels: number of pixels with a normal. albedo: its file, if requested.
     """
 
     outputs: list[str]
@@ -91,9 +91,10 @@ class NormalsMade(Result):
 class FramesMade(Result):
     """The normal maps of several photos, of numbered frames or of a video.
 
-    folder: where they are. made, there: how many were made now, and before. left_out: how many photos show no object.
-    pixels: how many have a normal. outputs: the files, of photos that are no sequence. first_output, pattern, first,
-    last, count, frame_rate: what a program needs to load the results as one image sequence.
+    folder: where they are. made, there: how many were made now, and how many existed already. left_out: number of
+    photos without an object. pixels: number of pixels with a normal. outputs: the files, unless they are a sequence.
+    first_output, pattern, first, last, count, frame_rate: what a program needs to load the results as an image
+    sequence.
     """
 
     folder: str
@@ -191,7 +192,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         white_light, beside = self._white_light(), self._beside_photos()
         photos = expand_images(self.image)
         inputs = [*photos, *files_meant(beside)]
-        # One frame in a folder is a sequence, too; but only one photo's confidence is written.
+        # A folder with one frame is a sequence, too, unless its confidence is requested: sequences have none.
         if len(photos) > 1 or is_video(photos[0]) or (any(map(is_several, self.image)) and not self.confidence):
             return self._frames(photos, inputs, progress)
         if self.smooth:
@@ -243,7 +244,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
 
     def _white_light(self) -> "NDArray[np.float64] | None":
-        """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
+        """(3,) direction of the one lamp that lit the white photo; None for the rig's lights."""
         if self.albedo and not self.white:
             raise SettingsError("--albedo is made from a photo under white light; give it with --white")
         if self.white_light and not self.white:
@@ -255,7 +256,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return direction_from_angles(*slant_and_tilt("--white-light", self.white_light))
 
     def _beside_photos(self) -> list[str | None]:
-        """What else is read: files, folders and patterns."""
+        """Inputs other than the photos: files, folders and patterns."""
         from mpsnet_core.capture.masks import mask_source
 
         return [self.rig, self.camera, self.mesh, self.dark, self.flat, mask_source(self.mask), *self.white]
@@ -290,7 +291,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                 f"{what} takes the frames of one sequence: photos whose names differ in one number alone"
             )
         for number in numbered.numbers if numbered else ():
-            masks.of(number)  # one that is missing is reported before any work
+            masks.of(number)  # report a missing mask before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
         outcome = self._sequence(frames, len(photos), progress, numbered.step if numbered else 1)
         numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
@@ -314,8 +315,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if self.layer:
             raise SettingsError(f"{path} is a video, which has no layers; leave --layer out")
         outputs = video_outputs(path, self.output, self.format)
-        # How many frames there are is not known; a result's name ends in its number, so these are all that can be
-        # meant.
+        # The number of frames is not known before the video is read. An output's name ends in its frame number, so an
+        # input can be overwritten only by the frames whose numbers are in the inputs' names.
         numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
         check_apart(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
@@ -347,10 +348,10 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             found = found or (frame.mask == MASK and image.alpha is None and not capture.mask.all())
             if notes != "none":
                 note_doubtful_curve(frame.name, image, capture.mask, rig)
-            notes = "none"  # the other frames are much like the first
+            notes = "none"  # report on the first frame only; the others look alike
             return capture
 
-        # Each pass takes as long as the first: unless more are requested, frames get one.
+        # One pass per frame unless more are requested: three take three times as long.
         passes = self.passes or (STILL_PASSES if self.model == AVERAGED_MODEL else 1)
         return estimate_sequence(
             frames,
@@ -393,7 +394,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
 @dataclass(frozen=True)
 class ModelListed:
-    """A model's name, what it is, and whether it is only to compare with."""
+    """A model's name and title, whether it is for comparison only, and whether it is installed."""
 
     name: str
     title: str
@@ -403,7 +404,7 @@ class ModelListed:
 
 @dataclass(frozen=True)
 class ModelsListed(Result):
-    """The models by their names, or one network's card and how it was trained."""
+    """The known models, or the card and training record of one network."""
 
     models: list[ModelListed] | None = None
     card: dict[str, Any] | None = None

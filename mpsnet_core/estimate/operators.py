@@ -1,6 +1,7 @@
-"""The operators in an ONNX file, read before onnxruntime opens it: it runs what a file says, and hears no signal.
+"""Check the operators in an ONNX file before onnxruntime opens it.
 
-An endless `Loop` would hold its thread for ever: only what feed-forward convolutional networks consist of is allowed.
+onnxruntime runs whatever a file contains and cannot be interrupted: an endless `Loop` would block its thread forever.
+Only the operators of feed-forward convolutional networks are allowed.
 """
 
 import mmap
@@ -22,7 +23,7 @@ ALLOWED = frozenset(
         *("Squeeze", "Sub", "Sum", "Tanh", "Transpose", "Unsqueeze", "Where"),
     )
 )
-# Numbers of fields in onnx.proto.
+# Field numbers in onnx.proto.
 _MODEL_GRAPH, _MODEL_FUNCTION = 7, 25
 _GRAPH_NODE, _GRAPH_SPARSE = 1, 15
 _NODE_OPERATOR, _NODE_ATTRIBUTE, _NODE_DOMAIN = 4, 5, 7
@@ -30,9 +31,9 @@ _ATTRIBUTE_OF_GRAPHS, _ATTRIBUTE_OF_SPARSE = (6, 11), (22, 23)
 
 
 def check_operators(path: Path) -> None:
-    """Raises FormatError where a file is no ONNX model, or has an operator or a part that is not allowed."""
+    """Raise FormatError if a file is no ONNX model, or contains an operator or a part that is not allowed."""
     if not path.stat().st_size:
-        return  # which cannot be mapped; onnxruntime refuses it
+        return  # an empty file cannot be mapped; onnxruntime rejects it
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         try:
             for refused in _refused(content):
@@ -47,7 +48,7 @@ def check_operators(path: Path) -> None:
 
 
 def _refused(content: mmap.mmap) -> Iterator[str]:
-    """What is not allowed, in words."""
+    """Names of the operators and parts that are not allowed."""
     for part, *span in _fields(content, 0, len(content)):
         if part == _MODEL_FUNCTION:
             yield "functions of its own"
@@ -55,7 +56,7 @@ def _refused(content: mmap.mmap) -> Iterator[str]:
             continue
         for number, start, end in _fields(content, *span):
             if number == _GRAPH_SPARSE:
-                yield "sparse weights"  # of which a few bytes unpack to any size
+                yield "sparse weights"  # a few bytes unpack to any size
             if number == _GRAPH_NODE:
                 yield from _refused_in_node(content, start, end)
 
@@ -76,7 +77,7 @@ def _refused_in_node(content: mmap.mmap, start: int, end: int) -> Iterator[str]:
 
 
 def _fields(content: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Number, start and end of each field with a length in a protobuf message. IndexError where it is damaged."""
+    """Number, start and end of each length-delimited field of a protobuf message. IndexError if it is damaged."""
     while at < end:
         key, at = _varint(content, at)
         number, kind = (key & 0xFFFFFFFF) >> 3, key & 7  # as onnxruntime reads it

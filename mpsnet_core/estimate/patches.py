@@ -14,15 +14,15 @@ PATCHES_A_BATCH = 1024
 
 
 def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
-    """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask."""
+    """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
     box = bounding_box(capture.mask)
     mask = capture.mask[box]
-    # Maps are zero outside the mask, so beyond the box as well.
+    # Maps are zero outside the mask, so the bounding box holds all of them.
     cut = Capture(capture.image[box], mask, capture.rig, white=None if capture.white is None else capture.white[box])
     maps = feature_maps(cut, {name for names in card.inputs.values() for name in names})
     inputs = {name: np.concatenate([maps[f] for f in features]) for name, features in card.inputs.items()}
-    # What holds for every patch, and views of every patch, by its middle pixel.
+    # Constants are shared by all patches; the other inputs are views, indexed by each patch's middle pixel.
     constants = {name: values for name, values in inputs.items() if CONSTANTS.intersection(card.inputs[name])}
     windows = {
         name: np.lib.stride_tricks.sliding_window_view(

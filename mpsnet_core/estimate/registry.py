@@ -1,4 +1,4 @@
-"""The registered models by name. Light to import; no model is loaded here."""
+"""The registered models by name. Cheap to import: it loads no model."""
 
 import os
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ BASELINES = (LAMBERTIAN, LAMBERTIAN_GREY_WORLD)
 DEFAULT_MODEL = "multiscale"
 AVERAGED_MODEL = "multiscale-averaged"
 STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence get one
-DEFAULT_TILE = 448  # pixels a side of what a dense network sees at a time
+DEFAULT_TILE = 448  # side of a dense network's tiles, in pixels
 
 MODELS_FOLDER = Path(__file__).parent / "models"
-# In the repository and its sdist, but in no wheel.
+# In the repository and the sdist, but not in wheels.
 COMPARISON_FOLDER = MODELS_FOLDER / "comparison"
 
 
@@ -24,9 +24,8 @@ COMPARISON_FOLDER = MODELS_FOLDER / "comparison"
 class RegisteredModel:
     """A model that comes with the package.
 
-    label: its name for people. file: None for what needs no network. passes: for stills, in place of those on the
-    file's card. comparison: whether it is for comparisons and scripts, and left out of menus. sha256: of a file that no
-    wheel holds.
+    label: display name. file: None if it is no network. passes: for stills, replaces the number on the card.
+    comparison: whether it is for comparisons and scripts, and left out of menus. sha256: of a file that wheels lack.
     """
 
     name: str
@@ -39,12 +38,12 @@ class RegisteredModel:
 
     @property
     def installed(self) -> bool:
-        """Whether its file is here, or it needs none."""
+        """Whether its file exists, or it needs none."""
         return self.file is None or self.file.is_file()
 
     @property
     def how_to_install(self) -> str:
-        """Where to get a file that no wheel holds."""
+        """Where to get a file that wheels lack."""
         assert self.file is not None
         return (
             f"put {self.file.name} (sha256 {self.sha256}) from the repository's mpsnet_core/estimate/models/comparison "
@@ -62,8 +61,8 @@ def _rival(name: str, label: str, title: str, sha256: str) -> RegisteredModel:
     return RegisteredModel(name, label, title, COMPARISON_FOLDER / f"{name}.onnx", comparison=True, sha256=sha256)
 
 
-# What is known of the networks without opening their files, which takes onnxruntime. .blend files keep a model's place
-# in this order: new ones go to the end.
+# Names and titles of the networks, readable without onnxruntime. .blend files store a model's index in this order:
+# append new ones at the end.
 _MODELS = (
     _network(
         DEFAULT_MODEL,
@@ -117,17 +116,17 @@ _MODELS = (
 
 
 def known_models() -> list[RegisteredModel]:
-    """All models that have names, the default first, be their files here or not."""
+    """All models that have names, the default first, whether or not their files exist."""
     return list(_MODELS)
 
 
 def registered_models() -> list[RegisteredModel]:
-    """The models that are here, the default first: no wheel holds the networks to compare with."""
+    """The installed models, the default first. Wheels lack the networks for comparison."""
     return [entry for entry in _MODELS if entry.installed]
 
 
 class NetworkFile(NamedTuple):
-    """Where a network is, and passes in place of its card's, see :class:`RegisteredModel`."""
+    """A network's file, and the passes that replace its card's, see :class:`RegisteredModel`."""
 
     path: Path
     passes: Literal[1, 3] | None = None
@@ -136,7 +135,7 @@ class NetworkFile(NamedTuple):
 def find_network(name: str | os.PathLike[str]) -> NetworkFile:
     """The ONNX file of a network given by name or by path.
 
-    Raises SettingsError where there is none, FileError where its file is missing.
+    Raises SettingsError if there is no such network, FileError if its file is missing.
     """
     name = os.fspath(name)
     for entry in known_models():

@@ -1,4 +1,4 @@
-"""Light that is none of the rig's: seen where a surface turned away from a light is still bright in its channel."""
+"""Detect ambient light: surfaces that face away from a light, but are still bright in its channel."""
 
 import logging
 
@@ -12,24 +12,24 @@ from mpsnet_core.scene.normal_map import NormalMap
 log = logging.getLogger(__name__)
 
 RIGHT_ANGLE = np.float32(np.pi / 2)
-# A normal is turned away from a light for certain by more than the error that is expected of it, and this, in radians.
+# A normal certainly faces away from a light if it does so by more than its expected error plus this, in radians.
 BEYOND = np.float32(np.radians(3))
-# Cosine above which a pixel shows how bright a light is.
+# Pixels above this cosine show how bright a light is.
 LIT = 0.3
-# What a shadow may show of a light. Of 15 materials rendered by Cycles, wax and skin too, it was 0.00; under 3%, 10%
-# and 30% of ambient light 0.01 to 0.03, 0.02 to 0.09 and 0.04 to 0.27.
+# Highest brightness of attached shadows, as a share of the light's, without a warning. 15 materials rendered by Cycles,
+# wax and skin among them, had 0.00; with 3%, 10% and 30% of ambient light 0.01 to 0.03, 0.02 to 0.09 and 0.04 to 0.27.
 SHADOW = 0.05
-# Pixels at the outline show the background too.
+# Pixels at the outline show the background, too.
 OUTLINE = 2
-# Pixels of a large photo that are looked at, and of shadow that say enough: so many, and this share of the object.
+# Pixels of a large photo to sample; least number of shadow pixels, absolute and as a share of the object.
 SAMPLED, LEAST_PIXELS, LEAST_SHARE = 200_000, 30, 0.001
 
 
 def note_room_light(capture: Capture, normals: NormalMap) -> None:
-    """Warn where shadows are so bright that light from elsewhere misleads every model.
+    """Warn if shadows are so bright that ambient light misleads every model.
 
-    A shallow relief has no such shadows, so nothing is said of it; nor under near lights, and by equation 2, whose
-    normals never turn away from a light that its channel shows.
+    There is no warning for a shallow relief, which has no attached shadows; under near lights; and for normals by
+    equation 2, which never face away from a light that is bright in its channel.
     """
     share = shadow_brightness(capture, normals)
     if share is not None and share > SHADOW:
@@ -42,8 +42,8 @@ def note_room_light(capture: Capture, normals: NormalMap) -> None:
 
 
 def shadow_brightness(capture: Capture, normals: NormalMap) -> float | None:
-    """What a channel shows of its light where the surface is turned away from it, as a share of what it shows where
-    the surface faces the light; the median. None where too few pixels are turned away for certain."""
+    """Median brightness of a light's channel where the surface faces away from the light, as a share of its brightness
+    where the surface faces it. None if too few pixels certainly face away."""
     if capture.rig.near is not None:
         return None
     step = grid_step(int(np.count_nonzero(capture.mask)), SAMPLED)

@@ -1,17 +1,18 @@
-"""What a white photo is worth: with it the photo becomes that of the same object, painted grey.
+"""Remove the surface's colour by a white photo: the photo becomes that of the same object painted grey.
 
-Of a matt surface of albedo a, with s of each light arriving, the photo is ``c = a M s`` or ``c = M a s``: the mixing M
-says how the camera's channels see the lights, and the albedo is one of channels where the lights' spectra are broad,
-and one of lights where they are narrow. The white photo is ``w_i = g_i a_i Σ_k t_k s_k``, of channels, or after
-unmixing of lights. Light k is as bright as t_k in it. The gains g no one knows: the two photos may have other exposures
-and another white balance. In ``g c / w`` the albedo cancels out, once the photos are unmixed before or the ratio after:
-what is left is each light's share, ``q = s / Σ_k t_k s_k``. Times the mean of ``w_i / g_i`` it is ``s`` once more,
-times one albedo for all three lights: a photo without colour.
+Let a be the albedo of a matt surface, s_k the light k that arrives, and M the mixing. The photo is ``c = a M s`` if the
+lights' spectra are broad, with one albedo per channel, or ``c = M a s`` if they are narrow, with one albedo per light.
+The white photo is ``w_i = g_i a_i Σ_k t_k s_k``, where t_k is how bright light k is in it; i counts channels, or lights
+after unmixing. The gains g are unknown: the photos may differ in exposure and white balance.
 
-Pixels have ``Σ_k t_k q_k = 1``, in light and in shadow: they lie in one plane, and a fit of that plane finds the gains.
-Where another lamp lit the white photo, only pixels that all three lights reach do. Of the two orders of unmixing the
-one counts whose plane is the thinner. Highlights leave the plane on coloured surfaces, and count as outliers; on grey
-ones they stay in it.
+The albedo cancels in ``g c / w``, if either the photos or their ratio are unmixed. The result is each light's share,
+``q = s / Σ_k t_k s_k``. Multiplied by the mean of ``w_i / g_i`` it is ``s`` times one albedo for all three lights: a
+photo without colour.
+
+All pixels satisfy ``Σ_k t_k q_k = 1``, in light and in shadow. They lie in a plane, and fitting it determines the
+gains. If another lamp lit the white photo, only pixels that all three lights reach lie in the plane. Both orders of
+unmixing are tried, and the one with the smaller distances from its plane is used. Highlights on coloured surfaces
+lie off the plane and count as outliers; on grey ones they lie in it.
 """
 
 from dataclasses import replace
@@ -28,28 +29,28 @@ from mpsnet_core.estimate.distant_lights import lights_in
 
 Floats = NDArray[np.floating[Any]]
 
-# Shares of a channel's mean in the white photo: what is darker counts as this bright, as it is mostly noise.
+# Lower limit of the white photo's values, as a share of their channel's mean: below, they are mostly noise.
 LEAST_WHITE = 0.02
-# Where a flat surface does not determine the plane, or gloss bends it, each light's share has the same mean over the
-# object. This counts so much, in squares of the pixels' distances from the plane.
+# Weight of the prior that each light's share has the same mean over the object, in squares of the pixels' distances
+# from the plane. It decides if a flat surface does not determine the plane, or gloss bends it.
 EVEN_SHARES = 1.0
 ROUNDS = 10  # of the robust fit
 LEAST_SPREAD = 0.005  # of the distances from the plane
-MOST = 20.0  # times the gains for which all shares have one mean
+MOST = 20.0  # largest factor between the gains and those for which all shares have one mean
 LEAST_PIXELS = 16
-HIGHEST = 95  # percentile; beyond it are highlights, and what the white lamp hardly reaches
-# Of a light's median share: below it the light hardly reaches a pixel, or not at all. Another lamp's shading is not the
-# sum of the lights' there.
+HIGHEST = 95  # percentile; above it are highlights, and pixels that the white lamp hardly reaches
+# Below this share of a light's median, the light hardly reaches a pixel. Another lamp's shading is not the sum of the
+# lights' there.
 REACHED = 0.2
 SAMPLED = 20_000  # pixels of a large photo
 
 
 class WhitePhoto(NamedTuple):
-    """How to divide by a white photo.
+    """Parameters of the division by a white photo.
 
-    gains: (3,), g. least: (3,) what a channel counts as where it is darker. before: (3, 3), by which both photos are
-    multiplied, after: (3, 3), by which their ratio is; one is the mixing's inverse, and the other nothing. tint: (3,)
-    by which channels turn grey on the mean.
+    gains: (3,) g. least: (3,) lower limits of the white photo's channels. before, after: (3, 3) matrices that multiply
+    both photos, or their ratio; one is the inverse of the mixing, the other the identity. tint: (3,) factors that turn
+    the photo grey on average.
     """
 
     gains: NDArray[np.float64]
@@ -62,10 +63,10 @@ class WhitePhoto(NamedTuple):
     def measured(
         cls, photo: Floats, white: Floats, mixing: NDArray[np.float64], strengths: NDArray[np.float64]
     ) -> "WhitePhoto | None":
-        """From pixels (N, 3) of both photos all over the object, none of them clipped.
+        """Fit to pixels (N, 3) of both photos, none of them clipped.
 
-        mixing: of the photo. strengths: of the lights in the white photo, t, (3,) or (N, 3). None where the white
-        photo says too little: a channel of it is black, or too few pixels are bright.
+        mixing: of the photo. strengths: t, the lights' strengths in the white photo, (3,) or (N, 3). None if a channel
+        of the white photo is black, or too few pixels are bright.
         """
         nothing, inverse = np.eye(3), np.linalg.inv(mixing)
         orders = [(nothing, inverse)] if np.array_equal(mixing, nothing) else [(nothing, inverse), (inverse, nothing)]
@@ -88,21 +89,22 @@ class WhitePhoto(NamedTuple):
         return best._replace(tint=np.divide(grey, total, out=np.ones(3), where=total > 0))
 
     def factors(self, white: Floats) -> NDArray[np.float32]:
-        """(..., 3) by which channels turn grey at pixels (..., 3) of the white photo, and stay as bright together."""
+        """(..., 3) factors that turn a pixel's channels grey and keep its brightness, from the white photo's pixels."""
         albedo = np.maximum(white @ self.before.T.astype(np.float32), self.least.astype(np.float32))
         albedo /= self.gains.astype(np.float32)
         return np.asarray(albedo.mean(axis=-1, keepdims=True) / albedo, np.float32)
 
     def lights(self, photo: Floats, factors: Floats) -> NDArray[np.float32]:
-        """(..., 3) each light alone at pixels (..., 3) of the photo, whose channels are multiplied by factors."""
+        """(..., 3) each light alone, from pixels (..., 3) of the photo and their factors."""
         seen = photo @ self.before.T.astype(np.float32)
         return np.asarray(seen * factors @ self.after.T.astype(np.float32), np.float32)
 
 
 def painted_grey(capture: Capture) -> Capture:
-    """The capture as if its surface were grey; without a white photo where that says nothing, or is not there.
+    """The capture as if its surface were grey; each channel is one light alone.
 
-    Each channel of it is one light alone. Where the white photo is clipped, the surface counts as of its mean colour.
+    Where the white photo is clipped, the surface's mean colour is used. Without a white photo the capture is returned
+    unchanged; a white photo that is useless is dropped from it.
     """
     if capture.white is None:
         return capture
@@ -119,7 +121,7 @@ def painted_grey(capture: Capture) -> Capture:
 
 
 def measured_white(capture: Capture) -> WhitePhoto | None:
-    """How to divide by the capture's white photo, from some of its pixels; None where there is none that says much."""
+    """Parameters fitted to a sample of the capture's pixels; None if there is no white photo, or it is useless."""
     if capture.white is None:
         return None
     step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
@@ -130,8 +132,8 @@ def measured_white(capture: Capture) -> WhitePhoto | None:
 
 
 def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(3,), or (N, 3) for each valid pixel of every `step`, how bright each light is in the white photo; where another
-    lamp lit it, the lights that add up to that."""
+    """How bright each light is in the white photo: (3,), or (N, 3) for the valid pixels on a grid of `step`. If
+    another lamp lit it, the combination of lights that equals that lamp."""
     lamp = capture.white_light
     if lamp is None:
         return np.ones(3)
@@ -154,7 +156,7 @@ def _gains(
     unmixing: NDArray[np.float64],
     strengths: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], float]:
-    """The gains, and how far pixels are from the plane, infinity where they cannot be found; unmixing: of the ratio."""
+    """The gains, and the pixels' spread about the plane, infinity if the fit fails. unmixing: applied to the ratio."""
     mixed = np.linalg.inv(unmixing).sum(axis=1)
     if len(photo) < LEAST_PIXELS or (mixed <= 0).any():
         return np.ones(3), np.inf
@@ -162,12 +164,12 @@ def _gains(
     share = mixed / max(float(strengths.sum(axis=-1).mean()), 0.1)
     bright, usual = (np.minimum(values, np.percentile(values, HIGHEST, axis=0)) for values in (white, ratio))
     alike = share / np.maximum((usual * bright).sum(axis=0) / bright.sum(axis=0), 1e-9)
-    # Each channel's part of Σ_k t_k q_k; with the right multiple of each they add up to 1 in every pixel.
+    # Each channel's part of Σ_k t_k q_k; multiplied by the right factors, they add up to 1 in every pixel.
     parts = ratio * alike * (strengths @ unmixing)
     light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
     weights, spread, multiple = light, 4 * LEAST_SPREAD, np.ones(3)
     for _ in range(ROUNDS):
-        if (strengths != 1).any():  # of another lamp than the rig's lights
+        if (strengths != 1).any():  # lit by another lamp than the rig's lights
             shares = (ratio * alike * multiple) @ unmixing.T
             reached = (shares > REACHED * np.median(shares, axis=0)).all(axis=-1)
             weights = weights * reached if np.count_nonzero(reached) >= LEAST_PIXELS else weights

@@ -1,1 +1,1 @@
-"""Learning: training of the networks, and evaluation of every model."""
+"""Training of the networks, and evaluation of all models."""

@@ -1,6 +1,6 @@
 """Operations train and quantize: from samples to a network, and to its int8 version.
 
-They stand here because :mod:`mpsnet_core.learning.training` cannot be imported without PyTorch (extra ``train``).
+They are not in :mod:`mpsnet_core.learning.training`, which cannot be imported without PyTorch (extra ``train``).
 """
 
 from collections.abc import Iterator
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NetworkTrained(Result):
-    """What a training came to.
+    """The result of a training run.
 
-    step: how many steps were taken. model: the network's file, where the training is at its end. checkpoint: what to go
-    on from, where it is not. mae_deg: mean angular error on held-out samples, where there are any.
+    step: number of steps done. model: the network's file, if the training is complete. checkpoint: the file to resume
+    from, if it is not. mae_deg: mean angular error on held-out samples, if there are any.
     """
 
     step: int
@@ -78,7 +78,7 @@ class Train(Operation):
     output: str = option(metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> NetworkTrained:
-        """Train to the recipe's end and write the network, or stop before it and leave the checkpoint."""
+        """Train to the recipe's end and write the network, or stop earlier and leave a checkpoint."""
         from mpsnet_core.learning.training.export import export_onnx
         from mpsnet_core.learning.training.loop import train
         from mpsnet_core.learning.training.recipe import read_recipe
@@ -98,7 +98,7 @@ class Train(Operation):
                 progress=progress,
             )
         step, steps = trained.step, trained.recipe.steps
-        if trained.rank:  # of several processes one writes
+        if trained.rank:  # only rank 0 writes
             return NetworkTrained(step, text="")
         if step < steps and not self.anneal:
             text = f"stopped after {step} of {steps} steps; go on with --resume {places.checkpoint}"
@@ -125,7 +125,7 @@ class Train(Operation):
 
 @dataclass(frozen=True)
 class ModelQuantized(Result):
-    """Where the int8 model is, and its mean angular error on the samples beside that of the model itself."""
+    """File of the int8 model, and mean angular errors of both models on the samples."""
 
     model: str
     mae_deg: float
@@ -165,7 +165,7 @@ class Quantize(Operation):
 
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
-    """PyTorch with so many threads, 0 for as many as it has; afterwards with as many as before."""
+    """Set PyTorch's number of threads within the block; 0 leaves it as it is."""
     import torch
 
     before = torch.get_num_threads()
@@ -183,7 +183,7 @@ def _resumed(name: str) -> Path:
 
 
 def _model_path(path: str) -> Path:
-    """Where a model can be written; InputError where not."""
+    """The path as a file that can be written. Raises InputError if it cannot."""
     from mpsnet_core.io.files import writable_path
 
     output = writable_path(path)

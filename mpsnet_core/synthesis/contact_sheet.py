@@ -1,4 +1,4 @@
-"""Contact sheet: samples as a picture for people, a row each, and a folder of them in numbers."""
+"""Contact sheets: an image of samples for people, one row each, and statistics of a folder of samples."""
 
 import os
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ ROWS = 8
 TILE_HEIGHT = 176
 
 Colour = tuple[float, float, float]
-# For none to three lights, distinct in grey too.
+# For none to three lights, also distinct in greyscale.
 LIT_COLOURS: tuple[Colour, ...] = ((0.30, 0.20, 0.58), (0.72, 0.22, 0.33), (0.95, 0.62, 0.25), (0.99, 0.95, 0.78))
 LIT_WORDS = ("no light", "one light", "two lights", "three lights")
-# Okabe and Ito's colours, distinct for colour-blind people too.
+# Okabe and Ito's palette, which is safe for colour-blind people.
 MATERIAL_COLOURS: tuple[Colour, ...] = (
     (0.90, 0.62, 0.00),
     (0.34, 0.71, 0.91),
@@ -36,17 +36,17 @@ MATERIAL_COLOURS: tuple[Colour, ...] = (
     (0.84, 0.37, 0.00),
     (0.80, 0.47, 0.65),
 )
-# From this share of its pixels a sample counts as one that shows them.
+# Least share of a sample's pixels for the sample to count as one with such pixels.
 SHOWN = 0.01
 
 
 @dataclass(frozen=True)
 class FolderSummary:
-    """What a folder of samples holds.
+    """Statistics of a folder of samples.
 
-    samples: how many whole ones. renderers: what made them, and how many each. mean_shares: (4,) mean share of the
-    object's pixels that no, one, two and three lights reach. samples_with: (4,) how many samples have at least 1% of
-    such pixels. skipped: a sentence for each file that is no whole sample.
+    samples: number of valid samples. renderers: number of samples by renderer. mean_shares: (4,) mean share of the
+    object's pixels that no, one, two and three lights reach. samples_with: (4,) number of samples with at least 1% of
+    such pixels. skipped: a sentence for each file that is no valid sample.
     """
 
     samples: int
@@ -67,7 +67,7 @@ class FolderSummary:
 
 
 def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
-    """The EXR files of a folder, in order; they may be samples under any name. Raises FileError where it has none."""
+    """The EXR files of a folder, sorted. Samples may have any name. Raises FileError if there are none."""
     files = sorted(file for file in Path(folder).glob("*.exr") if not file.name.startswith("."))
     if not files:
         raise FileError(f"folder {folder} holds no samples (.exr); make some with mpsnet synthesize, or in Blender")
@@ -75,12 +75,12 @@ def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def is_sample(path: str | os.PathLike[str]) -> bool:
-    """Whether a file, maybe a damaged one, is a sample rather than a photo. Raises InputError where it is no image."""
+    """Whether a file, even a damaged one, is a sample and not a photo. Raises InputError if it is no image."""
     return "light1" in image_layers(path)
 
 
 def summarise(files: Sequence[str | os.PathLike[str]], progress: Progress = silent) -> FolderSummary:
-    """Samples in numbers, by their descriptions alone; broken and foreign files are named, skipped and counted."""
+    """Statistics of samples from their metadata alone. Damaged and foreign files are skipped and listed."""
     renderers: dict[str, int] = {}
     shares: list[Sequence[float]] = []
     skipped: list[str] = []
@@ -101,16 +101,16 @@ def summarise(files: Sequence[str | os.PathLike[str]], progress: Progress = sile
 
 
 def spread(files: Sequence[Path], count: int) -> list[Path]:
-    """At most `count` of the files, evenly from first to last."""
+    """At most `count` of the files, evenly spaced from first to last."""
     if len(files) <= count:
         return list(files)
     return [files[round(place)] for place in np.linspace(0, len(files) - 1, count)]
 
 
 def sheet_of_samples(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float32] | None:
-    """(H, W, 3) display values: up to `count` of the files, evenly spread, a row each; None where none is a sample.
+    """(H, W, 3) display values: up to `count` samples, evenly spaced, one row each; None if no file is a sample.
 
-    The next whole sample takes the place of a file that is none.
+    A file that is no valid sample is replaced by the next one that is.
     """
     tiles: list[tuple[str, NDArray[np.float32]]] = []
     shown: set[Path] = set()
@@ -132,9 +132,9 @@ def sheet_of_samples(files: Sequence[Path], count: int = ROWS) -> NDArray[np.flo
 
 
 def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> NDArray[np.float32]:
-    """(H, W, 3) display values: the contact sheet of the samples, and a row for each photo below it.
+    """(H, W, 3) display values: the contact sheet of the samples, and below it one row per photo.
 
-    Raises InputError where a photo cannot be read, or nothing is a whole sample or a photo.
+    Raises InputError if a photo cannot be read, or there is neither a valid sample nor a photo.
     """
     rows = [sheet_of_samples(samples, count)] if samples else []
     rows += [contact_sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
@@ -149,7 +149,7 @@ def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> 
 
 
 def photo_row(path: Path) -> list[tuple[str, NDArray[np.float32]]]:
-    """A photo's tiles: itself, each of its channels, and where it has alpha its mask. Raises InputError."""
+    """A photo's tiles: the photo, each channel and, if it has alpha, its mask. Raises InputError."""
     image = read_image(path)
     inside = image.alpha > 0.5 if image.alpha is not None and (image.alpha > 0.5).any() else None
     photo = photo_picture(image.pixels, inside)
@@ -161,9 +161,9 @@ def photo_row(path: Path) -> list[tuple[str, NDArray[np.float32]]]:
 
 
 def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]]]:
-    """A sample's tiles: each light alone, an ideal rig's multiplexed photo, normals, lights reaching, materials."""
+    """A sample's tiles: each light alone, photo with an ideal rig, normals, number of lights, materials."""
     inside = sample.alpha > 0.5
-    # One exposure for all, as they add up to one photo.
+    # The same exposure for all three lights, because they add up to one photo.
     brightest = sample.lights.max(axis=(0, 3))[inside]
     white = max(float(np.percentile(brightest, 99)) if brightest.size else 0.0, 1e-6)
     lights = linear_to_srgb(sample.lights / white).astype(np.float32)
@@ -183,10 +183,10 @@ def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]
 
 
 def sheet_line(files: Sequence[Path]) -> str:
-    """The line that the contact sheet of these files keeps: another one where it would show other samples."""
+    """The line to store in the contact sheet of these files. It changes if the sheet would show other samples."""
     return provenance_line("contact sheet", *map(identity, spread(files, ROWS)))
 
 
 def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32], line: str | None = None) -> None:
-    """Write a contact sheet as a PNG or TIFF of 8 bits, whole or not at all. line: of :func:`sheet_line`."""
+    """Write a contact sheet as an 8-bit PNG or TIFF, atomically. line: from :func:`sheet_line`."""
     write_picture(path, picture, description=line)

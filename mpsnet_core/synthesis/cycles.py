@@ -1,4 +1,4 @@
-"""Samples from Cycles: the multi-layer EXR of one render, with what a ray caster adds, as a sample."""
+"""Samples from Cycles: convert the multi-layer EXR of a render to a sample; ray casting adds depth and visibility."""
 
 import os
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import Light
 
 LIGHT_GROUPS = ("light1", "light2", "light3")
-WEIGHTS = "weights"  # passes of this name and a number hold three materials' weights each
-# Shadow rays to a light that has a size, spread over its disc; and how far off the surface they start.
+WEIGHTS = "weights"  # passes with this name and a number hold the weights of three materials each
+# Shadow rays to an area light, and the offset of their origin from the surface.
 SHADOW_RAYS, OFFSET = 16, 1e-4
-# Where a pixel's middle misses the object, as at its outline: where else in it rays are sent, one after the other.
+# Other positions in a pixel to try, one after the other, if a ray through its centre misses the object at an outline.
 _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5) / 4 - 0.5).reshape(-1, 2)
 
 
@@ -36,23 +36,23 @@ def sample_from_cycles(
     triangles: NDArray[np.integer[Any]],
     renderer: str,
 ) -> Sample:
-    """The sample in the multi-layer EXR that Blender 4.5 or later wrote for a recipe.
+    """The sample in the multi-layer EXR that Blender 4.5 or later rendered for a recipe.
 
-    Its layers are those of one view layer: Combined (its alpha), Combined_light1 to _light3 (light groups), Normal (in
-    world space, which is the camera's) and weights0, weights3 (the materials' weights, three a pass) or, where the
-    recipe names no materials, the material index. Blender 4.5 writes all into one part, 5.0 and later a part a pass.
+    Its passes belong to one view layer: Combined (for alpha), Combined_light1 to _light3 (light groups), Normal (in
+    world space, which equals camera space), and weights0, weights3 (material weights, three per pass) or, if the recipe
+    has no materials, the material index. Blender 4.5 writes them into one part, 5.0 and later into one part per pass.
 
-    vertices (V, 3) and triangles (T, 3): what was rendered, in world space; depth and `lit` come from rays against
-    it. renderer: as in :class:`Sample`.
+    vertices (V, 3) and triangles (T, 3): the rendered mesh in world space. Depth and `lit` are computed from it by ray
+    casting. renderer: as in :class:`Sample`.
 
-    Raises FormatError where the file is damaged, is no such render, or holds values that are not finite.
+    Raises FormatError if the file is damaged, is no such render, or has values that are not finite.
     """
     path = existing_file(path, "render")
     planes = _planes(path)
     camera = recipe.camera
 
     def layer(name: str, *choices: str) -> NDArray[np.float32]:
-        """A pass, (H, W, C), by its name and what its channels may be called."""
+        """A pass, (H, W, C), by its name and the possible names of its channels."""
         for channels in choices:
             if all(f"{name}.{channel}" in planes for channel in channels):
                 values = np.stack([planes[f"{name}.{channel}"] for channel in channels], axis=-1)
@@ -67,8 +67,8 @@ def sample_from_cycles(
         passes = [f"{WEIGHTS}{first}" for first in range(0, len(recipe.materials), 3)]
         material = np.concatenate([layer(name, "RGB") for name in passes], axis=-1).argmax(axis=-1)
     else:
-        old = any(name.startswith("IndexMA.") for name in planes)  # so called up to Blender 4.5
-        index = layer("IndexMA" if old else "Material Index", "X", "V")  # V where the compositor wrote it
+        old = any(name.startswith("IndexMA.") for name in planes)  # its name up to Blender 4.5
+        index = layer("IndexMA" if old else "Material Index", "X", "V")  # V if the compositor wrote it
         material = np.rint(index[..., 0]).astype(np.int64)
     depth, lit = _traced(recipe, RayScene(vertices, triangles), vertices, triangles, normals, covered)
     return Sample(
@@ -84,7 +84,7 @@ def sample_from_cycles(
 
 
 def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
-    """Every channel of a file's parts, without its view layer's name."""
+    """All channels of all parts of a file, by name without the view layer."""
     source = image_input(path)
     if source is None:
         reason = complaint(oiio)

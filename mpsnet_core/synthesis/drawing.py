@@ -1,7 +1,7 @@
-"""Drawing recipes from a seed: every range of what samples show stands here.
+"""Draw recipes from a seed. All probability distributions of scene parameters are here.
 
-The ranges are wider than the MPS-Net paper's (slant 30°, tilts 120° apart, MERL materials) on purpose: other rigs,
-perspective, soft shadows and painted, dirty, metallic surfaces are what its errors on photographs came from.
+The ranges are deliberately wider than the MPS-Net paper's (slant 30°, tilts 120° apart, MERL materials). Its errors on
+photographs came from other rigs, perspective, soft shadows, and painted, dirty and metallic surfaces.
 """
 
 import math
@@ -24,27 +24,27 @@ from mpsnet_core.synthesis.reflectance.equation_2 import measured_errors
 from mpsnet_core.synthesis.shapes import draw_shape, mesh_files
 from mpsnet_core.synthesis.shapes.shape import turn_about
 
-# How often each kind of shape is drawn, relative to the others that a job requests. Real meshes lead where there are
-# some; the largest errors on photographs lie in hollows and in the wide shadows that one part throws on another.
+# Relative frequency of each kind of shape among those that a job requests. Meshes from files are most frequent, if
+# there are any. The largest errors on photographs are in hollows and in wide shadows that one part casts on another.
 SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "groups": 1.5, "meshes": 6, "scene": 2}
 
 SENSOR_WIDTH = 36.0  # mm
 ORTHOGRAPHIC_SHARE = 0.3
 FOCAL_LENGTH = (35.0, 200.0)  # mm
-MARGIN = (0.62, 1.1)  # half the picture's width, in radii of the object's bounding sphere
-SHIFT = 0.06  # how far the object's centre lies off the picture's, as a share of its width
+MARGIN = (0.62, 1.1)  # half the image width, in radii of the object's bounding sphere
+SHIFT = 0.06  # largest offset of the object's centre from the image centre, as a share of the width
 ORTHOGRAPHIC_DISTANCE = 10.0
 
 SLANT = (20.0, 60.0)  # degrees, of the rig
-SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each light about its place in the rig
-TILT_REACH = 30.0  # degrees, the most that a light's tilt leaves its place
+SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each light about its nominal direction
+TILT_REACH = 30.0  # degrees, largest deviation of a light's tilt
 SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
-# Of the samples have light over no, one, two and three bounces between surfaces, as far as the job requests them.
+# Shares of the samples with no, one, two and three bounces between surfaces, limited by the job's maximum.
 BOUNCE_SHARES = (0.2, 0.55, 0.15, 0.1)
 
 # Slants and tilts in degrees of the paper's own rig, and of the four triples of DiLiGenT's lights that it is evaluated
-# on. Few rigs, and all counter-clockwise: its network sees of the rig no more than what the initial normals tell.
+# on. They are few and all counter-clockwise: the paper's network knows the rig from the initial normals only.
 PUBLISHED_RIGS = (
     ((30, 30, 30), (90, 210, 330)),
     ((42, 26, 42), (145, 262, 35)),  # 48, 1, 96
@@ -53,27 +53,27 @@ PUBLISHED_RIGS = (
     ((22, 19, 27), (145, 278, 26)),  # 22, 50, 78
 )
 PUBLISHED_SPREAD = 2.0  # degrees, standard deviation of slants and tilts about these
-# Degrees: of its measured materials those that equation 2 is not further off on. The paper's table 1 has 8.3 degrees
-# for a single pixel. On all of MERL, with its metals and strong colours, no network of three lights comes near that.
+# Largest error of equation 2, in degrees, on the measured materials to use. The paper's table 1 has 8.3 degrees for a
+# single pixel. On all of MERL, with its metals and strong colours, no network with three lights comes near that.
 PUBLISHED_ERROR = 15.0
 
 Z = (0.0, 0.0, 1.0)
 UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
 FRONT_TURN = 40.0  # degrees
 
-# Materials of whole objects: plain matt ones, as plaster, clay and unglazed stone; softly glossy paint; dark
-# engraved metal; or any materials side by side.
+# Materials of whole objects: plain matt ones such as plaster, clay and unglazed stone; satin paint; dark engraved
+# metal; or several materials of any kind.
 FINISH_SHARES = {"plain": 0.33, "satin": 0.12, "metal": 0.07, "mixed": 0.48}
 PLAIN_ROUGHNESS, PLAIN_SPECULAR, PLAIN_BRIGHTNESS = (0.7, 1.0), (0.0, 0.5), (0.12, 0.9)
-LAMBERTIAN_SHARE = 0.5  # of the plain ones have no gloss at all
+LAMBERTIAN_SHARE = 0.5  # share of the plain materials without any gloss
 SATIN_ROUGHNESS = (0.25, 0.6)
 METAL_ROUGHNESS, DARK_METAL = (0.15, 0.5), (0.05, 0.35)
 ENGRAVED_SHARE = 0.8
 
 MATERIAL_COUNT_SHARES = (0.22, 0.26, 0.2, 0.15, 0.1, 0.07)  # for 1 to 6
-HELD_OUT = 5  # one measured material in so many is for validation
-MEASURED_SHARE = 0.6  # of the materials, where the job has measured ones
-TINT_SHARE, TINT = 0.3, (0.3, 1.0)  # of the measured ones are recoloured
+HELD_OUT = 5  # every fifth measured material is for validation
+MEASURED_SHARE = 0.6  # share of measured materials, if the job has any
+TINT_SHARE, TINT = 0.3, (0.3, 1.0)  # share of measured materials that are tinted, and range of the tint
 PATTERN_SHARES = {"parts": 0.25, "noise": 0.3, "voronoi": 0.2, "stripes": 0.25}
 PATTERN_SCALE = (0.7, 8.0)
 HARD_EDGE_SHARE = 0.45
@@ -82,22 +82,22 @@ PAINT_SHARE, PAINT_AMOUNT, PAINT_SCALE = 0.5, (0.1, 0.7), (0.5, 6.0)
 DIRT_SHARE, DIRT_AMOUNT, DIRT_SCALE = 0.25, (0.05, 0.5), (1.0, 8.0)
 BUMP_SHARE, BUMP_SLOPE, BUMP_SCALE = 0.35, (0.03, 0.3), (8.0, 60.0)
 
-ONE_TONE_SHARE = 0.4  # of the samples have materials of one hue that differ in brightness only
-GREY_SHARE = 0.35  # of the colours
-# Of the coloured ones are those of skin, wood, clay, leather and brass: orange, seldom strong.
+ONE_TONE_SHARE = 0.4  # share of samples whose materials have one hue and differ in brightness only
+GREY_SHARE = 0.35  # share of grey among the colours
+# Share of natural tones among the other colours, as of skin, wood, clay, leather and brass: orange, rarely saturated.
 NATURAL_SHARE, NATURAL_HUE, NATURAL_SPREAD, NATURAL_SATURATION = 0.5, 0.08, 0.04, (0.1, 0.6)
 BRIGHTNESS = (0.04, 0.9)
 ROUGHNESS = {(0.6, 1.0): 0.5, (0.25, 0.6): 0.35, (0.06, 0.25): 0.15}  # range, share
 METAL_SHARE, METAL_BRIGHTNESS = 0.15, (0.05, 0.9)
 SPECULAR, IOR = (0.2, 0.8), (1.3, 1.7)
 SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE = 0.1, 0.15, 0.1
-SUBSURFACE_RADIUS = (0.1, 1.0)  # as Blender takes it: light spreads about a twelfth of that
+SUBSURFACE_RADIUS = (0.1, 1.0)  # Blender's parameter; light spreads about a twelfth of it
 
 
 def draw_recipe(job: SampleJob, number: int) -> Recipe:
-    """What sample `number` of `job` shows; the same wherever and in whatever order it is drawn.
+    """The recipe of sample `number` of `job`. It is the same on every machine and in any order.
 
-    Raises FileError or FormatError where the job's folder of meshes or its measured materials cannot be read.
+    Raises FileError or FormatError if the job's folder of meshes or its measured materials cannot be read.
     """
     rng = generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
@@ -123,7 +123,7 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
 
 
 def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> Recipe:
-    """A sample as the MPS-Net paper's: two to six measured materials side by side under sharp lights."""
+    """A recipe like the MPS-Net paper's samples: two to six measured materials in a pattern, under point lights."""
     errors = measured_errors(job.merl)
     measured = [one for one in _measured(job) if errors[one[1]] <= PUBLISHED_ERROR]
     if not measured:
@@ -131,7 +131,7 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
     count = picked(rng, range(2, 7), MATERIAL_COUNT_SHARES[1:])
     chosen = [picked(rng, measured) for _ in range(count)]
     pattern = _pattern(rng, count)
-    if pattern.kind == "parts":  # one part would have one material
+    if pattern.kind == "parts":  # a shape with one part would have one material
         pattern = replace(pattern, kind="noise")
     return Recipe(
         seed=job.seed,
@@ -164,7 +164,7 @@ def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
     if pose not in ("upright", "front"):
         return rotation(rng)
     spin = turn_about(Z, between(rng, 0, 360)).T
-    if pose == "upright":  # the object's z upwards in the picture, seen from a little below to well above
+    if pose == "upright":  # the object's z is up in the image, seen from slightly below to well above
         roll = turn_about(Z, between(rng, -UPRIGHT_ROLL, UPRIGHT_ROLL)).T
         return roll @ turn_about((1, 0, 0), between(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
     # "front": the object's z towards the camera
@@ -233,7 +233,7 @@ def _materials(
 
 
 def _uniform_material(rng: np.random.Generator, finish: str) -> Material:
-    """The one material of an object that is plain, satin or of metal."""
+    """The material of a plain, satin or metal object."""
     if finish == "plain":
         return Material(
             base_color=_colour(rng, PLAIN_BRIGHTNESS),
@@ -278,7 +278,7 @@ def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
 
 
 def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour:
-    """A linear colour whose brightest channel is within `brightness`: grey, natural, or of any hue, pale to strong."""
+    """A linear colour, grey, natural or of any hue and saturation, whose brightest channel is within `brightness`."""
     value = between_log(rng, *brightness)
     saturation, hue = 0.0 if rng.random() < GREY_SHARE else rng.random(), rng.random()
     if rng.random() < NATURAL_SHARE and saturation:

@@ -1,4 +1,4 @@
-"""Draws: the few ways in which recipes, shapes and captures take random numbers."""
+"""Random draws for recipes, shapes and captures."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -10,22 +10,22 @@ Choice = TypeVar("Choice")
 
 
 def generator(*key: int) -> np.random.Generator:
-    """The stream of random numbers that belongs to a seed, or to several numbers together."""
+    """A random generator seeded with one or several integers."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
 
 
 def new_seed(rng: np.random.Generator) -> int:
-    """A seed for a stream of its own."""
+    """A seed for an independent generator."""
     return int(rng.integers(1 << 62))
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number from `low` to `high`, uniformly distributed."""
+    """A number from the uniform distribution between `low` and `high`."""
     return low + (high - low) * float(rng.random())
 
 
 def between_log(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number from `low` to `high`, whose logarithm is uniformly distributed."""
+    """A number from the log-uniform distribution between `low` and `high`."""
     share = float(rng.random())
     return low if low == high else float(low * (high / low) ** share)
 
@@ -36,25 +36,25 @@ def chance(rng: np.random.Generator, probability: float) -> bool:
 
 
 def count(rng: np.random.Generator, low: int, high: int) -> int:
-    """A whole number from `low` to `high`, both included."""
+    """An integer from `low` to `high`, inclusive."""
     return int(rng.integers(low, high + 1))
 
 
 def picked(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequence[float] | None = None) -> Choice:
-    """One of the choices, all equally likely or in proportion to their weights."""
+    """One of the choices, equally likely or in proportion to their weights."""
     shares = np.cumsum(np.ones(len(choices)) if weights is None else weights)
     return choices[min(len(choices) - 1, int(np.searchsorted(shares, rng.random() * shares[-1], side="right")))]
 
 
 def direction(rng: np.random.Generator) -> NDArray[np.float64]:
-    """A unit vector, uniformly distributed."""
+    """A uniformly distributed unit vector."""
     vector = rng.normal(size=3)
     unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
     return unit
 
 
 def rotation(rng: np.random.Generator) -> NDArray[np.float64]:
-    """(3, 3) rows are the axes of a random rotation, uniformly distributed."""
+    """(3, 3) a uniformly distributed rotation; rows are its axes."""
     z, hint = direction(rng), direction(rng)
     x: NDArray[np.float64] = np.cross(hint, z)
     x /= np.linalg.norm(x)

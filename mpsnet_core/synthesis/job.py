@@ -1,4 +1,4 @@
-"""Job: which samples a folder holds or shall hold; kept in the folder as ``job.json``."""
+"""Jobs: descriptions of the samples of a folder, stored in it as ``job.json``."""
 
 import os
 import re
@@ -20,12 +20,12 @@ MERL_PARTS = ("all", "training", "validation")
 STYLES = ("photographs", "paper", "paper-one-rig")
 SHAPES = ("blobs", "drapery", "reliefs", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
-MAX_BOUNCES = 3  # that the synthesis follows
-# Samples claim their own numbers; this one is for the folder's other files.
+MAX_BOUNCES = 3  # of the synthesis
+# Workers claim samples by number; this number claims the folder's other files.
 FOLDER_CLAIM = MAX_COUNT
 FOLDER_SECONDS = 20.0
 
-# Smallest and largest value of each whole number of a job.
+# Smallest and largest value of each integer setting.
 RANGES = {
     "count": (1, MAX_COUNT),
     "seed": (0, 2**63 - 1),
@@ -36,27 +36,28 @@ RANGES = {
     "supersampling": (1, 16),
     "sample_seconds": (1, 10_000_000),
 }
-# What another run may state otherwise of the same samples.
+# Settings that another run of the same job may change.
 _NOT_OF_SAMPLES = ("count", "sample_seconds")
 
 
 @dataclass(frozen=True)
 class SampleJob:
-    """What samples 0 to count - 1 are drawn from.
+    """Settings from which samples 0 to count - 1 are drawn.
 
-    renderer: "synthesis" (this package) or "cycles" (Blender). size: pixels a side. shapes: kinds of shapes to draw
-    from. meshes: folder of mesh files, for "meshes". objects: names of the objects in the job's ``scene.blend``, for
-    "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
-    are principled (synthesis only). merl_part: which of the measured materials: every fifth, in the order of their
-    names, is kept for "validation"; "training" has the others. views: how many samples in a row show the same shape.
-    bounces: the most that light makes between surfaces, 0 or more; for synthesis up to 3. samples: Cycles samples a
-    pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
-    pixel's side. style: "photographs", as wide as what users photograph, or "paper", as the MPS-Net paper's: its rig,
-    rigs of its evaluation, two measured materials or more that are matt and of weak colour, no paint, dirt or fine
-    relief (synthesis only). "paper-one-rig" has the paper's own rig alone.
-    sample_seconds: how long a worker may take for a sample before it is ended.
+    renderer: "synthesis" (this package) or "cycles" (Blender). size: side of the images in pixels. shapes: kinds of
+    shapes. meshes: folder of mesh files, for "meshes". objects: names of the objects in the job's ``scene.blend``, for
+    "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; if empty, all
+    materials are principled (synthesis only). merl_part: which measured materials to use: every fifth, sorted by name,
+    is in "validation", the others in "training". views: number of consecutive samples that show the same shape.
+    bounces: maximum number of bounces between surfaces; at most 3 for synthesis. samples: Cycles samples per pixel.
+    denoise: whether to denoise Cycles' indirect light. supersampling: rays along a pixel's side. sample_seconds: time
+    limit of a worker for one sample.
 
-    Raises SettingsError where a value is out of its range or two of them do not go together.
+    style: "photographs" covers what users photograph. "paper" is like the MPS-Net paper (synthesis only): its rig and
+    the rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
+    relief. "paper-one-rig" uses the paper's own rig only.
+
+    Raises SettingsError if a value is out of range or settings are incompatible.
     """
 
     renderer: Literal["synthesis", "cycles"]
@@ -102,7 +103,7 @@ class SampleJob:
         self._check_together()
 
     def _check_together(self) -> None:
-        """What one setting requires of another."""
+        """Check settings that depend on each other."""
         if ("meshes" in self.shapes) != bool(self.meshes):
             raise SettingsError(
                 "the job takes shapes from meshes but has no folder of them; name one"
@@ -128,25 +129,25 @@ class SampleJob:
 
 
 def sample_path(folder: str | os.PathLike[str], number: int) -> Path:
-    """Where sample `number` of the job in `folder` is kept."""
+    """The file of sample `number` of the job in `folder`."""
     return Path(folder) / f"sample_{number:06d}.exr"
 
 
 def sample_number(name: str) -> int | None:
-    """The number of the sample whose file, whole or unfinished, has this name; None where it is no sample's."""
+    """The number of the sample whose file, complete or unfinished, has this name; None if it is no sample's."""
     found = re.match(r"\.?sample_(\d{6,8})\.", name)
     return int(found[1]) if found else None
 
 
 def samples_there(folder: str | os.PathLike[str]) -> set[int]:
-    """Numbers of the samples that are in a folder. An empty file is none: it is what a power cut leaves."""
+    """Numbers of the samples in a folder. Empty files, which a power cut may leave, do not count."""
     with os.scandir(folder) as entries:
         whole = [entry for entry in entries if re.fullmatch(r"sample_\d{6,8}\.exr", entry.name)]
         return {int(entry.name[7:-4]) for entry in whole if entry.stat().st_size}
 
 
 def read_job(folder: str | os.PathLike[str]) -> SampleJob:
-    """The job of a folder. Raises FileError where there is none, FormatError where it is malformed."""
+    """The job of a folder. Raises FileError if there is none, FormatError if it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
     values: dict[str, Any] = {
@@ -162,17 +163,17 @@ def read_job(folder: str | os.PathLike[str]) -> SampleJob:
 
 
 def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
-    """Keep the job in its folder, whole or not at all. Raises FileError where a link is in its place."""
+    """Write the job to its folder, atomically. Raises FileError if its path is a link."""
     path = Path(folder) / JOB_FILE
     check_no_link(path)
     write_json(path, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
 
 
 def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
-    """Make `folder` the job's: a new or empty one, or one that holds the same job, whose count it may extend.
+    """Assign the job to a new or empty folder, or to one with the same job, whose count it may increase.
 
-    Raises SettingsError where the folder holds another job, stating what differs, and FileError where it holds samples
-    of no job or cannot be made.
+    Raises SettingsError if the folder has another job, naming the difference, and FileError if it has samples without a
+    job or cannot be created.
     """
     folder = ensure_folder(folder, "samples")
     with Claims(folder) as claims:

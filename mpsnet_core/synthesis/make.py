@@ -1,4 +1,4 @@
-"""Making a sample without Blender, from its number to its file."""
+"""Make a sample without Blender, from its number to its file."""
 
 import json
 from functools import lru_cache
@@ -14,9 +14,9 @@ from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 
 def make_sample(job: SampleJob, number: int, path: Path) -> None:
-    """Draw, build, shade and write sample `number` of `job`, whole or not at all.
+    """Draw, build, shade and write sample `number` of `job`, atomically.
 
-    Raises InputError where the job is another renderer's, a mesh or a measured material cannot be read, or the file
+    Raises InputError if the job is for another renderer, a mesh or a measured material cannot be read, or the file
     cannot be written.
     """
     if job.renderer != "synthesis":
@@ -27,7 +27,7 @@ def make_sample(job: SampleJob, number: int, path: Path) -> None:
     write_sample(path, synthesise(recipe, shape, reflectances, job.supersampling))
 
 
-# Several views in a row show the same shape.
+# Consecutive views show the same shape.
 @lru_cache(maxsize=1)
 def _shape(description: str, meshes: str) -> Shape:
     return build_shape(json.loads(description), meshes)

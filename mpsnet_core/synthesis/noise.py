@@ -1,4 +1,4 @@
-"""Noise: smooth random fields and random cells in space, from a seed."""
+"""Procedural noise in space, from a seed: smooth random fields and random cells."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rotations import quaternion_matrix
 
 Points = NDArray[np.floating[Any]]
-# Points worked on at once: their temporaries stay in the processor's cache.
+# Points processed at a time: temporary arrays stay in the processor's cache.
 _CHUNK = 1 << 13
 _AXES = (np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D))
 _SCALE = np.float32(1.6)
 
 
 def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
-    """Smooth noise with features of about a unit of length: (N, 3) points to (N,) values, about -1 to 1, mean 0.
+    """Smooth noise with features of about unit length: (N, 3) points to (N,) values, about -1 to 1, mean 0.
 
-    Improved Perlin noise (Perlin 2002) with a continuous second derivative, with 256 unit gradients. The lattice is
-    turned and shifted by the seed, so that no axis is favoured and fields of different seeds share no zeros.
+    Improved Perlin noise (Perlin 2002), which has a continuous second derivative, with 256 unit gradients. The seed
+    rotates and shifts the lattice: no axis is preferred, and fields of different seeds share no zeros.
     """
     points = np.asarray(points)
     values = np.empty(len(points), np.float32)
@@ -31,9 +31,9 @@ def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
 
 
 def fractal_noise(points: Points, seed: int, octaves: int = 4) -> NDArray[np.float32]:
-    """Sum of `octaves` gradient noises, each twice as fine and half as strong: (N, 3) points to (N,) values.
+    """Fractal noise: sum of `octaves` of gradient noise, each with twice the frequency and half the amplitude.
 
-    As strong as one gradient noise whatever the number of octaves: the values lie in about -1 to 1.
+    (N, 3) points to (N,) values, about -1 to 1. The amplitude does not depend on the number of octaves.
     """
     points = np.asarray(points)
     total: NDArray[np.float32] = np.zeros(len(points), np.float32)
@@ -47,10 +47,10 @@ def fractal_noise(points: Points, seed: int, octaves: int = 4) -> NDArray[np.flo
 
 
 def voronoi(points: Points, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
-    """Cells about a unit wide around random centres (Worley 1996), for (N, 3) points.
+    """Cells of about unit width around random centres (Worley 1996), at points (N, 3).
 
-    Returns (N,) a number of each point's cell, 0 to 2³² - 1, spread evenly; (N,) the number of the neighbour whose
-    border is nearest; and (N,) the distance to that border, in units of length.
+    Returns a uniformly distributed ID of each point's cell (N,), 0 to 2³² - 1; the ID of the neighbour with the nearest
+    border (N,); and the distance to that border (N,), in units of length.
     """
     points = np.asarray(points)
     cell, neighbour = np.empty((2, len(points)), np.int64)
@@ -67,7 +67,7 @@ def _chunks(count: int) -> Iterator[slice]:
 def _gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
-    # Along each axis: the two neighbours' hashes, the offsets from them and the weight of the farther one.
+    # Along each axis: hashes of both neighbours, offsets from them, and the interpolation weight of the second.
     hashes = [(h := cell * axis, h + axis) for cell, axis in zip(cells, _AXES, strict=True)]
     offsets = [(f, f - np.float32(1)) for f in fractions]
     fades = [f * f * f * (f * (f * np.float32(6) - np.float32(15)) + np.float32(10)) for f in fractions]
@@ -88,7 +88,7 @@ def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.
     count = len(points)
     neighbours = list(product((-1, 0, 1), repeat=3))
     numbers = np.empty((27, count), np.uint32)
-    centres = np.empty((27, 3, count), np.float32)  # seen from the point
+    centres = np.empty((27, 3, count), np.float32)  # relative to the point
     for n, steps in enumerate(neighbours):
         total = np.zeros(count, np.uint32)
         for cell, axis, step in zip(cells, _AXES, steps, strict=True):
@@ -96,7 +96,7 @@ def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.
         numbers[n] = _mixed(total, key)
         bits = _mixed(numbers[n], _AXES[0])
         for along in range(3):
-            # Centres keep from the lattice cell's faces, so that the nearest is always among the 27.
+            # Centres keep away from the faces of lattice cells: the nearest one is always among the 27.
             jitter = ((bits >> np.uint32(10 * along)) & np.uint32(1023)).astype(np.float32) * np.float32(0.8 / 1023)
             centres[n, along] = (jitter + np.float32(0.1 + steps[along])) - fractions[along]
     squares = centres[:, 0] ** 2 + centres[:, 1] ** 2 + centres[:, 2] ** 2
@@ -104,7 +104,7 @@ def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.
     nearest = squares.argmin(axis=0)
     own, own_square = centres[nearest, :, every], squares[nearest, every]
     apart = ((centres - own.T) ** 2).sum(axis=1)
-    # The border with a neighbour is the plane halfway between the two centres.
+    # The border to a neighbour is the plane halfway between both centres.
     apart[nearest, every] = np.inf
     border = (squares - own_square) / (np.float32(2) * np.sqrt(np.maximum(apart, np.float32(1e-12))))
     border[nearest, every] = np.inf
@@ -113,7 +113,7 @@ def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.
 
 
 def _lattice(points: Points, seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
-    """Lattice cells (modulo 2³²) and the places in them, per axis, after the seed's turn and shift."""
+    """Lattice cells (modulo 2³²) and positions in them, per axis, after the seed's rotation and shift."""
     turn, shift = _frame(seed)
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     cells, fractions = [], []
@@ -139,7 +139,7 @@ def _frame(seed: int) -> tuple[list[list[float]], list[float]]:
 
 @lru_cache(maxsize=1)
 def _gradients() -> tuple[NDArray[np.float32], ...]:
-    """256 unit vectors, uniformly random, by Marsaglia's method (1972)."""
+    """256 uniformly distributed unit vectors, by Marsaglia's method (1972)."""
     rng = np.random.Generator(np.random.PCG64(20020721))
     pairs = rng.random((1024, 2)) * 2 - 1
     pairs = pairs[pairs[:, 0] ** 2 + pairs[:, 1] ** 2 < 1][:128]
@@ -162,6 +162,6 @@ def _mixed(values: NDArray[np.uint32], key: np.uint32) -> NDArray[np.uint32]:
 
 
 def _key(seed: int) -> np.uint32:
-    # Neighbouring seeds far apart; seeds of more than 32 bits folded.
+    # Decorrelate neighbouring seeds, and fold seeds of more than 32 bits.
     seed &= 0xFFFFFFFFFFFFFFFF
     return np.uint32(((seed ^ (seed >> 32)) * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)

@@ -1,4 +1,4 @@
-"""Operations on training samples: made without Blender, gone on with, and shown."""
+"""Operations on training samples: make them without Blender, resume a job, and show samples."""
 
 from dataclasses import MISSING, dataclass
 from pathlib import Path
@@ -9,21 +9,21 @@ from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
 
-# Of processes on one machine.
+# On one machine.
 MAX_PROCESSES = 1024
-# So many of the files that `show` skips are named; all are counted.
+# Most skipped files that `show` lists by name; all are counted.
 NAMED = 10
 
 
 def job_number(name: str, help: str) -> Any:
-    """The option that sets the whole number `name` of a job."""
+    """The option for the integer setting `name` of a job."""
     low, high = RANGES[name]
     return option(default=getattr(SampleJob, name, MISSING), low=low, high=high, help=help)
 
 
 @dataclass(frozen=True)
 class SamplesMade(Result):
-    """How many samples a folder got now, how many it had, and where they are shown."""
+    """Numbers of samples made now and already there, the folder, and its contact sheet."""
 
     output: str
     made: int
@@ -33,7 +33,7 @@ class SamplesMade(Result):
 
 @dataclass(frozen=True)
 class RunsWorkers(Operation):
-    """Who makes samples: processes on this machine, or a cluster."""
+    """The workers that make samples: processes on this machine, or a cluster."""
 
     heading: ClassVar[str] = "who makes the samples"
 
@@ -57,10 +57,10 @@ class RunsWorkers(Operation):
     )
 
     def make(self, folder: str, job: SampleJob, progress: Progress, blender: str = "", addon: str = "") -> SamplesMade:
-        """Make the samples of `job` that `folder` does not hold yet.
+        """Make the samples of `job` that are missing in `folder`.
 
-        blender, addon: what renders them, as :func:`mpsnet_core.synthesis.farm.run.blender_command` takes it.
-        Raises InputError as `make_samples` does, and where a sample could not be made.
+        blender, addon: as in :func:`mpsnet_core.synthesis.farm.run.blender_command`. Raises InputError as in
+        `make_samples`, and if a sample could not be made.
         """
         from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
 
@@ -84,7 +84,7 @@ class RunsWorkers(Operation):
 
 @dataclass(frozen=True)
 class Synthesize(RunsWorkers):
-    """Training samples without Blender."""
+    """Make training samples without Blender."""
 
     command: ClassVar[str] = "synthesize"
 
@@ -135,12 +135,12 @@ class Synthesize(RunsWorkers):
     )
 
     def run(self, progress: Progress = silent) -> SamplesMade:
-        """Make the samples that the folder does not hold yet."""
+        """Make the samples that are missing in the folder."""
         from mpsnet_core.synthesis.reflectance import material_names
         from mpsnet_core.synthesis.shapes import mesh_files
 
         job = self.job()
-        # What is missing is reported before anything is begun.
+        # Report missing files before starting.
         if job.meshes:
             mesh_files(job.meshes)
         if job.merl:
@@ -148,7 +148,7 @@ class Synthesize(RunsWorkers):
         return self.make(self.output, job, progress)
 
     def job(self) -> SampleJob:
-        """What the samples are drawn from. Raises SettingsError as `SampleJob` does."""
+        """The job of the samples. Raises SettingsError as in `SampleJob`."""
         from mpsnet_core.io.files import resolved
 
         if self.shapes is not None:
@@ -161,7 +161,7 @@ class Synthesize(RunsWorkers):
             seed=self.seed,
             size=self.size,
             shapes=shapes,
-            # Workers may stand elsewhere.
+            # Workers may have another working directory.
             meshes=str(resolved(self.meshes)) if self.meshes else "",
             merl=str(resolved(self.merl)) if self.merl else "",
             merl_part=self.merl_part,
@@ -174,7 +174,7 @@ class Synthesize(RunsWorkers):
 
 @dataclass(frozen=True)
 class MakeSamples(RunsWorkers):
-    """Go on with a folder's training samples."""
+    """Resume making a folder's training samples."""
 
     command: ClassVar[str] = "make"
 
@@ -185,7 +185,7 @@ class MakeSamples(RunsWorkers):
     )
 
     def run(self, progress: Progress = silent) -> SamplesMade:
-        """Make the samples that the folder's job has and that it does not hold yet."""
+        """Make the samples of the folder's job that are missing."""
         job = read_job(self.folder)
         if self.blender and job.renderer != "cycles":
             raise SettingsError(f"the samples of {self.folder} are made without Blender; leave --blender out")
@@ -194,7 +194,7 @@ class MakeSamples(RunsWorkers):
 
 @dataclass(frozen=True)
 class Work(Operation):
-    """Make the samples of a folder whose numbers come on stdin; only the farm calls it."""
+    """Make samples of a folder, by numbers from stdin; called by the farm only."""
 
     command: ClassVar[str] = "work"
     listed: ClassVar[bool] = False
@@ -212,7 +212,7 @@ class Work(Operation):
 
 @dataclass(frozen=True)
 class SamplesShown(Result):
-    """Where the picture is, and what the samples are: see `mpsnet_core.synthesis.contact_sheet.FolderSummary`."""
+    """File of the image, and statistics as in `mpsnet_core.synthesis.contact_sheet.FolderSummary`."""
 
     output: str
     samples: int
@@ -224,7 +224,7 @@ class SamplesShown(Result):
 
 @dataclass(frozen=True)
 class ShowSamples(Operation):
-    """Samples or photos as a picture."""
+    """Show samples or photos in one image."""
 
     command: ClassVar[str] = "show"
 
@@ -235,14 +235,14 @@ class ShowSamples(Operation):
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:
-        """Write the picture, and describe the samples."""
+        """Write the image, and describe the samples."""
         from mpsnet_core.io.files import check_apart, checked_bits, writable_path
         from mpsnet_core.io.frames import is_several, matching_files
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
 
         paths: list[Path] = []
         for given in self.path:
-            # Windows' shell leaves patterns to programs.
+            # The Windows shell does not expand patterns.
             paths += matching_files(given) if is_several(given) and not Path(given).is_dir() else [Path(given)]
         first = paths[0]
         beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")

@@ -1,4 +1,4 @@
-"""Recipe: everything that a sample shows, as plain numbers and names; the same for both renderers."""
+"""Recipes: complete descriptions of a sample's scene, as plain data for both renderers."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -18,13 +18,13 @@ Colour = tuple[float, float, float]
 class Material:
     """A material of the surface.
 
-    kind: "principled" (the numbers below, which mean what they mean in Blender's Principled BSDF), "merl" (a measured
-        ``.binary`` file) or "fit" (one of a file of neural fits to MERL).
-    source: for "merl" the file's name, for "fit" the material's name; empty for "principled".
-    tint: multiplies the reflectance of "merl" and "fit", channel by channel.
-    base_color: linear RGB. specular: "Specular IOR Level", 0.5 is the plain dielectric of `ior`.
-    subsurface: "Subsurface Weight"; its radius, the same for every channel, is `subsurface_radius` in units of length
-        (the object's bounding sphere has radius 1).
+    kind: "principled" (the parameters below are those of Blender's Principled BSDF), "merl" (a measured ``.binary``
+        file) or "fit" (a neural fit to MERL).
+    source: for "merl" the file name, for "fit" the name of the material; empty for "principled".
+    tint: factor of the reflectance of "merl" and "fit", per channel.
+    base_color: linear RGB. specular: "Specular IOR Level"; 0.5 is a dielectric with `ior`.
+    subsurface: "Subsurface Weight". subsurface_radius: the same for all channels, in units of length (the object's
+        bounding sphere has radius 1).
     """
 
     kind: Literal["principled", "merl", "fit"] = "principled"
@@ -45,13 +45,13 @@ class Material:
 
 @dataclass(frozen=True)
 class Pattern:
-    """How the materials are spread over the surface, by the position in the object's own space.
+    """Distribution of the materials over the surface, as a function of the position in object space.
 
     kind: "parts" (part p of the shape has material p modulo their number), "noise" (bands of a noise field), "voronoi"
-        (cells, each of a random material), "stripes" (along `direction`, in turn).
-    scale: noise features, cells or stripes a unit of length; the object's bounding sphere has radius 1.
+        (cells of random materials), "stripes" (alternating along `direction`).
+    scale: noise features, cells or stripes per unit of length; the object's bounding sphere has radius 1.
     softness: 0 for hard edges; else the share of a band or cell in which neighbours blend, up to 1.
-    warp: how far noise bends the pattern, in units of 1 / scale.
+    warp: amplitude of the noise that distorts the pattern, in units of 1 / scale.
     """
 
     kind: Literal["parts", "noise", "voronoi", "stripes"] = "parts"
@@ -64,9 +64,9 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Paint:
-    """Soft variation of colour within each material: base colours are multiplied by 1 + amount · noise per channel.
+    """Smooth variation of colour within each material: base colours are multiplied by 1 + amount · noise per channel.
 
-    amount: 0 for none, up to 1. hue: 0 varies brightness only, 1 each channel on its own. scale: features a unit.
+    amount: 0 to 1. hue: 0 varies brightness only, 1 varies each channel independently. scale: features per unit.
     """
 
     amount: float = 0.0
@@ -79,7 +79,7 @@ class Paint:
 class Dirt:
     """A matt layer of one colour over parts of the surface, with soft edges.
 
-    amount: share of the surface that it covers, 0 for none. scale: patches a unit.
+    amount: share of the surface that it covers. scale: patches per unit.
     """
 
     amount: float = 0.0
@@ -90,9 +90,9 @@ class Dirt:
 
 @dataclass(frozen=True)
 class Bump:
-    """Fine relief that turns the shading normals, and so the truth: a height field of noise, not displaced.
+    """Bump map: fine relief by a noise height field, which changes shading normals and true normals, but not geometry.
 
-    height: amplitude in units of the object's radius, 0 for none. scale: features a unit.
+    height: amplitude in units of the object's radius. scale: features per unit.
     """
 
     height: float = 0.0
@@ -102,15 +102,15 @@ class Bump:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything that sample `number` of a job shows.
+    """Complete description of the scene of sample `number` of a job.
 
     shape: description for :func:`mpsnet_core.synthesis.shapes.build_shape`, plain JSON.
-    rotation: (3, 3), turns the object's own space into the world, whose axes are the camera's.
-    camera: on the z axis, looking down it, `size` pixels square.
-    light_directions: (3, 3) unit vectors from the origin to the three lights, a row each. light_sizes: (3,) angular
+    rotation: (3, 3) from object space to world space, whose axes are the camera's.
+    camera: on the z axis, looking along -z, with a square image.
+    light_directions: (3, 3) unit vectors from the origin to the three lights, one per row. light_sizes: (3,) angular
         diameters in degrees, 0 for a point at infinity. Lights are white, distant, and of irradiance pi: a white matt
-        surface that faces one has the radiance 1.
-    bounces: 0 for direct light only; more for light between surfaces.
+        surface facing one has radiance 1.
+    bounces: maximum number of bounces between surfaces; 0 for direct light only.
     """
 
     seed: int
@@ -128,7 +128,7 @@ class Recipe:
     bounces: int = 0
 
     def data(self) -> dict[str, Any]:
-        """The recipe as plain JSON data; :func:`recipe_from_data` is its inverse."""
+        """The recipe as plain JSON data, for :func:`recipe_from_data`."""
         return {
             "version": RECIPE_VERSION,
             "seed": self.seed,
@@ -148,7 +148,7 @@ class Recipe:
 
 
 def recipe_from_data(data: dict[str, Any]) -> Recipe:
-    """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises FormatError where it is none."""
+    """A recipe from :meth:`Recipe.data`, also after a JSON round trip. Raises FormatError if it is invalid."""
     try:
         if data["version"] > RECIPE_VERSION:
             raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
@@ -176,5 +176,5 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
 
 
 def _noun(kind: type, data: dict[str, Any]) -> Any:
-    # JSON has lists where the nouns have tuples.
+    # JSON has lists in place of tuples.
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in data.items()})

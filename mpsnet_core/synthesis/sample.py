@@ -1,4 +1,4 @@
-"""Sample: what one view looks like under each of three white lights, with its true normals; one EXR file each."""
+"""Samples: a view under each of three white lights, with its true normals; one EXR file each."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
 SAMPLE_VERSION = 1
 METADATA = "mpsnet:sample"
 MAX_SIDE = 8192
-# Channels in file order. Light is stored as half floats (a relative 0.05%), geometry as floats.
+# Channels in file order. Light is stored as half floats (precision 0.05%), geometry as floats.
 _CHANNELS = (
     *(f"light{k}.{c}" for k in (1, 2, 3) for c in "RGB"),
     *(f"normal.{c}" for c in "XYZ"),
@@ -34,7 +34,7 @@ _CHANNELS = (
 )
 _FLOATS = {"normal.X", "normal.Y", "normal.Z", "depth.Z"}
 _HALF_MAX = 65504.0
-# OpenImageIO puts the time of writing into every EXR that carries none; the same sample shall be the same file.
+# OpenImageIO adds the current time to every EXR without a date. A fixed date makes files reproducible.
 _NO_DATE = "1970:01:01 00:00:00"
 
 
@@ -45,22 +45,22 @@ class Sample:
     Attributes
     ----------
     lights : (3, H, W, 3) float32
-        Linear RGB radiance under each light alone; a white matt surface that faces a light is 1. Premultiplied with
+        Linear RGB radiance under each light alone; 1 for a white matt surface facing the light. Premultiplied with
         alpha: the background is black.
     normals : (H, W, 3) float32
         True unit normals in camera space (x right, y up, z towards the camera), bump included; zero outside alpha.
     depth : (H, W) float32
         Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0 outside alpha.
     alpha : (H, W) float32
-        The share of the pixel that the object covers, 0 to 1.
+        Coverage of the pixel by the object, 0 to 1.
     material : (H, W) int32
-        Number of the material that weighs most; -1 outside alpha.
+        Index of the material with the largest weight; -1 outside alpha.
     lit : (3, H, W) float32
-        The share of each light that reaches the pixel, 0 to 1: 0 in attached and cast shadow.
+        Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow.
     recipe : Recipe
-        What the sample shows.
+        Description of the scene.
     renderer : str
-        What made it, for instance "synthesis" or "Cycles 4.5.15".
+        For example "synthesis" or "Cycles 4.5.15".
     """
 
     lights: NDArray[np.float32]
@@ -74,24 +74,24 @@ class Sample:
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """(H, W) pixels that the object covers wholly."""
+        """(H, W) pixels that the object covers completely."""
         return self.alpha > 0.99
 
     @property
     def lit_fractions(self) -> tuple[float, float, float, float]:
-        """Shares of the mask's pixels that no, one, two and three lights reach (half of a light or more)."""
+        """Shares of the mask's pixels that no, one, two and three lights reach by at least half."""
         count = (self.lit >= 0.5).sum(axis=0)[self.mask]
         shares = np.bincount(count, minlength=4) / max(1, len(count))
         return tuple(float(share) for share in shares)  # type: ignore[return-value]
 
 
 def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
-    """Write a sample as one multi-layer EXR, whole or not at all.
+    """Write a sample as one multi-layer EXR, atomically.
 
-    Layers light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V); the
-    recipe, with the rig and the camera, as JSON in the attribute "mpsnet:sample". The same sample gives the same bytes.
+    Layers are light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V).
+    The recipe, with rig and camera, is JSON in the attribute "mpsnet:sample". The same sample gives the same bytes.
 
-    Raises InputError where a value is not finite, FileError where the file cannot be written.
+    Raises InputError if a value is not finite, FileError if the file cannot be written.
     """
     path = Path(path)
     if not all(np.isfinite(values).all() for values in (sample.lights, sample.normals, sample.depth, sample.lit)):
@@ -109,7 +109,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     spec = oiio.ImageSpec(width, height, count, "float")
     spec.channelnames = _CHANNELS
     spec.channelformats = tuple(oiio.TypeFloat if name in _FLOATS else oiio.TypeHalf for name in _CHANNELS)
-    spec.attribute("compression", "zip:2")  # as small as zip:4, in two thirds of the time
+    spec.attribute("compression", "zip:2")  # as small as zip:4 in two thirds of the time
     spec.attribute("DateTime", _NO_DATE)
     spec.attribute("oiio:ColorSpace", "raw")
     spec.attribute(
@@ -129,7 +129,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
         done = closed = False
         try:
             done = target.open(str(unfinished), spec) and target.write_image(pixels)
-        finally:  # Windows removes no open file
+        finally:  # Windows cannot remove open files
             closed = target.close()
         if not (closed and done):
             reason = complaint(target) or complaint(oiio)
@@ -147,14 +147,14 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     Returns
     -------
     Sample
-        Its normals brought to unit length; light and `lit` as exact as half floats are.
+        With normalised normals; light and `lit` have the precision of half floats.
 
     Raises
     ------
     FileError
-        Where there is no such file.
+        If there is no such file.
     FormatError
-        Where the file is cut short, damaged or no sample.
+        If the file is truncated, damaged or no sample.
     """
     with _opened(path) as (source, path):
         data, recipe = _description(source, path)
@@ -162,7 +162,7 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
         order = [source.spec().channelnames.index(name) for name in _CHANNELS]
     if not (np.abs(values) <= MAX_VALUE).all():
         raise _damaged(path, "values that are not finite")
-    # Channel by channel in memory, seen as pixels of three: what is computed from it is several times faster so.
+    # Planar in memory, viewed as (H, W, 3): computations on it are several times faster.
     planes = np.stack([values[..., number] for number in order])
     lights = planes[:9].reshape(3, 3, *planes.shape[1:]).transpose(0, 2, 3, 1)
     normals, (depth, alpha, material), lit = planes[9:12].transpose(1, 2, 0), planes[12:15], planes[15:]
@@ -188,10 +188,10 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
 
 
 def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """A sample's metadata alone: "version", "renderer", "lit_fractions" and "recipe" (plain data).
+    """Read a sample's metadata only: "version", "renderer", "lit_fractions" and "recipe" (plain data).
 
-    Of the pixels only the last row is read, which files that were cut short lack. Raises FormatError where the file is
-    cut short or no sample.
+    Also reads the last row of pixels, which truncated files lack. Raises FormatError if the file is truncated or no
+    sample.
     """
     with _opened(path) as (source, path):
         data, _ = _description(source, path)
@@ -202,11 +202,11 @@ def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
-    """The open file, known to be one picture with a sample's channels and of a size that can be read."""
+    """The open file, after checking that it is one image with a sample's channels and an acceptable size."""
     path = existing_file(path, "sample")
     source = image_input(path)
     if source is None:
-        complaint(oiio)  # else the next file reports it again
+        complaint(oiio)  # clear OpenImageIO's error, or the next file reports it again
         raise FormatError(f"{path} is no sample, or cut short within its head; delete it and make it again")
     try:
         spec = source.spec()
@@ -226,7 +226,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
 
 
 def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
-    """The metadata and the recipe in it, known to be whole and to fit the picture."""
+    """The metadata and its recipe, after checking that they are complete and match the image."""
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_TEXT_BYTES:
         raise FormatError(
@@ -276,5 +276,5 @@ def _damaged(path: Path, fault: str) -> FormatError:
 
 
 def _outside_unit(values: NDArray[np.float32]) -> bool:
-    # Half floats and denoisers are off by a little.
+    # Half floats and denoisers cause small deviations.
     return bool(values.min() < -0.001 or values.max() > 1.001)

@@ -1,5 +1,5 @@
-"""Calibration: where the lights stand, from a mirror ball; how their colours mix, from a grey ball or card.
+"""Calibration: light directions and positions from a mirror ball, the mixing matrix from a grey ball or card.
 
-Points in a photo are (x, y) in pixels from its top left corner, y down, pixel middles at halves. Everything else is
-camera space: x right, y up, z towards the camera, which stands at the origin.
+Points in a photo are (x, y) in pixels from the top left corner, y down, with pixel centres at half-integers. Everything
+else is in camera space: x right, y up, z towards the camera, which is at the origin.
 """

@@ -1,4 +1,4 @@
-"""Ball: where a ball stands before the camera, by its outline; which way its surface faces, and what it mirrors."""
+"""A ball in camera space: its position from its outline, its surface normals, and mirrored directions."""
 
 from dataclasses import dataclass, replace
 
@@ -11,9 +11,9 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 
 ROUNDS = 30
-# Neighbouring points of an outline share their errors; about one in this many is independent.
+# Errors of neighbouring outline points are correlated; about one in this many is independent.
 POINTS_THAT_AGREE = 4
-# No outline is known better than this, in pixels, nor one that was given by hand better than that.
+# Least uncertainty of an outline in pixels: of one that was detected, and of one drawn by hand.
 LEAST_UNCERTAINTY = 0.03
 HAND_UNCERTAINTY = 0.5
 HAND_POINTS = 180
@@ -22,7 +22,7 @@ NO_FIT = "no ball fits the outline that was found; give the circle by hand (x,y,
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle in a photo: middle and radius in pixels. Raises SettingsError where the radius is not above 0."""
+    """A circle in a photo: centre and radius in pixels. Raises SettingsError if the radius is not above 0."""
 
     x: float
     y: float
@@ -33,32 +33,32 @@ class Circle:
             raise SettingsError("a circle is x,y,r: finite numbers of pixels, with a radius above 0")
 
     def points(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
-        """(count, 2) points on it, evenly."""
+        """(count, 2) evenly spaced points on the circle."""
         turn = 2 * np.pi * np.arange(count) / count
         return np.stack([self.x + self.radius * np.cos(turn), self.y + self.radius * np.sin(turn)], axis=-1)
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball before a camera.
+    """A ball in front of a camera.
 
     Attributes
     ----------
     centre : (3,) float64
-        In camera space. Before a perspective camera in the unit in which the radius was given, ball radii otherwise.
-        Before an orthographic one in the camera's world unit, and the depth is unknown: z is 0.
+        In camera space. With a perspective camera, in the unit of the given radius, else in ball radii. With an
+        orthographic camera, in its world unit; the depth is unknown, and z is 0.
     radius
         In the same unit.
     camera
         Its pose is ignored here.
     residual
-        How far the outline's points lie from the fit, in pixels (rms of the inliers).
+        RMS distance of the outline's inliers from the fit, in pixels.
     seen
         Share of the outline that was found, 0 to 1.
     covariance : (3, 3) float64
-        Of the errors of the outline's middle x, y and radius, in pixels squared.
+        Covariance of the outline's centre x, y and radius, in pixels squared.
     by_hand
-        Whether the user drew the outline; residual and seen then mean nothing.
+        Whether the user drew the outline; residual and seen are then meaningless.
     """
 
     centre: NDArray[np.float64]
@@ -70,7 +70,7 @@ class Ball:
     by_hand: bool = False
 
     def outline(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
-        """(count, 2) points of its outline in the photo: a circle, or the ellipse that perspective makes of it."""
+        """(count, 2) points of the outline in the photo: a circle, or an ellipse under perspective."""
         turn = 2 * np.pi * np.arange(count) / count
         if self.camera.projection == "orthographic":
             rim = self.radius * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
@@ -84,7 +84,7 @@ class Ball:
         return projected(self.camera, axis * np.sqrt(1 - sine**2) + sine * around)
 
     def window(self, width: int, height: int) -> tuple[int, int, int, int]:
-        """Where its outline lies in a photo of that size: left, right, top and bottom, as of half-open ranges."""
+        """Bounding box of the outline in a photo of that size: left, right, top, bottom, as half-open ranges."""
         outline = self.outline()
         (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
         left, right = max(int(low_x), 0), min(int(high_x) + 1, width)
@@ -93,14 +93,14 @@ class Ball:
 
     @property
     def circle(self) -> Circle:
-        """The circle of the outline's own middle and area."""
+        """The circle with the outline's centre and area."""
         x, y = self.outline().T
         after_x, after_y = np.roll(x, -1), np.roll(y, -1)
         area = abs((x * after_y - after_x * y).sum()) / 2
         return Circle(float(x.mean()), float(y.mean()), float(np.sqrt(area / np.pi)))
 
     def nudged(self, x: float, y: float, radius: float) -> "Ball":
-        """The ball whose outline lies x pixels to the right, y down, and is larger by `radius` pixels."""
+        """The ball whose outline is x pixels further right, y further down, and `radius` pixels larger."""
         shift = np.append(np.array([x, -y]) / self.camera.focal, 0)
         growth = radius / self.camera.focal.mean()
         if self.camera.projection == "orthographic":
@@ -112,13 +112,13 @@ class Ball:
 
 
 def at_origin(camera: Camera) -> Camera:
-    """The camera at the origin: rigs are in its own space, wherever it stands in the world."""
+    """The camera moved to the origin, because rigs are in camera space."""
     is_there = np.array_equal(camera.world_from_camera, np.eye(4))  # called thousands of times for one photo
     return camera if is_there else replace(camera, world_from_camera=np.eye(4))
 
 
 def projected(camera: Camera, points: ArrayLike) -> NDArray[np.float64]:
-    """(N, 2) where camera-space points (N, 3) lie in the photo, in pixels."""
+    """(N, 2) pixels of camera-space points (N, 3)."""
     x, y, z = np.asarray(points, np.float64).T
     deep = 1.0 if camera.projection == "orthographic" else -z
     pixels: NDArray[np.float64] = np.stack([x / deep, -y / deep], axis=-1) * camera.focal + camera.centre
@@ -126,13 +126,13 @@ def projected(camera: Camera, points: ArrayLike) -> NDArray[np.float64]:
 
 
 def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball whose outline runs through `points` (N, 2) in pixels, despite outliers.
+    """Robustly fit a ball to `points` (N, 2) of its outline in pixels.
 
-    radius: the ball's own, in the wanted unit; an orthographic camera shows it by itself.
+    radius: of the ball, in the desired unit; not needed for an orthographic camera, which shows it.
 
-    Before a pinhole camera a ball's outline is no circle but the rays d that touch it lie on a cone: d·a = cos α about
-    its axis a, so that a / cos α follows from linear equations; the ball is at distance radius / sin α along a.
-    Outliers lose their weight by Tukey's biweight. Raises GeometryError where no ball fits.
+    For a pinhole camera the outline is not a circle. The rays d tangent to the ball form a cone, d·a = cos α, about its
+    axis a. Linear equations give a / cos α, and the ball is at distance radius / sin α along a. Tukey's biweight
+    suppresses outliers. Raises GeometryError if no ball fits.
     """
     points = np.asarray(points, np.float64)
     weight: NDArray[np.float64] = np.ones(len(points))
@@ -156,13 +156,13 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
 
 
 def ball_from_circle(circle: Circle, camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball whose outline the user drew as a circle. Raises GeometryError where no ball fits."""
+    """The ball whose outline the user drew as a circle. Raises GeometryError if no ball fits."""
     ball = fit_ball(circle.points(), camera, radius)
     return replace(ball, covariance=HAND_UNCERTAINTY**2 * np.diag([0.5, 0.5, 0.5]), by_hand=True)
 
 
 def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball that a mask (H, W) shows, with or without its mount. Raises GeometryError where no ball fits."""
+    """The ball in a mask (H, W), which may include its mount. Raises GeometryError if no ball fits."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
         raise GeometryError("the mask shows no ball: it has fewer than 8 rows or columns; choose another mask")
@@ -177,19 +177,19 @@ def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0)
             np.stack([columns + 0.5, bottom], axis=-1),
         ]
     )
-    # The photo's border is no outline.
+    # Points on the image border are no outline.
     x, y = points.T
     return fit_ball(points[(x > 0) & (x < width) & (y > 0) & (y < height)], camera, radius)
 
 
 def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The ball's surface at points (N, 2) of the photo: position, unit normal and unit direction back to the camera.
+    """The ball's surface at points (N, 2) of the photo: position, unit normal and unit direction to the camera.
 
-    Each is (N, 3) in camera space. Points outside the outline use the nearest ray that touches it.
+    Each is (N, 3) in camera space. Points outside the outline use the nearest tangent ray.
     """
     origins, away = at_origin(ball.camera).rays(np.atleast_2d(points))
     if ball.camera.projection == "orthographic":
-        # Rays start beside the ball's middle, which has no depth: bring them before it.
+        # Rays of an orthographic camera start at the depth of the ball's centre: move them in front of the ball.
         origins = origins - away * ball.radius * 2
     to_ball = ball.centre - origins
     along = dot(to_ball, away)
@@ -199,9 +199,9 @@ def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray
 
 
 def mirrored(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where on the ball, and towards where, the camera looks by way of its mirror at points (N, 2); each (N, 3).
+    """Position on the ball and mirrored viewing direction at points (N, 2) of the photo; each (N, 3).
 
-    The direction is 2 (n·v) n − v, of the normal n and the direction v to the camera: twice as far from v as n is.
+    The direction is 2 (n·v) n − v, where n is the normal and v the direction to the camera.
     """
     place, normal, back = surface(ball, points)
     return place, 2 * dot(normal, back)[:, None] * normal - back
@@ -232,7 +232,7 @@ def _solved(
 def _outline_error(
     points: NDArray[np.float64], centre: NDArray[np.float64], radius: float, camera: Camera
 ) -> NDArray[np.float64]:
-    """(N,) how far outside the ball's outline points lie, in pixels."""
+    """(N,) signed distance of points from the ball's outline in pixels, positive outside."""
     origins, away = at_origin(camera).rays(points)
     focal = float(camera.focal.mean())
     if camera.projection == "orthographic":

@@ -1,4 +1,4 @@
-"""Finding balls in a photo: circles by the Hough transform along gradients, then their outlines to parts of a pixel."""
+"""Detect balls in a photo: circles by a gradient-based Hough transform, then subpixel outlines."""
 
 import logging
 
@@ -12,23 +12,23 @@ from mpsnet_core.capture.calibrate.outlines import Pyramid, near_outline, sharp_
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
-# Longer side of the picture that circles are looked for in.
+# Longer side of the image in which circles are detected.
 SEARCHED_SIDE = 400
 LEAST_SIDE = 16
-# A ball's radius, as a share of the photo's shorter side.
+# Range of a ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
-# Circles whose middles and radii differ by less, as a share of the radius, are the same: as edges vote for them, and
-# after they were moved to the same outline.
+# Circles whose centres and radii differ by less, as a share of the radius, are duplicates: of candidates, and after
+# they were moved to outlines.
 ALIKE, SAME = 0.1, 0.02
-# A circle that shows less of its outline, or a rougher one (as a share of the radius), is no ball.
+# A circle with less of its outline visible, or a larger residual (as a share of the radius), is no ball.
 LEAST_SEEN = 0.2
 ROUGHEST = 0.01
-# A pixel above this share of the brightest belongs to a mirrored light, if such pixels are a small part of the photo.
+# Pixels above this share of the brightest are mirrored lights, if they are a small share of the photo.
 BRIGHT = 0.5
 MOST_BRIGHT = 0.03
 
-# Another circle in the ball's place with this share of its score may be the ball instead.
+# An overlapping circle with this share of the ball's score may be the ball instead.
 RIVAL = 0.6
 
 log = logging.getLogger(__name__)
@@ -37,15 +37,15 @@ log = logging.getLogger(__name__)
 def find_balls(
     image: NDArray[np.float32], camera: Camera, *, count: int = 1, radius: float = 1.0, mirror: bool = True
 ) -> list[Ball]:
-    """The `count` balls that a photo shows, from left to right.
+    """The `count` balls in a photo, from left to right.
 
-    image: (H, W, 3) linear. radius: the balls' own, see :func:`fit_ball`. mirror: whether they mirror lights, so that
-    each holds some of the brightest pixels.
+    image: (H, W, 3) linear. radius: of the balls, see :func:`fit_ball`. mirror: whether they mirror lights; each then
+    contains some of the brightest pixels.
 
-    Edges vote for the middles of circles along their gradients (after Yuen et al., "Comparative study of Hough
-    transform methods for circle finding", 1990); the winners are moved to the nearest outline, and the largest with the
-    most of their outline visible are chosen. Warns of another circle in a ball's place that is nearly as likely to be
-    it. Raises GeometryError where fewer are found.
+    Edges vote for circle centres along their gradients (after Yuen et al., "Comparative study of Hough transform
+    methods for circle finding", 1990). The best circles are moved to the nearest outline, and large ones with a mostly
+    visible outline are chosen. Warns of an overlapping circle that is nearly as likely. Raises GeometryError if fewer
+    are found.
     """
     if min(image.shape[:2]) < LEAST_SIDE:
         raise GeometryError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
@@ -86,7 +86,7 @@ def find_balls(
 
 
 def _note_rival(score: float, ball: Ball, scored: list[tuple[float, Ball]]) -> None:
-    """Warn of another circle in the ball's place that is nearly as likely to be it."""
+    """Warn of an overlapping circle that is nearly as likely to be the ball."""
     for other_score, other in scored:
         a, b = ball.circle, other.circle
         if other_score > RIVAL * score and _differ(a, b, ALIKE) and not _apart(a, b):
@@ -107,7 +107,7 @@ def _apart(a: Circle, b: Circle) -> bool:
 
 
 def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Under the binomial filter 1 4 6 4 1, twice as wide as a pixel."""
+    """Smooth with the binomial filter 1 4 6 4 1 in both directions."""
     for axis in (0, 1):
         around = np.pad(picture, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="edge")
         parts = np.lib.stride_tricks.sliding_window_view(around, 5, axis=axis)
@@ -116,15 +116,15 @@ def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _bright(image: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) where the brightest pixels are; nowhere, where they are too many to be mirrored lights."""
+    """(H, W) the brightest pixels; none if they are too many to be mirrored lights."""
     brightness = image.max(axis=-1)
     bright = brightness > BRIGHT * brightness.max()
     return bright if bright.mean() < MOST_BRIGHT else np.zeros_like(bright)
 
 
 def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circle]:
-    """Circles that many edges vote for, most votes for their size first."""
-    # The eye's cube root: a mirror ball's outline is faint beside the lights that it mirrors.
+    """Candidate circles, sorted by votes relative to their size."""
+    # Perceptual cube root: a mirror ball's outline is faint compared with the lights that it mirrors.
     picture = _smooth(np.cbrt(np.maximum(image.mean(axis=-1), 0)))
     height, width = picture.shape
     gradient_x, gradient_y = np.gradient(picture, axis=1), np.gradient(picture, axis=0)
@@ -147,7 +147,7 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
             place = np.ravel_multi_index((row[within], column[within]), shape)
             votes += np.bincount(place, minlength=votes.size).reshape(shape)
         votes = box_sums(votes, 1 + int(size) // 40)
-        for _ in range(2):  # a second ball of the same size stands elsewhere
+        for _ in range(2):  # there may be a second ball of the same size
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))
             found.append((votes[row, column] / np.sqrt(size), Circle(2 * column + 1, 2 * row + 1, float(size))))
             gone = int(size) // 2
@@ -165,7 +165,7 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
 
 
 def _differ(a: Circle, b: Circle, share: float) -> bool:
-    """Whether their middles or radii are apart by over a share of the larger radius."""
+    """Whether centres or radii differ by more than a share of the larger radius."""
     limit = share * max(a.radius, b.radius)
     return float(np.hypot(a.x - b.x, a.y - b.y)) > limit or abs(a.radius - b.radius) > limit
 
@@ -173,7 +173,7 @@ def _differ(a: Circle, b: Circle, share: float) -> bool:
 def _ridge(
     steep: NDArray[np.float32], gradient_x: NDArray[np.float32], gradient_y: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """(H, W) where the gradient is steepest along its own direction, to the nearest of four."""
+    """(H, W) non-maximum suppression of the gradient along its direction, rounded to one of four."""
     eighth = np.round(np.arctan2(gradient_y, gradient_x) / (np.pi / 4)).astype(int) % 4
     around = np.pad(steep, 1)
     height, width = steep.shape

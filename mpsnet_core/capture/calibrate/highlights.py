@@ -1,4 +1,4 @@
-"""Highlights: where a mirror ball shows each light, and which light's it is by its colour."""
+"""Highlights of the lights in a mirror ball, assigned to lights by their colours."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
@@ -13,44 +13,43 @@ from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import CHANNELS, Image
 
-# Of the ball's radius: nearer to its rim a mirror shows what lies behind it, squeezed, and the rim is blurred.
+# Share of the ball's radius to search. Closer to the rim, a mirror shows what is behind it, and the rim is blurred.
 USED_RADIUS = 0.96
-# A spot reaches to where it is half as bright as at its brightest; what counts for its middle reaches further out.
+# A spot is the region above this share of its maximum brightness; its centroid also uses pixels above the second one.
 SPOT = 0.5
 SKIRT = 0.2
-# From this share of a highlight's brightness on, another spot is a candidate too.
+# Another spot above this share of the highlight's brightness is a candidate, too.
 CANDIDATE = 0.25
-# Of a spot's radius, how far its middle may be off: a clipped spot hides where it is brightest.
+# Uncertainty of a spot's centroid, as a share of its radius: normally, and for a clipped spot, which hides its peak.
 CENTROID_SHARE = 0.05
 CLIPPED_SHARE = 0.1
 LEAST_UNCERTAINTY = 0.1
-# Where clipped highlights touch, one hides a part of the other.
+# The same where clipped highlights touch: one hides part of the other.
 HIDDEN_SHARE = 0.25
-# Pixels whose chromaticity differs by less are of one colour.
+# Pixels whose chromaticities differ by less have one colour.
 SAME_COLOUR = 0.08
-# How much likelier, in natural logarithms, the colours must fit the best order of the lights than the next best.
+# Least difference of log likelihood between the best and the second-best order of the lights.
 LEAST_MARGIN = 0.2
 
 
 @dataclass(frozen=True)
 class Highlight:
-    """A light as a ball mirrors it.
+    """A light's reflection in a mirror ball.
 
     Attributes
     ----------
     x, y
-        Its middle in the photo, in pixels.
+        Its centre in the photo, in pixels.
     radius
-        Of a disc of its area, in pixels.
+        Radius of a disc of the same area, in pixels.
     uncertainty
-        Of its middle, in pixels.
+        Of the centre, in pixels.
     clipped
-        Whether any of it is saturated.
+        Whether any of its pixels is saturated.
     rival
-        How much light the next likely spot holds, as a share of this one's: 0 where it stands alone, 1 where both are
-        as likely.
+        Light of the second-best spot as a share of this one's: 0 if there is none, 1 if both are equally likely.
     colour
-        Red, green and blue, the largest 1.
+        Red, green and blue, scaled to a maximum of 1.
     """
 
     x: float
@@ -69,9 +68,9 @@ class Highlight:
 
 @dataclass(frozen=True)
 class _Window:
-    """The part of a photo that holds the ball.
+    """The part of a photo that contains the ball.
 
-    excess: (H, W, 3) above what the ball mirrors elsewhere. clipped: (H, W, 3) which of it is saturated.
+    excess: (H, W, 3) light above what the ball mirrors elsewhere. clipped: (H, W, 3) whether it is saturated.
     """
 
     left: int
@@ -82,29 +81,29 @@ class _Window:
 
 
 def find_highlight(photo: Image, ball: Ball) -> Highlight:
-    """The highlight of the one light that is on. Raises GeometryError where the ball shows none."""
+    """The highlight of the one light that is on. Raises GeometryError if the ball shows none."""
     window = _window(photo, ball)
     light = window.excess.max(axis=-1)
     return _highlight(window, light / _peak(light), np.zeros_like(light), "the light")
 
 
 def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highlight, Highlight]:
-    """The highlights of the red, the green and the blue light that are on at once, in this order.
+    """The highlights of the red, green and blue light, in this order, when all are on at once.
 
-    The three colours are those of the ball's most different bright pixels (successive projections, Gillis and Vavasis,
-    "Fast and robust recursive algorithms for separable nonnegative matrix factorization", PAMI 2014), so that what is
-    white is none of them. Which is whose follows from the order of the lights that makes the product of
-    red in the red, green in the green and blue in the blue largest: neither the lights' brightness nor the channels'
-    gains change that. Unmixed by the inverse of these colours each light stands alone, though highlights overlap.
-    Clipped pixels have lost their colour; they get that of the nearest pixel that has one.
+    The lights' colours are those of the ball's most different bright pixels, by successive projections (Gillis and
+    Vavasis, "Fast and robust recursive algorithms for separable nonnegative matrix factorization", PAMI 2014). White
+    pixels are therefore none of them. The colours are assigned to the lights in the order that maximises the product of
+    red in the red light, green in the green and blue in the blue: neither light brightness nor channel gains change
+    that order. Multiplying by the inverse of the colours separates the lights, even if highlights overlap. Clipped
+    pixels have lost their colour and get that of the nearest pixel that has one.
 
-    Raises GeometryError where the ball shows no highlights or they do not differ in colour.
+    Raises GeometryError if the ball shows no highlights, or they do not differ in colour.
     """
     window = _window(photo, ball)
     gains = np.array([_peak(window.excess[..., channel]) for channel in range(3)])
     share = (window.excess / gains).max(axis=-1)
     bright, clipped = share > SKIRT, np.any(window.clipped, axis=-1)
-    # One saturated channel leaves two that show which light a pixel belongs to, if not its colour; two do not.
+    # With one saturated channel, the other two still show which light a pixel belongs to; with two they do not.
     attributable = bright & (window.clipped.sum(axis=-1) < 2)
     colours = _three_colours(window.excess[bright & ~clipped] / gains)
     if colours is None:
@@ -122,7 +121,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     for light in range(3):
         here = lights[..., light]
         own = clipped & (owner == light)
-        # A clipped highlight counts as fully bright where its strongest channel is saturated.
+        # A pixel is fully bright where the light's strongest channel is saturated.
         strongest = int(colours[:, light].argmax())
         ends = window.excess[own & window.clipped[..., strongest], strongest]
         top = float(ends.min()) if ends.size else _peak(here)
@@ -160,15 +159,15 @@ def _window(photo: Image, ball: Ball) -> _Window:
 
 
 def _peak(values: NDArray[np.float64]) -> float:
-    """The brightest pixel, but not one that shines alone: the brightest mean of two neighbours across and down."""
+    """Peak brightness, robust to single hot pixels: the largest mean of 2 x 2 pixels."""
     pairs = (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:]) / 4
     return max(float(pairs.max()), 1e-12)
 
 
 def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """(3, 3) the most different colours of pixels (N, 3), a column each, in the order red, green, blue.
+    """(3, 3) the most different colours of pixels (N, 3), one per column, in the order red, green, blue.
 
-    None where they are too alike to assign.
+    None if they are too similar to assign.
     """
     if len(pixels) < 3:
         return None
@@ -180,7 +179,7 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
         purest = shares[length.argmax()]
         near = np.linalg.norm(shares - purest, axis=1) < SAME_COLOUR
         columns.append(np.average(shares[near], axis=0, weights=pixels[near].sum(axis=1)))
-        # The rest is perpendicular to the colours found so far.
+        # Project onto the complement of the colours found so far.
         base, _ = np.linalg.qr(np.stack(columns, axis=-1))
         rest = shares - shares @ base @ base.T
     colours = np.stack(columns, axis=-1)
@@ -197,23 +196,23 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
 def _owners(
     lights: NDArray[np.float64], attributable: NDArray[np.bool_], clipped: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """(H, W) the light that a clipped pixel belongs to, by the nearest attributable pixel; -1 elsewhere."""
+    """(H, W) index of the light that a clipped pixel belongs to, by its nearest attributable pixel; -1 elsewhere."""
     nearest = np.where(attributable, lights.argmax(axis=-1), -1).astype(np.float32)[..., None]
     nearest = extend_to_nearest(nearest, attributable, max(clipped.shape))
     return np.where(clipped, nearest[..., 0].astype(np.int64), -1)
 
 
 def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.float64], name: str) -> Highlight:
-    """The likeliest spot of a light.
+    """The most likely spot of a light.
 
-    weight: (H, W) its brightness, 1 at its brightest. others: (H, W) the same of the other lights; a spot that is as
-    bright in those is white, and so a window rather than a light.
+    weight: (H, W) its brightness, with a maximum of 1. others: (H, W) the same for the other lights. A spot that is
+    equally bright in those is white: a window rather than a light.
     """
     labels, sizes = labelled(weight > CANDIDATE, diagonal=True)
     number, count = labels - 1, len(sizes) - 1
     bright = number >= 0
     light = np.bincount(number[bright], np.clip(weight - others, 0, None)[bright], count)
-    # One bright pixel alone is the sensor's own.
+    # A single bright pixel is a sensor defect.
     light = np.where(np.bincount(number[bright], weight[bright] > SPOT, count) > 1, light, 0)
     if not light.any():
         raise GeometryError(f"no highlight of {name} was found on the ball; is it on, and is this the mirror ball?")

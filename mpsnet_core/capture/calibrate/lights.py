@@ -1,4 +1,4 @@
-"""Where the lights stand, by their highlights in mirror balls: directions, and positions from two places."""
+"""Light directions from highlights in a mirror ball, and positions from balls at two or more places."""
 
 import logging
 import os
@@ -17,23 +17,23 @@ from mpsnet_core.scene.camera import camera_of_lens
 
 log = logging.getLogger(__name__)
 
-# A position counts while it is known better than to this share of its distance.
+# A position is used only if its uncertainty is below this share of its distance.
 UNSURE = 0.25
-# From this share of a highlight's light on, another spot may be a light as well.
+# Another spot with this share of a highlight's light may be a light, too.
 RIVAL = 0.5
-# Rays that miss each other by so many times what their uncertainty explains are not of the same light.
+# Rays that miss each other by more than this multiple of their uncertainty do not belong to the same light.
 MISSED = 4.0
 ROUNDS = 4
-# In millimetres on a sensor 36 mm wide. Where the lens is unknown, what this one would have done to a direction is
-# one standard deviation: of lenses between 24 and 200 mm, evenly in their logarithm, two in three are longer.
+# Focal length in millimetres on a sensor 36 mm wide. If the lens is unknown, its effect on a direction counts as one
+# standard deviation: of lenses distributed log-uniformly between 24 and 200 mm, two in three are longer.
 USUAL_LENS = 45.0
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """A mirror ball at one place, and the highlight of each light in it, in the lights' order.
+    """A mirror ball at one place, and each light's highlight in it, in the lights' order.
 
-    lens_known: whether the ball's camera is known; else it is assumed far away though it may have stood near.
+    lens_known: whether the ball's camera is known. If not, it is assumed to be far away, which may be wrong.
     """
 
     ball: Ball
@@ -41,11 +41,11 @@ class Sighting:
     lens_known: bool = True
 
     def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where on the ball each light is mirrored and the unit direction to it from there; each (N, 3)."""
+        """Positions on the ball where the lights are mirrored, and unit directions from there to them; each (N, 3)."""
         return mirrored(self.ball, [spot.point for spot in self.highlights])
 
     def uncertainties(self) -> NDArray[np.float64]:
-        """(N,) degrees, of each direction: the propagated uncertainty of outline and highlight."""
+        """(N,) standard deviation of each direction in degrees, propagated from outline and highlight."""
         _, directions = self.rays()
         points = np.array([spot.point for spot in self.highlights])
         step = 0.1
@@ -60,7 +60,7 @@ class Sighting:
         return uncertainties
 
     def by_lens(self) -> NDArray[np.float64]:
-        """(N,) degrees, of each direction: by how much it would be another one before a camera with a usual lens."""
+        """(N,) change of each direction in degrees if the camera had a usual lens; 0 if its lens is known."""
         if self.lens_known:
             return np.zeros(len(self.highlights))
         camera = camera_of_lens(USUAL_LENS, self.ball.camera.width, self.ball.camera.height)
@@ -70,24 +70,24 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class LightsFound:
-    """Where N lights stand, in camera space.
+    """Directions or positions of N lights, in camera space.
 
     Attributes
     ----------
     sightings
-        The balls that they follow from.
+        The balls they were computed from.
     directions : (N, 3) float64
-        Unit vectors from the target to the lights; of lights that are far away, from anywhere.
+        Unit vectors to the lights, from the target if lights are near.
     uncertainties : (N,) float64
-        Degrees, one standard deviation, including the effect of the camera's perspective where its lens is unknown.
+        One standard deviation in degrees, including the effect of perspective if the lens is unknown.
     target : (3,) float64
-        The middle of the ball, or of the balls' places.
+        Centre of the ball, or mean of its places.
     positions : (N, 3) float64, or None
-        In the unit of the balls' radius, where the lights were seen from two places and are near enough.
+        In the unit of the balls' radius, if the lights were seen from two places and are near enough.
     position_uncertainties : (N,) float64, or None
         One standard deviation, in the same unit.
     gaps : (N,) float64, or None
-        How far the rays to a light miss each other, in the same unit: rms distance from where they meet best.
+        RMS distance of the rays to a light from their best intersection, in the same unit.
     """
 
     sightings: tuple[Sighting, ...]
@@ -100,12 +100,12 @@ class LightsFound:
 
 
 def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
-    """The lights that mirror balls show.
+    """Directions or positions of lights from mirror balls.
 
     Parameters
     ----------
     sightings : sequence of Sighting
-        A ball at one place each, with the highlights of the same lights in the same order.
+        One per place of the ball, with the highlights of the same lights in the same order.
 
     Returns
     -------
@@ -114,13 +114,13 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     Raises
     ------
     GeometryError
-        Where there is no sighting, or they do not show the same number of lights.
+        If there is no sighting, or they show different numbers of lights.
 
     Notes
     -----
-    One sighting determines directions. More, before a perspective camera, determine positions too: where the rays from
-    the balls meet best, by least squares weighted with each ray's precision at that distance. Lights so far away that
-    the rays are nearly parallel keep their directions alone, and that is logged.
+    One sighting determines directions. Several ones of a perspective camera also determine positions: the best
+    intersections of the rays from the balls, by least squares weighted by each ray's precision at that distance. If
+    lights are so distant that the rays are nearly parallel, only directions are returned, with a log message.
     """
     if not sightings:
         raise GeometryError("there is no photo of a mirror ball; give at least one")
@@ -135,7 +135,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     _note_doubts(sightings)
     precision = 1 / blur**2
     mean = normalised(np.einsum("pni,pn->ni", rays, precision))
-    # The lens has the same effect at all places.
+    # The effect of the lens is the same at all places, so averaging does not reduce it.
     unsure = np.hypot(
         1 / np.sqrt(precision.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0)
     )
@@ -153,7 +153,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
 def _with_positions(
     found: LightsFound, origins: NDArray[np.float64], rays: NDArray[np.float64], spreads: NDArray[np.float64]
 ) -> LightsFound:
-    """The lights where the rays (P, N, 3) of P places meet; directions alone where any of them is too far away.
+    """Add positions where the rays (P, N, 3) of P places meet; directions only if any light is too far away.
 
     spreads: (P, N) standard deviations of the rays' directions, in radians.
     """
@@ -185,7 +185,7 @@ def _with_positions(
 def meeting_point(
     origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike
 ) -> tuple[NDArray[np.float64], float, float]:
-    """Where rays meet best: the point, one standard deviation of it, and its rms distance from the rays.
+    """Best intersection of rays: the point, its standard deviation, and its RMS distance from the rays.
 
     origins, directions: (P, 3). spreads: (P,) standard deviations of the directions, in radians.
     """
@@ -195,7 +195,7 @@ def meeting_point(
     weight = 1 / spreads**2
     for _ in range(ROUNDS):
         normal = np.einsum("pij,p->ij", across, weight)
-        # Parallel rays meet nowhere: the least squares solution nearest to the origin stands in, with a large error.
+        # Parallel rays do not intersect: use the minimum-norm solution, whose error is large.
         point = np.linalg.lstsq(normal, np.einsum("pij,pj,p->i", across, origins, weight), rcond=None)[0]
         reach = np.maximum(np.linalg.norm(point - origins, axis=1), 1e-9)
         weight = 1 / (spreads * reach) ** 2
@@ -206,9 +206,9 @@ def meeting_point(
 
 
 def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequence[str]) -> None:
-    """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging, whole or not at all.
+    """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging (RTI), atomically.
 
-    A count, then "name x y z" a line: x right, y up, z towards the camera. Names are the photos'.
+    The file has a count, then lines "name x y z": x right, y up, z towards the camera. names: of the photos.
     """
     rows = np.asarray(directions, np.float64)
     lines = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, rows, strict=True)]
@@ -217,7 +217,7 @@ def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequenc
 
 
 def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
-    """Report where the places disagree about a distant light's direction: it is near, or something moved."""
+    """Report a distant light whose direction differs between places: it is near, or something moved."""
     apart = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
     worst = int(apart.argmax())
     if apart[worst] > MISSED * found.uncertainties[worst]:

@@ -1,4 +1,4 @@
-"""How the lights' colours mix into the camera's channels, by a matt grey ball or card under the rig."""
+"""The mixing matrix from lights to camera channels, from a matt grey ball or card under the rig."""
 
 import itertools
 import logging
@@ -17,34 +17,34 @@ from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
 
 log = logging.getLogger(__name__)
 
-# The ball is used to this share of its radius: its rim is blurred, and grazing light is not Lambert's.
+# Share of the ball's radius to use: the rim is blurred, and reflection of grazing light is not Lambertian.
 USED_RADIUS = 0.9
-# Pixels enough for a matrix; more of them are thinned out.
+# Enough pixels for a matrix; more are subsampled.
 MOST_PIXELS = 10_000
 LEAST_PIXELS = 200
 ROUNDS = 20
-# How far the outline is moved at most in a round, in pixels.
+# Largest shift of the outline per round, in pixels.
 MOST_NUDGE = 2.0
-# What else is refined: the outline's middle and radius in pixels, two turns of each light in radians, and by how much
-# the exponent of the cosine differs from Lambert's 1. So well are the last seven known (2°, and a rough ball's 0.9).
+# Other unknowns to refine: the outline's centre and radius in pixels, two rotations of each light in radians, and the
+# exponent of the cosine minus Lambert's 1. Prior standard deviations of the last seven (2°; a rough ball has 0.9).
 OTHERS = 10
 UNCERTAINTIES = [0.035] * 6 + [0.1]
-# How far each is moved to measure what that does.
+# Steps of the finite differences.
 STEPS = [0.1] * 3 + [0.002] * 7
-# What the model leaves out (gloss, interreflection) is correlated over much of the ball: all of it determines the
-# lights as well as so many pixels with independent errors.
+# Model errors (gloss, interreflections) are correlated over much of the ball. Together, all pixels determine the lights
+# as well as this many with independent errors.
 INDEPENDENT = 300
-# What the model leaves out differs between parts of the ball: the matrix without each of these sectors shows how much
-# it depends on that.
+# Model errors differ between parts of the ball. Leaving out each of these sectors in turn (jackknife) shows their
+# effect on the matrix.
 SECTORS = 6
-# An off-diagonal entry that is known no better than this, of the largest, is undetermined. Of the matrices that are
-# determined, 97% are within 0.1: DiLiGenT's ball and glossy ones under lights that are known to 2°, in eight bits.
+# The matrix is undetermined if an off-diagonal entry has a larger standard deviation, relative to the largest entry.
+# 97% of determined matrices are within 0.1: DiLiGenT's ball and glossy ones, lights known to 2°, 8-bit photos.
 UNDETERMINED = 0.06
-# Where more than this share of the photo's variance is unexplained, it shows something else.
+# If a larger share of the photo's variance is unexplained, it shows something else.
 FOREIGN = 0.5
-# Grazing light determines its strength badly.
+# Light that arrives at a smaller cosine does not determine its strength reliably.
 LEAST_COSINE = 0.1
-# Worse than this share of the brightness the model does not describe the photo.
+# Largest residual, as a share of the brightness, of a model that describes the photo.
 POOR = 0.05
 AMBIENT = 0.03
 
@@ -56,25 +56,25 @@ class MixingFound:
     Attributes
     ----------
     mixing : (3, 3) float64
-        Rows are the camera's channels red, green, blue, columns the lights in rig order; its largest entry is 1. It
-        holds brightness too: of two lights the fainter has the smaller column.
+        Rows are the camera channels red, green, blue, columns the lights in rig order. The largest entry is 1. It
+        includes brightness: the weaker of two lights has the smaller column.
     residual
-        Rms of what it leaves unexplained, as a share of the mean brightness.
+        RMS residual of the fit, as a share of the mean brightness.
     ambient : (3,) float64
-        Light from everywhere, in the matrix' unit; 0 for a card, which does not determine it.
+        Ambient light, in the unit of the matrix; 0 for a card, which does not determine it.
     pixels
-        How many were used, clipped ones aside.
+        Number of pixels used, without clipped ones.
     left_out
-        Share of these that are outliers: highlights, stains.
+        Share of these that are outliers, such as highlights and stains.
     ball
-        With its outline refined by the shading, or None for a card.
+        The ball with its outline refined by the shading, or None for a card.
     determined
-        Whether the photo determines the whole matrix; else it is diagonal, the lights' strengths alone.
+        Whether the photo determines the whole matrix. If not, it is diagonal, with the lights' strengths only.
     uncertainty
-        Of the off-diagonal entries, the largest standard deviation, by the errors of ball and lights and by how much
-        the matrix differs where a part of the ball is left out.
+        Largest standard deviation of the off-diagonal entries, from the errors of ball and lights, and from leaving
+        out parts of the ball.
     unexplained
-        Share of the photo's variance that the matrix leaves, outliers included.
+        Share of the photo's variance that the fit leaves, outliers included.
     """
 
     mixing: NDArray[np.float64]
@@ -96,9 +96,9 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     photo : Image
         Linear pixels (H, W, 3).
     ball : Ball
-        Where the ball is in the photo.
+        The ball in the photo.
     rig : LightRig
-        Where the lights are; its own mixing is ignored.
+        The lights; its mixing is ignored.
 
     Returns
     -------
@@ -107,16 +107,15 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     Raises
     ------
     GeometryError
-        Where too few pixels are usable, or the rig's lights do not explain the photo.
+        If too few pixels are usable, or the rig's lights do not explain the photo.
 
     Notes
     -----
-    Each channel is ``c_i = Σ_k M_ik max(n·l_k, 0) + a_i``, linear in M and the ambient light a, none of which is below
-    zero: least squares over the ball's pixels, outliers left out by Tukey's biweight. As the normals depend on the
-    outline, which may be off by a pixel, lights may be off by a degree or two, and no ball is quite matt, the same
-    equations refine the outline's middle and radius, the lights' directions and the cosine's exponent, as far as their
-    own uncertainty allows. Where their remaining error could be crosstalk as well, the result is the lights' strengths
-    alone.
+    Each channel is ``c_i = Σ_k M_ik max(n·l_k, 0) + a_i``, linear in M and the ambient light a. Both are fitted by
+    non-negative least squares over the ball's pixels, with Tukey's biweight against outliers. The outline may be wrong
+    by a pixel and the lights by a degree or two, and no ball is perfectly matt. So the same equations refine the
+    outline's centre and radius, the lights' directions and the exponent of the cosine, within their uncertainties. If
+    their remaining error could be mistaken for crosstalk, the result contains the lights' strengths only.
     """
     points, colours = _ball_pixels(photo, ball)
     found = _fitted(points, colours, ball, rig, np.ones((3, 3), bool))
@@ -141,7 +140,7 @@ def _fitted(
     rig: LightRig,
     allowed: NDArray[np.bool_],
 ) -> MixingFound:
-    """The matrix by points (P, 2) and their colours (P, 3). allowed: (3, 3) which entries may differ from zero."""
+    """The matrix fitted to points (P, 2) and their colours (P, 3). allowed: (3, 3) entries that may be non-zero."""
     drawn, moved = ball, np.zeros(OTHERS)
     precision = np.diag([0.0] * 3 + [len(points) / INDEPENDENT / size**2 for size in UNCERTAINTIES])
     precision[:3, :3] = np.linalg.inv(ball.covariance)
@@ -157,7 +156,7 @@ def _fitted(
             answer = _joint_step(basis, jacobian, colours, weight, np.eye(OTHERS), moved, free)[0]
         for number, size in enumerate(STEPS):
             aside = moved + size * np.eye(OTHERS)[number]
-            # The first three move the ball, the others leave its surface where it is.
+            # Only the first three unknowns move the ball's surface.
             place, normal = _surface(drawn.nudged(*aside[:3]), rig, points) if number < 3 else there
             beside = _shading(place, normal, rig, aside[3:])
             jacobian[..., number] = (beside - basis) @ answer / size
@@ -194,9 +193,9 @@ def _fitted(
 def _by_sectors(
     points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, found: MixingFound
 ) -> float:
-    """The largest standard deviation of the off-diagonal entries, by the jackknife (Tukey 1958) over its sectors.
+    """Largest standard deviation of the off-diagonal entries, by the jackknife (Tukey 1958) over the ball's sectors.
 
-    points: (P, 2), with their colours (P, 3), that `found` follows from.
+    points: (P, 2), and their colours: (P, 3), that `found` was fitted to.
     """
     x, y = (points - (ball.circle.x, ball.circle.y)).T
     sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * SECTORS) % SECTORS
@@ -211,8 +210,8 @@ def _by_sectors(
 def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig) -> MixingFound:
     """The mixing matrix from three photos of a matt grey ball, each under one light alone, in rig order.
 
-    As :func:`mixing_from_ball`, but every photo determines its light's column by itself, so that the lights' shadings
-    need not be separated. All photos have the same exposure. Raises GeometryError as there.
+    As :func:`mixing_from_ball`, but each photo determines the column of its light, so the lights' shadings need not be
+    separated. All photos must have the same exposure. Raises GeometryError like :func:`mixing_from_ball`.
     """
     columns, ambient = [], []
     for light, photo in enumerate(_three_photos(photos)):
@@ -228,7 +227,7 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
 
 
 def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: int) -> NDArray[np.float64]:
-    """(3,) light from everywhere, not below 0, in a photo of one light alone; basis: (P, 4), as `_shading` has it."""
+    """(3,) ambient light, at least 0, in a photo of one light alone. basis: (P, 4), as `_shading` returns it."""
     free = np.zeros(12 + OTHERS, bool)
     free[:12].reshape(3, 4)[:, [light, 3]] = True
     still, unmoved, weight = np.zeros((len(basis), 3, OTHERS)), np.zeros(OTHERS), np.ones(colours.shape)
@@ -240,10 +239,10 @@ def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: in
 
 
 def equation_2_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> float | None:
-    """The mean angle, in degrees, between a matt grey ball's normals and those by equation 2 with a calibrated rig.
+    """Mean angular error in degrees of equation 2 on a matt grey ball, with a calibrated rig.
 
-    It is of the places that all three lights reach; None where there are none. photos: one under all lights, or one of
-    each. It also counts what no matrix mends: lights that are not where the rig says, gloss, the room's light.
+    Computed where all three lights reach; None if that is nowhere. photos: one under all lights, or one of each. It
+    includes errors that no mixing matrix corrects: wrong light directions, gloss, ambient light.
     """
     pixels = np.sum([photo.pixels for photo in photos], axis=0)
     clipped = np.any([photo.saturated for photo in photos], axis=0)
@@ -263,9 +262,9 @@ def mixing_from_card(
 ) -> MixingFound:
     """The mixing matrix from three photos of a matt grey card, each under one light alone, in rig order.
 
-    photos: of the same exposure. mask: (H, W), where the card is. normal: (3,) which way it faces, in camera space.
-    One photo under all lights would be three numbers for nine unknowns. The card stands where the rig's directions
-    hold: where the ball stood. Raises GeometryError where a light does not reach the card.
+    photos: with the same exposure; one photo under all lights would give three values for nine unknowns. mask: (H, W)
+    of the card. normal: (3,) of the card, in camera space. The card must be where the rig's directions are valid: where
+    the ball was. Raises GeometryError if a light does not reach the card.
     """
     facing = normalised(np.asarray(normal, np.float64))
     cosines = rig.directions @ facing
@@ -294,7 +293,7 @@ def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
 
 
 def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (P, 2) well inside the ball and their colours (P, 3), without those that are clipped."""
+    """Points (P, 2) well inside the ball and their colours (P, 3), without clipped ones."""
     height, width = photo.pixels.shape[:2]
     left, right, top, bottom = ball.window(width, height)
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(left, right), np.arange(top, bottom)))
@@ -316,7 +315,7 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
 
 
 def _surface(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
+    """Positions (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
     if rig.near is not None and ball.camera.projection == "orthographic":
         raise GeometryError(
             "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
@@ -328,10 +327,10 @@ def _surface(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> tuple[ND
 def _shading(
     place: NDArray[np.float64], normal: NDArray[np.float64], rig: LightRig, other: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """(P, 4) how much of each light a white matt surface reflects at places (P, 3) with unit normals (P, 3), and 1 for
+    """(P, 4) shading of a white matt surface by each light, at positions (P, 3) with unit normals (P, 3), and 1 for
     ambient light.
 
-    other: (7,) how many radians each light is turned, along and across, and what the cosine's exponent is above 1.
+    other: (7,) two rotations of each light in radians, and the exponent of the cosine minus 1.
     """
     lights = rig.lights_at(place)
     exponent = 1.0
@@ -355,11 +354,11 @@ def _joint_step(
     moved: NDArray[np.float64],
     free: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The matrix with ambient light (4, 3), the step (10,) of outline, lights and exponent that explain the colours
-    (P, 3) best, and the equations' matrix (22, 22).
+    """One Gauss-Newton step: the matrix with ambient light (4, 3), the step (10,) of outline, lights and exponent, and
+    the normal equations (22, 22).
 
-    basis: (P, 4). jacobian: (P, 3, 10), what a step does to each channel. prior: (10, 10) precision of `moved` (10,),
-    how far these have come. free: (22,) which unknowns may differ from zero.
+    basis: (P, 4). colours: (P, 3). jacobian: (P, 3, 10), derivatives of each channel. prior: (10, 10) precision of
+    `moved` (10,), the sum of all steps so far. free: (22,) which unknowns may be non-zero.
     """
     left = np.zeros((12 + OTHERS, 12 + OTHERS))
     right = np.zeros(12 + OTHERS)
@@ -372,7 +371,7 @@ def _joint_step(
         right += weighted.T @ colours[:, channel]
     left[12:, 12:] += prior
     right[12:] -= prior @ moved
-    # What would be below zero is zero, the worst of it first.
+    # Fix negative entries at zero, the most negative one first.
     free = free.copy()
     while True:
         solution = np.zeros(12 + OTHERS)
@@ -386,7 +385,7 @@ def _joint_step(
 def _from_columns(
     columns: Sequence[NDArray[np.float64]], ball: Ball | None, ambient: NDArray[np.float64] | None = None
 ) -> MixingFound:
-    """Each light's column is the median over its pixels (P, 3), at least 0. ambient: (3,), in their unit."""
+    """The matrix whose columns are the medians of each light's `columns` (P, 3). ambient: (3,), in their unit."""
     middles = [np.maximum(np.median(values, axis=0), 0) for values in columns]
     mixing = np.stack(middles, axis=-1)
     if not mixing.max() > 0:
@@ -401,14 +400,14 @@ def _from_columns(
 
 
 def _checked(found: MixingFound) -> MixingFound:
-    """Raises GeometryError for a matrix that no photo can be unmixed by; reports what looks wrong."""
+    """Raise GeometryError for a matrix that cannot unmix photos; report what looks wrong."""
     mixing = found.mixing
     if not np.isfinite(mixing).all() or mixing.max() <= 0 or found.unexplained > FOREIGN:
         raise GeometryError(
             "no mixing matrix explains the photo; does the rig belong to this photo, is the circle right, and is the "
             "ball matt and grey, before dark surroundings?"
         )
-    # Neither lights nor channels of other strengths change which of these products is the largest.
+    # The order with the largest product does not depend on the strengths of lights and channels.
     orders = itertools.permutations(range(3))
     if max(orders, key=lambda order: float(mixing[range(3), order].prod())) != (0, 1, 2):
         raise GeometryError(

@@ -1,4 +1,4 @@
-"""The calibration of lights: where they are, and how their colours mix, by photos of balls and cards."""
+"""Operations of calibration: light directions, positions and mixing from photos of balls and cards."""
 
 import contextlib
 import logging
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# So many files are named in a sentence.
+# Most files to name in a sentence.
 MOST_NAMED = 16
 
 
 @dataclass(frozen=True)
 class LooksAtBall(ReadsPhotos, HasLens):
-    """Where the ball is in the photo, how the camera sees, and what is written beside the rig."""
+    """The ball in the photo, the camera, and outputs besides the rig."""
 
     heading: ClassVar[str] = "the ball, and what else is written"
 
@@ -58,7 +58,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
     json: str | None = option(default=None, metavar="FILE", help="write what was found as JSON", provenance="none")
 
     def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
-        """The photos, once it is sure that the results can be written and overwrite none of what is read."""
+        """The photos, after checking that the results can be written and overwrite no input."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, checked_bits, writable_path
         from mpsnet_core.io.frames import expand_images, files_meant
@@ -71,7 +71,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         others = files_meant((mask, self.dark, self.flat, self.camera))
         for number, one in enumerate(outputs):
             writable_path(one)
-            # The rig may be read whole and then written anew; nothing else may take its place.
+            # The rig is read completely before it is written again; no other output may replace it.
             to_keep = [rig] if number and rig else []
             check_apart([*files, *others, *to_keep, *outputs[:number]], [one])
         if self.overlay:
@@ -107,9 +107,9 @@ class LooksAtBall(ReadsPhotos, HasLens):
 
 @dataclass(frozen=True)
 class LightsCalibrated(Result):
-    """Where the rig is and what was found; lights, balls: see :mod:`mpsnet_core.capture.calibrate.report`.
+    """File of the rig, and results. lights, balls: see :mod:`mpsnet_core.capture.calibrate.report`.
 
-    target: what the lights' positions stand around. Without balls and target where the lights are those of an .lp file.
+    target: centre of the lights' positions. balls and target are None for lights from an .lp file.
     """
 
     output: str
@@ -121,10 +121,10 @@ class LightsCalibrated(Result):
 
 @dataclass(frozen=True)
 class _Chosen:
-    """Which of the lights in the photos are wanted.
+    """The chosen lights in the photos.
 
-    places: of the ball. numbers: the lights', from 0. names: theirs. files: the photo of each at the first place, None
-    where a photo shows all lights.
+    places: number of places of the ball. numbers: of the lights, from 0. names: of the lights. files: photo of each
+    light at the first place; None if a photo shows all lights.
     """
 
     places: int
@@ -168,7 +168,7 @@ class CalibrateLights(LooksAtBall):
     )
 
     def run(self, progress: Progress = silent) -> LightsCalibrated:
-        """Write the rig, and what else is requested."""
+        """Write the rig, and the other outputs if requested."""
         if Path(self.ball[0]).suffix.lower() == ".lp":
             return self._choose_of_lp()
         from mpsnet_core.capture.calibrate.lights import find_lights
@@ -232,7 +232,7 @@ class CalibrateLights(LooksAtBall):
     def _sightings(
         self, files: Sequence[Path], chosen: _Chosen, progress: Progress
     ) -> tuple[list["Sighting"], list["BallPhotos"]]:
-        """What each ball shows of the chosen lights, and the photos that show the ball."""
+        """Each ball's highlights of the chosen lights, and the photos that show the ball."""
         from mpsnet_core.capture.calibrate.photos import read_sightings
 
         sightings, pictured = [], []
@@ -301,7 +301,7 @@ class CalibrateLights(LooksAtBall):
         write_picture(overlay, picture)
 
     def _choose_of_lp(self) -> LightsCalibrated:
-        """A rig of three of an .lp file's lights."""
+        """A rig from three lights of an .lp file."""
         from mpsnet_core.capture.calibrate.report import directions_facts
         from mpsnet_core.io.files import check_apart, writable_path
         from mpsnet_core.io.image import CHANNELS
@@ -332,9 +332,9 @@ class CalibrateLights(LooksAtBall):
 
 @dataclass(frozen=True)
 class MixingCalibrated(Result):
-    """Where the rig with its mixing is, and what was found, as :class:`mpsnet_core.MixingFound` has it.
+    """File of the rig with its mixing, and results as in :class:`mpsnet_core.MixingFound`.
 
-    equation_2_error: by how many degrees equation 2 errs on the ball, None for a card.
+    equation_2_error: mean angular error of equation 2 on the ball in degrees; None for a card.
     """
 
     output: str
@@ -369,7 +369,7 @@ class CalibrateMixing(LooksAtBall):
     output: str = option(metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
-        """Write the rig with its mixing, and what else is requested."""
+        """Write the rig with its mixing, and the other outputs if requested."""
         from mpsnet_core.capture.calibrate.mixing import equation_2_error
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
@@ -479,7 +479,7 @@ class CalibrateMixing(LooksAtBall):
 
 
 def _without_masks(files: list[Path]) -> list[Path]:
-    """The photos among files that a pattern took in; masks are recognised by their names."""
+    """The files matched by a pattern, without masks, which are recognised by name."""
     photos = [file for file in files if not re.search(r"(^|[^a-z])mask$", file.stem.lower())]
     if not photos or len(photos) == len(files):
         return files
@@ -509,13 +509,13 @@ def _three_of(text: str, count: int) -> list[int]:
 
 
 def _numbered(files: Iterable[Path]) -> str:
-    """The files with their numbers, for the end of a sentence; the first of them, where there are many."""
+    """The files with their numbers, for the end of a sentence; only the first ones if there are many."""
     numbered = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
     return f" ({', '.join(numbered[:MOST_NAMED] + ['...'] * (len(numbered) > MOST_NAMED))})"
 
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
-    """Draw at least the first ball, where its highlights were not found: most often it is none."""
+    """Draw the first ball if its highlights were not found: it is often something else."""
     from mpsnet_core.capture.calibrate.overlay import ball_picture
     from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
     from mpsnet_core.io.image_writing import write_picture
@@ -532,7 +532,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
 
 
 def _note_replaced(file: Path) -> None:
-    """Report a mixing that goes with the rig file that is written over: it was that of other lights."""
+    """Report that overwriting the rig file discards its mixing, which belongs to other lights."""
     import numpy as np
 
     from mpsnet_core.scene.rig import read_rig

@@ -1,4 +1,4 @@
-"""A ball's outline in a photo, to parts of a pixel, and how much of it is visible, however noisy the photo."""
+"""A ball's outline in a photo, to subpixel precision, and how much of it is visible, robust to noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,34 +10,34 @@ from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball
 
-# How far from a circle its outline is searched, as shares of the radius, round after round, and at last.
+# Search range around a circle, as shares of the radius: of successive rounds, and of the final fit.
 REACHES = (0.12, 0.04)
 CLOSE = 0.012
-# Radii, in pixels of the picture that is searched: the photo is scaled down so far for the rounds, and for the last.
+# Radius in pixels to which the photo is scaled down: for the rounds, and for the final fit.
 ROUGHLY, FINELY = 50, 150
-# A mirror's rim fades into what stands behind it, as all surfaces mirror fully at grazing angles: so many pixels of its
-# radius may be lost.
+# A mirror's rim blends into the background, because reflectance goes to 1 at grazing angles. The radius may lose this
+# many pixels.
 FADING = 0.3
-# So many lines cross the outline. Pixels from place to place on each, and the weights of neighbouring lines.
+# Number of lines across the outline, sampling distance on them in pixels, and weights to average neighbouring lines.
 LINES = 180
 STEP = 0.5
 BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
-# So many lines together, an arc of the outline, decide whether there is an edge at all.
+# Number of lines, an arc of the outline, that together decide whether there is an edge.
 ARC = 15
-# An edge is so many times steeper than the lines beside it: three standard deviations, were it noise.
+# Least gradient of an edge relative to the median around it: three standard deviations of noise.
 CLEAR = 3 / 0.6745
-# Lines to either side whose noise is averaged, and how far along them it is measured, as a share of the radius.
+# Lines to either side whose noise is averaged; range along them on which it is measured, as a share of the radius.
 NOISE_LINES, NOISE_REACH = 10, 0.06
 
 
 class Pyramid:
-    """A photo's brightness, and that of the photo made 2, 4, 8 ... times smaller, each made on first use."""
+    """A photo's brightness, also reduced by 2, 4, 8 ..., each computed on first use."""
 
     def __init__(self, image: NDArray[np.float32]) -> None:
         self._levels = [image.sum(axis=-1, keepdims=True)]
 
     def level(self, radius: float, wanted: float) -> tuple[NDArray[np.float32], int]:
-        """(H, W) the smallest where a circle of `radius` pixels has `wanted` or more, and how many times smaller."""
+        """(H, W) the smallest level where a circle of `radius` pixels has at least `wanted`, and its factor."""
         number = max(0, int(np.floor(np.log2(max(radius, 1) / wanted))))
         while len(self._levels) <= number:
             self._levels.append(block_means(self._levels[-1], 2))
@@ -45,11 +45,11 @@ class Pyramid:
 
 
 def near_outline(photo: Pyramid, ball: Ball) -> Ball:
-    """The ball near one that is roughly known.
+    """Refine a roughly known ball.
 
-    The outline is moved to where most of it lies on edges, however faint (after Daugman's integro-differential
-    operator, "High confidence visual recognition of persons", PAMI 1993): a mirror ball's rim blends with what stands
-    behind it, and what it mirrors has stronger edges.
+    The outline is moved to where most of it lies on edges, even faint ones (after Daugman's integro-differential
+    operator, "High confidence visual recognition of persons", PAMI 1993): a mirror ball's rim blends with the
+    background, and what it mirrors has stronger edges.
     """
     for share in REACHES:
         ball = ball.nudged(*_edges(photo, ball, share, ROUGHLY).best_nudge())
@@ -57,9 +57,9 @@ def near_outline(photo: Pyramid, ball: Ball) -> Ball:
 
 
 def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool = True) -> Ball:
-    """The ball by the steepest places along a rough one's outline, and how much of it is seen.
+    """Fit a ball to the steepest points near a rough outline, and measure how much of the outline is visible.
 
-    Raises GeometryError where no ball fits.
+    Raises GeometryError if no ball fits.
     """
     edges = _edges(photo, ball, CLOSE, FINELY)
     points, clear = edges.steepest()
@@ -72,12 +72,12 @@ def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool = True) -> Ball:
 
 @dataclass(frozen=True)
 class _Edges:
-    """How steep a picture is along lines across a ball's outline.
+    """Gradients of an image along lines across a ball's outline.
 
-    outline, across: (LINES, 2) where the lines cross it, and their directions, in the photo's pixels. offsets: (N,)
-    pixels along each. steep: (LINES, N). usual: (LINES,) the median of it about there. sure: (LINES,) whether the arc
-    about it has an edge within reach that is no noise. whole: (LINES,) whether all of the line lies in the photo.
-    reach, step: pixels.
+    outline, across: (LINES, 2) points where the lines cross the outline, and their directions, in the photo's pixels.
+    offsets: (N,) pixels along each line. steep: (LINES, N) gradients. usual: (LINES,) their local median. sure:
+    (LINES,) whether the surrounding arc has an edge above noise within reach. whole: (LINES,) whether the whole line is
+    inside the photo. reach, step: in pixels.
     """
 
     outline: NDArray[np.float64]
@@ -91,8 +91,8 @@ class _Edges:
     step: float
 
     def best_nudge(self) -> tuple[float, float, float]:
-        """How far, within reach, most of the outline lies on edges: pixels to the right, down, and outwards."""
-        # Half of what is steepest anywhere: what is steeper counts little more, however strong it is.
+        """Shift within reach that moves most of the outline onto edges: pixels right, down, and outwards."""
+        # Saturate: strong edges must not outweigh faint ones.
         evidence = self.steep / (self.steep + 2 * self.usual[:, None])
         evidence[~self.whole] = 0
         line = np.arange(len(evidence))
@@ -109,7 +109,7 @@ class _Edges:
         return float(best[0]), float(best[1]), float(best[2])
 
     def steepest(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """(N, 2) the steepest place on each line, to parts of a step, and (N,) whether it is an edge, not noise."""
+        """(N, 2) the steepest point on each line, interpolated, and (N,) whether it is an edge above noise."""
         weighted = (
             self.steep
             * np.exp(-((self.offsets / self.reach) ** 2))
@@ -125,12 +125,12 @@ class _Edges:
 
 
 def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
-    """Along lines across the ball's outline, to either side a share of its radius."""
+    """Gradients along lines across the ball's outline, to either side by `share` of its radius."""
     radius = ball.circle.radius
     picture, smaller = photo.level(radius, wanted)
     step = STEP * smaller
     reach = max(share * radius, 2.0 * smaller)
-    # All pixels beside a line count, not only those under it: their mean has less noise.
+    # Average the pixels beside a line to reduce noise.
     beside = 2 * int(np.pi * radius / smaller / LINES) + 1
     outline = ball.outline(LINES * beside)
     along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
@@ -156,7 +156,7 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
 def _steepness(
     gradient: NDArray[np.float64], weights: Sequence[float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(LINES, N) how steep weighted means of lines beside each other are, and (LINES,) what is usual of it there."""
+    """(LINES, N) gradients of weighted means of neighbouring lines, and (LINES,) their local median."""
     around = _ring(gradient, len(weights) // 2)
     steep = np.abs(sum(weight * around[turn : turn + LINES] for turn, weight in enumerate(weights)))
     usual = _ring(np.median(steep, axis=1), NOISE_LINES)
@@ -165,5 +165,5 @@ def _steepness(
 
 
 def _ring(lines: NDArray[np.float64], more: int) -> NDArray[np.float64]:
-    """The lines of a closed outline, with so many of the last ones before the first and of the first after the last."""
+    """The lines of a closed outline, padded cyclically by `more` lines at both ends."""
     return np.concatenate([lines[-more:], lines, lines[:more]])

@@ -1,4 +1,4 @@
-"""The result of a calibration drawn over the photo: outline, highlights, and the direction of each light."""
+"""Overlays of a calibration on the photo: outline, highlights, and the direction of each light."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -17,13 +17,13 @@ Colour = tuple[float, float, float]
 Side = Literal["left", "middle", "right"]
 Point = tuple[float, float] | NDArray[np.float64]
 OUTLINE: Colour = (0.98, 0.85, 0.25)
-# Clear on dark and on bright: red, green and blue as Okabe and Ito's would be, lighter.
+# Red, green and blue that are visible on dark and on bright, lighter variants of Okabe and Ito's palette.
 LIGHT_COLOURS: tuple[Colour, ...] = ((1.0, 0.35, 0.30), (0.30, 0.90, 0.45), (0.40, 0.65, 1.0))
 # With more lights than colours, all are drawn alike.
 PLAIN: Colour = (0.55, 0.85, 1.0)
 INK: Colour = (0.08, 0.08, 0.08)
 TEXT = 17
-# The picture is cut to the ball and this share of its radius around it, and is this high.
+# The overlay is cropped to the ball with a margin of this share of its radius, and is this high in pixels.
 MARGIN = 0.6
 PICTURE_SIDE = 720
 
@@ -33,8 +33,8 @@ def lights_picture(
 ) -> NDArray[np.float32]:
     """(H, W, 3) display values: the ball, enlarged, with its outline, highlights and arrows towards the lights.
 
-    image: (H, W, 3) linear. directions: (N, 3). names: a short word a light. An arrow starts in the ball's middle and
-    is as long as the direction's part across the view, the radius for a light at the side.
+    image: (H, W, 3) linear. directions: (N, 3). names: short names of the lights. An arrow starts at the ball's centre.
+    Its length is the direction's component across the view, in ball radii.
     """
     canvas = _Canvas(image, sighting.ball)
     many = len(sighting.highlights) > len(LIGHT_COLOURS)
@@ -59,14 +59,14 @@ def lights_picture(
 
 
 def ball_picture(image: NDArray[np.float32], ball: Ball, words: str) -> NDArray[np.float32]:
-    """(H, W, 3) display values: the ball, enlarged, with its outline, and words below."""
+    """(H, W, 3) display values: the ball, enlarged, with its outline and a caption."""
     canvas = _Canvas(image, ball)
     canvas.label(words, (ball.circle.x, ball.circle.y + 1.15 * ball.circle.radius), OUTLINE, side="middle")
     return canvas.pixels
 
 
 class _Canvas:
-    """The ball's part of the photo, enlarged, to draw on in the photo's own pixels."""
+    """The enlarged part of the photo around the ball. Drawing uses the photo's pixel coordinates."""
 
     def __init__(self, image: NDArray[np.float32], ball: Ball) -> None:
         circle, (height, width) = ball.circle, image.shape[:2]
@@ -74,7 +74,7 @@ class _Canvas:
         self.left, self.top = max(int(circle.x - reach), 0), max(int(circle.y - reach), 0)
         right, bottom = min(int(circle.x + reach) + 1, width), min(int(circle.y + reach) + 1, height)
         part = np.clip(image[self.top : bottom, self.left : right], 0, None)
-        # A mirror ball is black but for its lights: the cube root shows both.
+        # A mirror ball is dark except for the lights: the cube root shows both.
         white = max(float(np.percentile(part, 99.9)), 1e-9)
         shown = 0.5 * linear_to_srgb(part / white) + 0.5 * np.clip(np.cbrt(part / white), 0, 1)
         self.scale = PICTURE_SIDE / max(part.shape[:2])
@@ -88,7 +88,7 @@ class _Canvas:
         self.cross((circle.x, circle.y), OUTLINE, 6)
 
     def line(self, start: Point, end: Point, colour: Colour, half_width: float = 0.8, strength: float = 1.0) -> None:
-        """A line between points of the photo, with soft edges; its width in pixels of the picture."""
+        """Draw an antialiased line between points of the photo; its width is in pixels of the overlay."""
         a, b = self._here(start), self._here(end)
         reach = half_width + 2
         limit = self.pixels.shape[1::-1]
@@ -105,7 +105,7 @@ class _Canvas:
         part[...] = part * (1 - cover) + np.array(colour) * cover
 
     def loop(self, points: NDArray[np.float64], colour: Colour) -> None:
-        """A closed line through points (N, 2) of the photo, on a dark one that keeps it clear of a bright photo."""
+        """Draw a closed line through points (N, 2) of the photo, with a dark outline for bright backgrounds."""
         for paint, half_width, strength in ((INK, 2.0, 0.15), (colour, 0.8, 1.0)):
             for start, end in zip(points, np.roll(points, -1, axis=0), strict=True):
                 self.line(start, end, paint, half_width, strength)
@@ -114,7 +114,7 @@ class _Canvas:
         self.loop(circle.points(48), colour)
 
     def cross(self, point: tuple[float, float], colour: Colour, arm: float) -> None:
-        """A cross with arms of so many pixels of the picture."""
+        """Draw a cross; the length of its arms is in pixels of the overlay."""
         reach = arm / self.scale
         self.line((point[0] - reach, point[1]), (point[0] + reach, point[1]), colour)
         self.line((point[0], point[1] - reach), (point[0], point[1] + reach), colour)
@@ -129,7 +129,7 @@ class _Canvas:
                 self.line(a, b, paint, half_width, strength)
 
     def label(self, words: str, point: Point, colour: Colour, *, side: Side = "right") -> None:
-        """Words on a point of the photo, or beside it, below any that stand there already."""
+        """Write a label at a point of the photo, moved down if it would overlap another label."""
         height, breadth = self.pixels.shape[:2]
         box = oiio.ImageBufAlgo.text_size(words, TEXT, font())
         x, y = self._here(point)

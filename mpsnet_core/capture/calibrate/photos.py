@@ -31,17 +31,17 @@ class BallPhotos:
     files
         Photos of the ball at one place: one under all lights, or one for each light alone.
     circles
-        The ball's outlines, drawn by hand.
+        Outlines of the balls, drawn by hand.
     mask
-        A file that shows the ball. Without circles and mask the ball is searched.
+        Mask file of the ball. Without circles and mask the balls are detected.
     balls, radius
-        How many there are, and their radius in the unit that positions are wanted in.
+        Number of balls, and their radius in the desired unit of positions.
     camera
-        A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a camera far away.
+        A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a distant camera.
     reading
-        How they are read.
+        How to read the photos.
     mirror
-        Whether the ball is a mirror; else it is matt.
+        Whether the ball is a mirror; if not, it is matt.
     """
 
     files: Sequence[Path]
@@ -54,14 +54,14 @@ class BallPhotos:
     mirror: bool = True
 
     def read(self, file: Path) -> Image:
-        """One of the photos."""
+        """Read one of the photos."""
         return corrected(self.reading.photo(file), self.reading.correction)
 
 
 def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:
-    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises GeometryError where sizes differ.
+    """(H, W, 3) linear mean of the photos, in which the whole ball is lit. Raises GeometryError if sizes differ.
 
-    images: the photos, where they are already read.
+    images: the photos, if they have been read already.
     """
     total: NDArray[np.float32] = np.zeros((), np.float32)
     for file, image in zip(photos.files, images or map(photos.read, photos.files), strict=True):
@@ -73,7 +73,7 @@ def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDA
 
 
 def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
-    """The balls that the photos show. image: (H, W, 3), their mean. Raises InputError where they are not found."""
+    """The balls in the photos. image: (H, W, 3), their mean. Raises InputError if they are not found."""
     height, width = image.shape[:2]
     camera = _camera(photos, width, height)
     if photos.circles:
@@ -97,9 +97,9 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
 
 
 def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sighting]:
-    """What each ball in the photos mirrors: of one photo the red, the green and the blue light, of several one each.
+    """Highlights in each ball: of the red, green and blue light in a single photo, of one light each in several.
 
-    Raises InputError where a file cannot be read, or a ball or a highlight is not found.
+    Raises InputError if a file cannot be read, or a ball or a highlight is not found.
     """
     progress(0.0, "looking for the ball")
     balls = seen_balls(photos, mean_photo(photos))

@@ -1,4 +1,4 @@
-"""The results of a calibration: figures for programs, which are lines for people by `str`."""
+"""Results of a calibration: data for programs, which `str` turns into lines for people."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from mpsnet_core.scene.rig import angles_of
 
 @dataclass(frozen=True)
 class HighlightFacts:
-    """A light's highlight on a ball, by the ball's number; the rest as :class:`Highlight` has it."""
+    """A light's highlight on a ball. ball: its number. Other fields as in :class:`Highlight`."""
 
     ball: int
     x: float
@@ -31,8 +31,8 @@ class HighlightFacts:
 class LightFacts:
     """A light's name, unit direction in camera space, slant and tilt in degrees, and the file that shows it.
 
-    uncertainty: in degrees, and highlights: of lights that balls show. position, position_uncertainty, gap: of lights
-    whose position is known; gap is how far the rays miss one another.
+    uncertainty, in degrees, and highlights: only if calibrated by balls. position, position_uncertainty, gap: only if
+    the position is known; gap is the distance by which the rays miss one another.
     """
 
     name: str
@@ -59,7 +59,7 @@ class LightFacts:
 
 @dataclass(frozen=True)
 class BallFacts:
-    """Where a ball is in the photo, in pixels, and in camera space; how well its outline is known, as in `Ball`."""
+    """A ball's circle in the photo, in pixels, and its position in camera space. Other fields as in `Ball`."""
 
     by_hand: bool
     circle: list[float]
@@ -79,7 +79,7 @@ class BallFacts:
 def directions_facts(
     directions: NDArray[np.float64], names: Sequence[str], files: Sequence[str] | None
 ) -> list[LightFacts]:
-    """Lights of which the directions alone are known. directions: (N, 3)."""
+    """Facts of lights with known directions only. directions: (N, 3)."""
     lights = []
     for number, (name, direction) in enumerate(zip(names, directions, strict=True)):
         slant, tilt = (float(angle) for angle in angles_of(direction))
@@ -88,7 +88,7 @@ def directions_facts(
 
 
 def lights_facts(found: LightsFound, names: Sequence[str], files: Sequence[Path] | None) -> list[LightFacts]:
-    """Lights that balls show."""
+    """Facts of lights that were calibrated by balls."""
     lights = directions_facts(found.directions, names, None if files is None else [file.name for file in files])
     return [_light_facts(light, found, k) for k, light in enumerate(lights)]
 
@@ -114,13 +114,13 @@ def _light_facts(light: LightFacts, found: LightsFound, k: int) -> LightFacts:
 
 
 def ball_facts(ball: Ball) -> BallFacts:
-    """The figures of a ball that was found."""
+    """Facts of a ball."""
     circle = [ball.circle.x, ball.circle.y, ball.circle.radius]
     return BallFacts(ball.by_hand, circle, ball.residual, ball.seen, ball.centre.tolist(), ball.radius)
 
 
 def mixing_lines(found: MixingFound, off: float | None) -> list[str]:
-    """The mixing matrix for people, and how well it explains the photo. off: degrees, as `equation_2_error` has it."""
+    """Lines on the mixing matrix and how well it explains the photo. off: `equation_2_error` in degrees."""
     lines = [
         f"{channel.rjust(6)}: " + "  ".join(f"{value:6.3f}" for value in row)
         for channel, row in zip(CHANNELS, found.mixing, strict=True)

@@ -1,4 +1,4 @@
-"""A surface's changing albedo divided out of its photo: grain before an estimate, several colours for a second one."""
+"""Divide varying albedo out of a photo: grain before the estimate, several colours for a second estimate."""
 
 from mpsnet_core.estimate.albedo_removal.grain import without_grain
 from mpsnet_core.estimate.albedo_removal.second_estimate import estimate_without_albedo

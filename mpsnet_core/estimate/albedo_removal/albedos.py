@@ -1,4 +1,4 @@
-"""The albedo that each pixel has by estimated normals, and a photo divided by it."""
+"""Albedo of each pixel given estimated normals, and photos divided by it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,17 +15,17 @@ from mpsnet_core.scene.normal_map import NormalMap
 Floats = NDArray[np.floating[Any]]
 
 SAMPLED = 20_000  # pixels of a large photo
-LEAST_PIXELS = 200  # below, a photo says too little of the surface's colours
-GRAZING = 0.1  # a cosine; below, a light says little of the albedo
+LEAST_PIXELS = 200  # with fewer, the surface's colours cannot be found
+GRAZING = 0.1  # a cosine; below, a light shows little of the albedo
 DARKEST = 1e-30  # keeps logarithms finite
-# A band of pixels takes some hundred bytes a pixel on the way.
+# Rows at a time; intermediate arrays take some hundred bytes a pixel.
 ROWS = 32
 
 
 class Pixels(NamedTuple):
-    """Pixels (...) of a photo. light: (..., 3) each light alone. lights: (..., 3, 3) a light a row, its direction times
-    its brightness. cosines: (..., 3) between the lights and the estimated normals, times the lights' brightness.
-    grazing: (..., 3) below it a light grazes the surface."""
+    """Pixels (...) of a photo. light: (..., 3) unmixed image. lights: (..., 3, 3) directions times brightness, one
+    light per row. cosines: (..., 3) `lights` times the estimated normals. grazing: (..., 3) limits of the cosines
+    below which a light grazes the surface."""
 
     light: Floats
     lights: NDArray[np.float64]
@@ -34,13 +34,13 @@ class Pixels(NamedTuple):
 
     @property
     def log_albedos(self) -> Floats:
-        """(..., 3) logarithms of the albedo by each light; too dark where a light grazes the surface."""
+        """(..., 3) logarithm of the albedo by each light; too dark where a light grazes the surface."""
         logarithms: Floats = np.log(np.maximum(self.light, DARKEST) / np.maximum(self.cosines, self.grazing))
         return logarithms
 
 
 def pixels_in(capture: Capture, normals: NormalMap, rows: slice) -> Pixels:
-    """Rows of a photo with its estimated normals, in camera space."""
+    """Rows of a photo, with its estimated normals in camera space."""
     light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
     lights = lights_in(capture, rows)
     cosines = np.einsum("...ki,...i->...k", lights, normals.vectors[rows].astype(np.float32))
@@ -48,19 +48,19 @@ def pixels_in(capture: Capture, normals: NormalMap, rows: slice) -> Pixels:
 
 
 def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]:
-    """(h, W) inside the mask, not clipped, and reached by all three lights, as estimated and as seen."""
+    """(h, W) pixels inside the mask, not clipped, and lit by all three lights in both normals and photo."""
     reached = (pixels.light > 0).all(axis=-1) & (pixels.cosines > pixels.grazing).all(axis=-1)
     valid: NDArray[np.bool_] = reached & capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
     return valid
 
 
 def divided_by(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:
-    """The capture with each light divided by the albedo.
+    """The unmixed capture divided by the albedo.
 
-    factors: rows to each light alone (h, W, 3), and what to divide it by, (h, W, 3) or (h, W, 1).
+    factors: for a slice of rows, returns the unmixed image (h, W, 3) and its divisor, (h, W, 3) or (h, W, 1).
     """
     image = np.zeros_like(capture.image)
-    largest = np.finfo(image.dtype).max  # of half floats 65504
+    largest = np.finfo(image.dtype).max  # 65504 for half floats
 
     def divide(rows: slice) -> None:
         light, albedo = factors(rows)

@@ -1,11 +1,11 @@
-"""How bright a painted surface's colours are, with a white photo that shows their chromaticity.
+"""Divide out the brightness of a surface's paints, using the chromaticity that a white photo shows.
 
-Painted grey by its white photo (:mod:`mpsnet_core.estimate.white_photo`), a surface still is brighter in one paint than
-in another, and no photo shows how much of that is shading. But what has one chromaticity mostly has one albedo. So
-albedos by estimated normals are averaged over all pixels of like chromaticity, and divided out. A surface of one
-chromaticity stays as it is.
+Painted grey by its white photo (:mod:`mpsnet_core.estimate.white_photo`), a surface is still brighter in one paint than
+in another, and no photo shows how much of that is shading. But pixels of one chromaticity mostly have one albedo. So
+albedos by estimated normals are averaged over pixels of similar chromaticity, and divided out. A surface of one
+chromaticity does not change.
 
-Only pixels count where the network's normal and equation 2's agree: there the surface is matt, and all lights reach.
+Only pixels where the network's normal agrees with equation 2's count: there the surface is matt and fully lit.
 """
 
 import numpy as np
@@ -28,29 +28,29 @@ from mpsnet_core.estimate.distant_lights import pseudo_normals
 from mpsnet_core.estimate.white_photo import WhitePhoto, measured_white, white_valid
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Over the logarithms of red and blue against green: half of its width, the side of a cell, and the standard deviation
-# in cells by which it is smoothed.
+# The histogram over log(red / green) and log(blue / green): half width, cell size, standard deviation of the smoothing
+# in cells.
 HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.0
 CELLS = round(2 * HALF_WIDTH / CELL)
-# The standard deviation, as a chord, of the network's normals from equation 2's.
+# Standard deviation of the network's normals from equation 2's, as chord length.
 AGREEMENT = np.radians(5.0)
-# Shares of the object: so many pixels of the mean albedo count beside those of a cell.
+# Weight of the mean albedo in each cell, as a share of the object's pixels.
 PRIOR = 0.001
 LEAST_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo would be mostly noise
 LEAST_ALBEDO = 0.02  # as a share of the median
 
 
 def without_chromaticity_albedo(photo: Capture, painted: Capture, normals: NormalMap) -> Capture:
-    """`painted` with the brightness of its colours divided out.
+    """`painted` with the brightness of its paints divided out.
 
     Parameters
     ----------
     photo : Capture
-        With its white photo.
+        The capture with its white photo.
     painted : Capture
         The same, painted grey.
     normals : NormalMap
-        A network's of `painted`, in camera space.
+        A network's normals of `painted`, in camera space.
     """
     measured, white = measured_white(photo), photo.white
     if measured is None or white is None:
@@ -75,7 +75,7 @@ def without_chromaticity_albedo(photo: Capture, painted: Capture, normals: Norma
 def _sample(
     photo: Capture, painted: Capture, normals: NormalMap, measured: WhitePhoto, white: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Of pixels from all over the object: chromaticity (N, 2), albedo (N,), and how much each counts (N,)."""
+    """Chromaticity (N, 2), albedo (N,) and weight (N,) of pixels from all over the object."""
     chromaticities, albedos, weights = [], [], []
     for rows, chosen in sampled_rows(painted.mask, SAMPLED):
         pixels = pixels_in(painted, normals, rows)
@@ -89,7 +89,7 @@ def _sample(
 
 
 def _albedos(pixels: Pixels) -> Floats:
-    """(...) the albedo that explains all three lights best, in the sense of least squares."""
+    """(...) least-squares albedo over the three lights."""
     cosines = np.maximum(pixels.cosines, 0)
     brightness = (np.maximum(pixels.light, 0) * cosines).sum(axis=-1)
     albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), LEAST_SQUARES)
@@ -97,13 +97,13 @@ def _albedos(pixels: Pixels) -> Floats:
 
 
 def _chromaticities(measured: WhitePhoto, pixels: Floats) -> Floats:
-    """(..., 2) logarithms of red against green and of blue against green."""
+    """(..., 2) log(red / green) and log(blue / green)."""
     red, green, blue = np.moveaxis(np.log(measured.factors(pixels)), -1, 0)
     return np.stack([green - red, green - blue], axis=-1)
 
 
 def _corners(chromaticities: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """The four cells around each chromaticity (..., 4), as indices into the flat table, and their bilinear shares."""
+    """Indices (..., 4) of the four cells around each chromaticity in the flat histogram, and bilinear weights."""
     place = np.clip((chromaticities + HALF_WIDTH) / CELL - 0.5, 0, CELLS - 1.001)
     first = place.astype(np.intp)
     (x, y), (u, v) = np.moveaxis(first, -1, 0), np.moveaxis(place - first, -1, 0)
@@ -113,6 +113,6 @@ def _corners(chromaticities: Floats) -> tuple[NDArray[np.intp], Floats]:
 
 
 def _smoothed_sums(cells: NDArray[np.intp], values: Floats) -> Floats:
-    """(CELLS²,) the values that fall into each cell, smoothed."""
+    """(CELLS²,) sums of the values in each cell, smoothed."""
     sums: Floats = np.bincount(cells.ravel(), values.ravel(), CELLS**2).astype(np.float64, copy=False)
     return gaussian(sums.reshape(CELLS, CELLS), SMOOTHING, range(2)).ravel()

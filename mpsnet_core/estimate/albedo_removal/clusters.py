@@ -1,13 +1,13 @@
-"""The colours of a painted surface from one photo, as clusters of albedo.
+"""Find the colours of a painted surface in one photo, as clusters of albedo, and divide them out.
 
-To a network an edge of two paints looks much like an edge of the shape, and a photo under three coloured lights does
-not show which one it is. But estimated normals predict how bright each light is on the surface, and the photo divided
-by that is an estimate of the albedo. Most things have few colours, so these albedos cluster: pixels of one paint agree
-wherever they face, and where the normals are wrong they scatter. Mean shift on their histogram finds the clusters
-(Comaniciu and Meer, "Mean shift: a robust approach toward feature space analysis", PAMI 2002). Divided by its
-cluster's colour, each pixel looks as if all of the object had one paint.
+To a network an edge between paints looks much like an edge of the shape, and a photo under three coloured lights does
+not show which it is. But estimated normals predict the shading, and the photo divided by it is an estimate of the
+albedo. Most objects have few colours, so these albedos cluster: pixels of one paint agree whatever their normals, and
+scatter where the normals are wrong. Mean shift on the histogram finds the clusters (Comaniciu and Meer, "Mean shift: a
+robust approach toward feature space analysis", PAMI 2002). Divided by its clusters' colours, the object looks as if it
+had one paint.
 
-Metals, and whatever else is not matt, have no such clusters and stay as they are.
+Metals and other surfaces that are not matt have no such clusters and do not change.
 """
 
 from dataclasses import dataclass
@@ -21,48 +21,48 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import LEAST_PIXELS, SAMPLED, Floats, divided_by, pixels_in, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
 
-# A pixel counts by this power of how sure the network is of its normal.
+# A pixel's weight is this power of the network's confidence.
 POWER_OF_CONFIDENCE = 4
 BRIGHT = 95  # percentile
-# The histogram of logarithms of albedo, around their median: its half width (what is darker lies in shadow), the side
-# of a cell, and the standard deviation in cells by which it is smoothed.
+# The histogram of log albedo around the median: half width (darker pixels are in shadow), cell size, standard deviation
+# of the smoothing in cells.
 HALF_WIDTH, CELL, SMOOTHING = 3.0, 0.1, 1.5
 CELLS = round(2 * HALF_WIDTH / CELL)
 SHAPE = (CELLS, CELLS, CELLS)
-# The share of the pixels that makes a cluster certain. Smaller ones' colours are divided out in part.
+# A cluster with at least this share of the pixels is certain. The colours of smaller ones are divided out in part.
 CERTAIN_SHARE = 0.05
-# Colours that differ by less (standard deviation of the logarithm, over pixels) are one.
+# Below this standard deviation of the log colour over all pixels, the surface has one colour.
 LEAST_DIFFERENCE = 0.2
 
 
 @dataclass(frozen=True)
 class _Clusters:
-    """centre: (3,) logarithms in the histogram's middle. offsets: (CELLS, CELLS, CELLS, 3) how far the colour of each
-    cell's cluster is from the mean colour, in logarithms."""
+    """centre: (3,) log albedo at the histogram's centre. offsets: (CELLS, CELLS, CELLS, 3) difference of the log colour
+    of each cell's cluster from the mean."""
 
     centre: NDArray[np.float64]
     offsets: NDArray[np.float32]
 
     def colours(self, log_albedos: Floats) -> NDArray[np.float32]:
-        """(..., 3) the colour of each pixel's cluster, as a multiple of the mean colour."""
+        """(..., 3) colour of each pixel's cluster divided by the mean colour."""
         colours: NDArray[np.float32] = np.exp(self.offsets[tuple(np.moveaxis(_cells(log_albedos, self.centre), -1, 0))])
         return colours
 
 
 def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
-    """The capture as if all of its surface had one colour.
+    """The capture as if its surface had one colour.
 
     Parameters
     ----------
     capture : Capture
         The photo. Lights may be near.
     normals : NormalMap
-        A network's, in camera space, with its expected error as confidence.
+        A network's normals in camera space, with its expected error as confidence.
 
     Returns
     -------
     Capture or None
-        Each channel is one light alone. None where the surface has one colour, or too few pixels show its colours.
+        Each channel is one light alone. None if the surface has one colour, or too few pixels show its colours.
     """
     clusters = _find_clusters(*_sample(capture, normals))
     if clusters is None:
@@ -76,13 +76,13 @@ def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | 
 
 
 def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:
-    """Logarithms of albedo (N, 3) from all over the object, and how much each counts (N,)."""
+    """Log albedo (N, 3) and weight (N,) of pixels from all over the object."""
     albedos, weights = [], []
     for rows, chosen in sampled_rows(capture.mask, SAMPLED):
         pixels = pixels_in(capture, normals, rows)
         chosen &= valid_in(capture, pixels, rows)
         albedos.append(pixels.log_albedos[chosen])
-        # An error of the normal changes the albedo the more, the smaller the cosine is.
+        # A normal error changes the albedo more at small cosines.
         least = np.minimum(pixels.cosines.min(axis=-1), 1)
         weights.append((least * normals.confidence[rows].astype(np.float32) ** POWER_OF_CONFIDENCE)[chosen])
     return np.concatenate(albedos), np.concatenate(weights)
@@ -91,7 +91,7 @@ def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:
 def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     if len(weights) < LEAST_PIXELS:
         return None
-    # The median, unless bright colours would lie outside: of pure paints each channel's median is of the others.
+    # Centred at the median, unless bright colours would lie outside: with pure paints, each channel is dark in most.
     middle, bright = np.percentile(log_albedos, (50, BRIGHT), axis=0)
     centre = np.maximum(middle, bright - HALF_WIDTH + SMOOTHING * CELL)
     within = (np.abs(log_albedos - centre) < HALF_WIDTH).all(axis=-1)
@@ -103,12 +103,12 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     density = gaussian(histogram, SMOOTHING, range(3))
     reached = np.flatnonzero(density > 0)
     peaks = _peaks(density)[reached]
-    # A cluster's colour: the mean of the albedos around its peak, as the smoothed histogram weighs them.
+    # A cluster's colour is the mean log albedo around its peak, weighted by the smoothing kernel.
     height = density.ravel()[peaks]
     middles = np.meshgrid(*[(np.arange(CELLS) + 0.5) * CELL - HALF_WIDTH] * 3, indexing="ij", sparse=True)
     moments = (gaussian(histogram * middle, SMOOTHING, range(3)).ravel() for middle in middles)
     colours = np.stack([moment[peaks] for moment in moments], axis=-1) / height[:, None]
-    # What a cluster as wide as the Gaussian holds if its peak is so high.
+    # The mass of a cluster as wide as the smoothing Gaussian, from the height of its peak.
     share = height * (2 * SMOOTHING * np.sqrt(np.pi)) ** 3
     mass = histogram.ravel()[reached]
     offsets = colours - np.average(colours, axis=0, weights=mass * share)
@@ -123,12 +123,12 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
 
 
 def _cells(log_albedos: Floats, centre: NDArray[np.float64]) -> NDArray[np.intp]:
-    """(..., 3) the cells of the histogram; the nearest for what lies beyond."""
+    """(..., 3) cells of the histogram, clamped to its borders."""
     return np.clip((log_albedos - centre + HALF_WIDTH) / CELL, 0, CELLS - 1).astype(np.intp)
 
 
 def _peaks(density: Floats) -> NDArray[np.intp]:
-    """(CELLS³,) the peak that the steepest way up from each cell leads to."""
+    """(CELLS³,) the peak that steepest ascent reaches from each cell."""
     padded = np.pad(density, 1, constant_values=-1)
     highest, upwards = density.copy(), np.arange(density.size).reshape(SHAPE)
     for steps in np.ndindex(3, 3, 3):

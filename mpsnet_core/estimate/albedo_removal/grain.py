@@ -1,17 +1,15 @@
-"""Grain: one colour that is darker here and brighter there, as of stone, plaster, paper and cloth.
+"""Remove grain: albedo of one chromaticity that varies in brightness, as of stone, plaster, paper and cloth.
 
-Equation 2 does not see it: what is as much darker under each of the three lights has the same normal. To a network that
-has learned shapes from shading it may look like relief. So where a photo proves that its surface is matt and of one
-chromaticity, each pixel is divided by how much brighter it is than the surface's mean, which the length of equation 2's
-vector tells. The proof has three parts:
+Equation 2 is invariant to grain, because it scales all three channels alike. To a network that has learned shape from
+shading, grain may look like relief. So if a photo proves that its surface is matt and of one chromaticity, each pixel
+is divided by its albedo relative to the mean, which is the length of equation 2's vector. The proof has three parts:
 
-* the surface's one colour, found as the gains that make these lengths as equal as they can be, leaves lengths that do
-  not depend on the direction: so the surface is matt;
-* with this colour equation 2's normals are those of a surface: their gradients have no curl. Where there are several
-  colours they have some, at each edge;
+* with the gains that make these lengths as equal as possible, they do not depend on the direction: the surface is matt;
+* with these gains, the gradients of equation 2's normals have no curl: they belong to a surface. With several colours,
+  each edge between them has curl;
 * most lengths are near their mean.
 
-Deep shadows and highlights are no grain, and stay.
+Deep shadows and highlights are no grain and do not change.
 """
 
 from dataclasses import dataclass, replace
@@ -30,53 +28,53 @@ from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, d
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 
 LEAST_PIXELS = 2_000
-DIM = 0.15  # of a light's median: below, it may be blocked
+DIM = 0.15  # share of a light's median below which it may be blocked
 DARKEST = 1e-6  # keeps logarithms finite
 ROUNDS, ENOUGH = 30, 1e-4
-PRIOR = 1e-3  # how firmly a surface is assumed to face the camera where lengths do not tell its colour
-# How much lengths of a surface with grain differ, as the standard deviation of their logarithm. Below, it hides nothing
-# from the solver of matt surfaces; above, it is pattern rather than grain.
+PRIOR = 1e-3  # weight of the assumption that the surface faces the camera, if lengths do not determine its colour
+# Standard deviation of the log length on a surface with grain. Less does not disturb the solver of matt surfaces; more
+# is a pattern rather than grain.
 LEAST_GRAIN, MOST_GRAIN = 0.02, 0.3
-# What must hold for a proof: what the direction explains of these differences, and as a share of them,
+# Conditions of the proof: the part of that deviation that the direction explains, absolute and as a share,
 MOST_BY_DIRECTION, MOST_EXPLAINED = 0.006, 0.1
-# the least eigenvalue of the fit's normal equations for one pixel, of the two that tell colours apart,
+# the smaller of the two eigenvalues of the fit's normal equations that distinguish colours, per pixel,
 DETERMINED = 0.003
 # the share of pixels that count in the fit,
 LEAST_SHARE = 0.85
-# and the curl, as a share of what random gradients would have, at the scale where noise hides least, of so many cells.
+# and the curl relative to random gradients, at the scale where it is smallest, on at least so many cells.
 MOST_CURL, LEAST_CELLS = 0.035, 400
-# Or else it has to be flat: the standard deviation of its directions, in radians. It has one tint for certain then.
+# Instead of the curl: a standard deviation of directions, in radians, below which the surface is flat and has one tint.
 FLAT = 0.035
-# The curl is measured from this many pixels down, in halvings.
+# The curl is measured on at most this many pixels, on this many scales.
 MOST_PIXELS, SCALES = 1 << 18, 5
-LEAST_FACING = 0.3  # of normals that gradients are taken of
-# The differences of lengths that stay, for each radian of noise in the normals: the solver of matt surfaces takes from
-# them how exact equation 2 is. All differences must be this many times the noise, or they may be noise themselves.
+LEAST_FACING = 0.3  # least z of normals whose gradients are used
+# The deviation of lengths to leave, per radian of noise in the normals: the solver of matt surfaces takes from it how
+# exact equation 2 is. The deviation must be this many times the noise; else it may be noise itself.
 LEFT_BY_NOISE, LEAST_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
 
 
 @dataclass(frozen=True)
 class Grain:
-    """A surface's one chromaticity, and how its brightness differs.
+    """Fit of a surface of one chromaticity with varying brightness.
 
     Attributes
     ----------
     gains : (3,) float64 array
-        Unmixed light times these is each light's cosine on the surface, times how bright it is against the mean.
+        Gains times unmixed light is each light's cosine times the albedo relative to the mean.
     deviation : float
-        Standard deviation of the logarithm of that brightness.
+        Standard deviation of the log relative albedo.
     by_direction : float
         The part of it that the direction of the normal explains.
     determined : float
-        The second of three eigenvalues of the fit's normal equations, for one pixel.
+        The second of three eigenvalues of the fit's normal equations, per pixel.
     share : float
-        Of the pixels that count in the fit.
+        Share of the pixels that count in the fit.
     turned : float
         Standard deviation of equation 2's directions, in radians.
     curl : float
-        Of equation 2's gradients, as a share of what random ones would have.
+        Curl of equation 2's gradients, relative to random gradients.
     noise : float
-        Standard deviation of equation 2's normals, in radians, as far as neighbours differ.
+        Standard deviation of the noise in equation 2's normals, in radians, from differences of neighbours.
     """
 
     gains: NDArray[np.float64]
@@ -90,9 +88,9 @@ class Grain:
 
 
 def without_grain(capture: Capture) -> Capture:
-    """The capture as if its surface had one albedo; itself where it does not prove one chromaticity with grain.
+    """The capture as if its surface had one albedo; unchanged if the photo does not prove grain of one chromaticity.
 
-    Lights may be near. Each channel is one light alone then. Normals by equation 2 stay, those by a network change.
+    Lights may be near. Each channel of the result is one light alone. Normals by equation 2 do not change.
     """
     grain = find_grain(capture)
     if grain is None:
@@ -102,7 +100,7 @@ def without_grain(capture: Capture) -> Capture:
     def factors(rows: slice) -> tuple[Floats, Floats]:
         light, vectors, usable = _equation_2(capture, rows, grain.gains)
         brightness = np.log(np.maximum(np.linalg.norm(vectors, axis=-1), DARKEST))
-        # All of a usual difference, less of a large one, nothing of a shadow.
+        # Remove usual deviations fully, large ones in part, shadows not at all.
         brightness *= share * usable * biweight(brightness, 2 * grain.deviation) ** 0.5
         return light, np.exp(brightness)[..., None]
 
@@ -110,7 +108,7 @@ def without_grain(capture: Capture) -> Capture:
 
 
 def find_grain(capture: Capture) -> Grain | None:
-    """A surface's chromaticity and grain, or None where the photo does not prove them."""
+    """A surface's chromaticity and grain, or None if the photo does not prove them."""
     grain = _fit(capture)
     if (
         grain is None
@@ -130,7 +128,7 @@ def find_grain(capture: Capture) -> Grain | None:
 def _equation_2(
     capture: Capture, rows: slice, gains: NDArray[np.float64]
 ) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_]]:
-    """Of some rows (h, W, 3) each light alone, (h, W, 3) equation 2's vectors, and (h, W) where they count."""
+    """For some rows: the unmixed image (h, W, 3), equation 2's vectors (h, W, 3), and whether they count (h, W)."""
     light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
     usable = capture.mask[rows] & (light > 0).all(axis=-1) & ~capture.saturated_in(rows).any(axis=-1)
     return light, pseudo_normals(light * gains, lights_in(capture, rows)), usable
@@ -176,8 +174,8 @@ def _fit(capture: Capture) -> Grain | None:
 
 
 def _sample(capture: Capture) -> tuple[Floats, Floats]:
-    """(N, 3) each light alone, of pixels from all over the object that all three lights seem to reach, and (N, 3, 3)
-    the lights there."""
+    """(N, 3) unmixed pixels from all over the object that all three lights seem to reach, and (N, 3, 3) the lights
+    there."""
     light, lights = [], []
     for rows, chosen in sampled_rows(capture.mask, SAMPLED):
         chosen = chosen & ~capture.saturated_in(rows).any(axis=-1)
@@ -191,7 +189,7 @@ def _sample(capture: Capture) -> tuple[Floats, Floats]:
 
 
 def _with_curl(capture: Capture, grain: Grain) -> Grain:
-    """With the curl at the best of all scales, and the noise at the finest."""
+    """Add the curl at the best of all scales, and the noise at the finest."""
     halvings = 0
     while capture.mask.size >> 2 * halvings > MOST_PIXELS:
         halvings += 1
@@ -212,14 +210,14 @@ def _with_curl(capture: Capture, grain: Grain) -> Grain:
         if len(along_x) < LEAST_CELLS:
             break
         curl = float(np.square(along_y[:, 0] - along_x[:, 1]).mean())
-        if scale == 0:  # the mean of four values has half of their noise, and two differences have it
+        if scale == 0:  # the curl has twice the normals' variance; each halving averages four and halves the noise
             noise = float(np.sqrt(curl / 2)) * 2**halvings
         curls.append(2 * curl / max(float(np.square([along_x, along_y]).sum(axis=(0, 2)).mean()), 1e-12))
     return replace(grain, curl=min(curls), noise=noise)
 
 
 def _halved(field: Floats, counts: NDArray[np.bool_], halvings: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Means over blocks, and of which of them every pixel counts."""
+    """Means over blocks, and whether every pixel of a block counts."""
     values = np.concatenate([field, counts[..., None]], axis=-1, dtype=np.float32)
     means, _ = means_inside(values, np.ones_like(counts), halvings)
     return means[..., :3], means[..., 3] > 0.999

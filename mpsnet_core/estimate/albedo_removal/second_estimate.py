@@ -1,4 +1,4 @@
-"""An estimate, and another one of the photo with its surface's albedo evened out by the first."""
+"""Estimate normals, then again from the photo with the albedo that the first estimate reveals divided out."""
 
 import numpy as np
 
@@ -11,56 +11,56 @@ from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.normal_map import NormalMap
 
-# How the expected errors of two estimates decide which counts: this power of their ratio, and by how much more the
-# second one's counts, as its photo is a guess.
+# Weights of two estimates are this power of the ratio of their expected errors, where the second's error is increased
+# by this factor because its photo is a guess.
 POWER, CAUTION = 8, 1.05
 LEAST_ERROR = 0.003  # as a share of a right angle
 
 
 def estimate_without_albedo(network: OnnxModel, photo: Capture, painted: Capture, progress: Progress) -> NormalMap:
-    """Normals by a network that expects its error, in camera space.
+    """Normals by a network that predicts its error, in camera space.
 
     Parameters
     ----------
     network : OnnxModel
     photo : Capture
-        As given.
+        The capture as given.
     painted : Capture
-        The same, painted grey where it has a white photo.
+        The same, painted grey if it has a white photo.
     progress : callable
-        Receives the share that is done, 0 to 1, and what is being done.
+        Called with the share done, 0 to 1, and a message.
 
     Notes
     -----
-    With a white photo, the second estimate is the answer, and one pass is enough for the first. Without one, a quick
-    second estimate finds the colours better than the first, and after the third each pixel takes the estimate of which
-    the network is surer, the first or the last. A surface of one colour needs no further ones.
+    With a white photo, the result is the second estimate, and one pass is enough for the first. Without one, a second
+    estimate of one pass finds the colours more accurately than the first. The result blends the first and the third
+    estimate by confidence. A surface of one colour needs only one estimate.
     """
     if painted.white is not None:
-        first = network(painted, _look("first estimate", progress, 0.0, 0.25), passes=1)
+        first = network(painted, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
         even = without_chromaticity_albedo(photo, painted, first)
         del first  # a large photo takes much memory
-        return network(even, _look("second estimate", progress, 0.25, 1.0))
-    first = network(painted, _look("first estimate", progress, 0.0, 0.4))
+        return network(even, _run_progress("second estimate", progress, 0.25, 1.0))
+    first = network(painted, _run_progress("first estimate", progress, 0.0, 0.4))
     evened = without_clustered_albedo(painted, first)
     if evened is None:
         return first
-    better = combined(first, network(evened, _look("second estimate", progress, 0.4, 0.6), passes=1))
+    better = combined(first, network(evened, _run_progress("second estimate", progress, 0.4, 0.6), passes=1))
     del evened
     evened = without_clustered_albedo(painted, better)
     if evened is None:
         return better
     del better
-    return combined(first, network(evened, _look("third estimate", progress, 0.6, 1.0)))
+    return combined(first, network(evened, _run_progress("third estimate", progress, 0.6, 1.0)))
 
 
-def _look(name: str, progress: Progress, start: float, end: float) -> Progress:
-    """Progress of a run of the network, whose messages begin with its name."""
+def _run_progress(name: str, progress: Progress, start: float, end: float) -> Progress:
+    """Progress of one run of the network, which prefixes messages with the run's name."""
     return part(lambda fraction, message: progress(fraction, f"{name}, {message}"), start, end)
 
 
 def combined(first: NormalMap, second: NormalMap) -> NormalMap:
-    """Both, weighed by their confidence; written into the second."""
+    """Mean of both, weighted by confidence; overwrites the second."""
 
     def weigh(rows: slice) -> None:
         one, two = (

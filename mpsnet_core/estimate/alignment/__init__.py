@@ -1,5 +1,5 @@
-"""Where the camera of a photo stood, found by a mesh of what it shows.
+"""Camera pose estimation: find the camera of a photo from a mesh of the object.
 
-From pairs of places in the photo and on the mesh (:mod:`.points`), and from the photo's estimated normals and mask
-(:mod:`.refine`), from a rough start or without any (:mod:`.search`).
+Uses pairs of image and mesh points (:mod:`.points`) and the photo's estimated normals and mask (:mod:`.refine`), from
+an initial pose or without one (:mod:`.search`).
 """

@@ -1,4 +1,4 @@
-"""A mesh as alignment sees it: its faces' normals, and where rays meet them."""
+"""A mesh prepared for alignment: face normals and ray casting."""
 
 from dataclasses import dataclass
 
@@ -14,16 +14,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MeshFaces:
-    """A mesh made ready.
+    """A mesh prepared for alignment.
 
     Parameters
     ----------
     scene
-        For rays, in world space.
+        For ray casting, in world space.
     normals
-        (T, 3) unit normals of the triangles, in world space; zero where one has no area.
+        (T, 3) unit normals of the triangles in world space; zero for triangles without area.
     axes
-        (3, 3) the surface's principal axes as rows, unit vectors in world space.
+        (3, 3) principal axes of the surface as rows, unit vectors in world space.
     """
 
     scene: RayScene
@@ -41,14 +41,14 @@ class MeshFaces:
         return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1), axes.T)
 
     def seen(self, camera: Camera, x: Floats, y: Floats) -> "SeenFaces":
-        """What a camera sees through pixels of those columns x (w,) and rows y (h,)."""
+        """What a camera sees at the pixels of columns x (w,) and rows y (h,)."""
         pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
         origins, directions = camera.rays(pixels)
         hits = self.scene.hits(origins, directions)
         found, own = hits.triangle >= 0, directions @ camera.rotation
         normals, points = np.zeros((len(pixels), 3)), np.zeros((len(pixels), 3))
         normals[found] = self.normals[hits.triangle[found]] @ camera.rotation
-        # A face seen from behind is that of an open or turned mesh.
+        # Flip faces seen from behind: the mesh may be open or wound inwards.
         normals[(normals * own).sum(axis=1) > 0] *= -1
         points[found] = own[found] * (hits.distance[found, None] / self.scene.size)
         shape = (len(y), len(x))
@@ -62,11 +62,11 @@ class SeenFaces:
     Parameters
     ----------
     mask
-        (h, w) where the mesh is.
+        (h, w) whether a pixel shows the mesh.
     normals
-        (h, w, 3) unit normals in camera space that face the camera, zero elsewhere.
+        (h, w, 3) unit normals in camera space, facing the camera; zero outside the mask.
     points
-        (h, w, 3) from the camera in camera space, in units of the mesh's size; zero elsewhere.
+        (h, w, 3) positions in camera space, in units of the mesh's size; zero outside the mask.
     """
 
     mask: NDArray[np.bool_]

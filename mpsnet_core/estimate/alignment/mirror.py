@@ -1,4 +1,4 @@
-"""How well the mirror image of a mesh would fit a photo: better, where an import turned one axis of the mesh over."""
+"""Detect mirrored meshes: the mirror image fits the photo better if an import flipped one axis."""
 
 from dataclasses import replace
 
@@ -11,19 +11,20 @@ from mpsnet_core.estimate.alignment.search import moved_onto_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-# A mesh counts as mirrored where its mirror image costs less than this share of what it costs itself. Symmetric objects
-# cost the same within half a percent.
+# A mesh is mirrored if the cost of its mirror image is below this share of its own. The costs of symmetric objects
+# differ by less than half a percent.
 MIRRORED = 0.96
 _ACROSS = np.array([-1.0, 1.0, 1.0])
 
 
 def better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | None:
-    """The fit of the mesh's mirror image where that is better than the mesh's own; None where it is not.
+    """The fit of the mesh's mirror image if it is better than the mesh's own, else None.
 
-    An object that is nearly symmetric fits nearly as well mirrored; its plane of symmetry lies across one of its
-    principal axes. And pairs place any mirrored mesh so that it is seen from behind: from afar, its points and outline
-    then are where they should be. What is mirrored here is the photo, not the mesh: the camera of the fit sees the mesh
-    in the mirrored photo.
+    Candidates are reflections along the principal axes, because a nearly symmetric object fits nearly as well when
+    reflected at its plane of symmetry, and along the viewing axis, because point pairs place a mirrored mesh so that it
+    is seen from behind: from afar, its points and outline are then in the right places.
+
+    The photo is mirrored, not the mesh. The camera of the returned fit sees the mesh in the mirrored photo.
 
     Parameters
     ----------
@@ -32,19 +33,19 @@ def better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | No
     faces
         The mesh as it is.
     fit
-        How it fits the photo best. The focal length stays.
+        Its best fit to the photo. The focal length stays.
     """
     flipped = NormalMap((estimate.vectors[:, ::-1] * _ACROSS).astype(np.float32), estimate.mask[:, ::-1])
     image = _fit_reflected(flipped, faces, fit.camera)
     if image.cost >= MIRRORED * fit.cost:
         return None
-    # From there the mesh as it is may fit as well: then the fit was a wrong one, and nothing is mirrored.
+    # If the unmirrored mesh fits as well from there, the given fit was wrong, and nothing is mirrored.
     back = _fit_reflected(estimate, faces, image.camera)
     return image if image.cost < MIRRORED * back.cost else None
 
 
 def _fit_reflected(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
-    """The fit near what `camera` sees of the mesh in a mirror. estimate: the mirror image of what `camera` took."""
+    """The best fit that starts at reflections of `camera`. estimate: of the mirrored photo."""
     across = [*faces.axes, camera.rotation[:, 2]]
     starts = [moved_onto_mask(estimate, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
     start = min(starts, key=lambda one: measured(estimate, faces, one).cost)
@@ -52,7 +53,7 @@ def _fit_reflected(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit
 
 
 def _reflected(camera: Camera, middle: Floats, axis: Floats) -> Camera:
-    """What sees the mirrored picture of the world that is mirrored at the plane through `middle` across `axis`."""
+    """The camera that sees the mirrored image of the world reflected at the plane through `middle` normal to `axis`."""
     mirror = np.eye(3) - 2 * np.outer(axis, axis)
     pose = np.eye(4)
     pose[:3, :3] = mirror @ camera.rotation * _ACROSS

@@ -1,4 +1,4 @@
-"""The operation align: a photo and a mesh to the camera that took the photo."""
+"""The operation align: find the camera of a photo from a mesh."""
 
 import logging
 from dataclasses import dataclass, replace
@@ -25,17 +25,16 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# The longer side in pixels of the photo's part with the object that the camera is found on: more brings nothing that an
-# estimate's errors leave.
+# Longer side in pixels of the cropped photo to fit to. More pixels would not help: errors of the estimate dominate.
 LONGEST = 1024
-# A fit is poor where the outlines are this share of the object's longer side apart, or the normals this many degrees,
-# or mesh and mask share less than this.
+# A fit is poor if the outlines differ by this share of the object's longer side, or the normals by this many degrees,
+# or if mesh and mask overlap less than this.
 POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.005, 35.0, 0.9
-# Another view that costs less than this many times as much might be as right.
+# Another view whose cost is below this multiple of the best might be the right one.
 AMBIGUOUS = 1.3
-LEAST_SIDE = 4  # pixels of the object's shorter side on the coarsest scale, where a mesh is placed first
+LEAST_SIDE = 4  # pixels of the object's shorter side on the coarsest scale
 CANDIDATES = 3
-# Focal lengths along x and y that differ by up to this factor, as photogrammetry finds them of square pixels, are one.
+# Focal lengths along x and y that differ by at most this factor count as equal: photogrammetry fits both.
 SQUARE = 1.005
 
 
@@ -52,17 +51,17 @@ class CameraFound(Result):
     normals_degrees
         Median angle between the mesh's normals and the photo's.
     overlap
-        Pixels that mesh and mask share, of those that either has.
+        Intersection over union of mesh and mask.
     poor
         Whether the fit is too poor to bake with.
     mirrored
         Whether the mirror image of the mesh fits better; such a fit is poor.
     residuals
-        How far each pair of points is off, in the photo's pixels.
+        Reprojection error of each pair, in the photo's pixels.
     left_out
-        The pairs that contradict the others, counted from 1.
+        Numbers of the pairs that contradict the others, from 1.
     others
-        Camera files of the next best views, where there was no start.
+        Camera files of the next best views, if there was no start.
     """
 
     output: str
@@ -78,7 +77,7 @@ class CameraFound(Result):
 
 @dataclass(frozen=True)
 class Align(RunsModel, ReadsPhotos):
-    """Photo and mesh to the camera that took the photo."""
+    """Find the camera that took a photo, from a mesh of the object."""
 
     command: ClassVar[str] = "align"
 
@@ -135,7 +134,7 @@ class Align(RunsModel, ReadsPhotos):
     output: str = option(help="the camera file (.json)", path="file", provenance="none")
 
     def run(self, progress: Progress = silent) -> CameraFound:
-        """Write the camera file, and the overlay where it is requested."""
+        """Write the camera file, and the overlay if requested."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.pairs import read_pairs
@@ -150,7 +149,7 @@ class Align(RunsModel, ReadsPhotos):
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
         mask = mask_source(self.mask)
         inputs = (self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points, self.lens)
-        check_apart(files_meant(inputs), outputs)  # but the start may be refined in place
+        check_apart(files_meant(inputs), outputs)  # the start may be overwritten, to refine it in place
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
@@ -168,7 +167,7 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.scene.rig import read_rig
 
         lens, focal = read_camera(self.lens) if self.lens else None, self.focal
-        if lens is not None:  # until the photo's size is known
+        if lens is not None:  # provisional, until the photo's size is known
             focal = lens.focal.mean() / max(lens.width, lens.height) * FULL_FRAME
         capture = read_capture(self.image, read_rig(self.rig), mask=self.mask, camera=focal, **vars(self.reading()))
         if lens is None:
@@ -179,7 +178,7 @@ class Align(RunsModel, ReadsPhotos):
     def _fits(
         self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None, bool]":
-        """The best cameras, what the pairs alone say, and whether the mirror image of the mesh fits better."""
+        """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
 
         from mpsnet_core.estimate.alignment.mirror import better_mirrored
@@ -307,7 +306,7 @@ class Align(RunsModel, ReadsPhotos):
         return contact_sheet(titled, CANDIDATES, 720)
 
     def _others(self) -> list[Path]:
-        """Where the next best views' cameras go."""
+        """Camera files of the next best views."""
         if self.points or self.start:
             return []
         output = Path(self.output)
@@ -315,7 +314,7 @@ class Align(RunsModel, ReadsPhotos):
 
 
 def _check_size(mask: "NDArray[np.bool_]") -> None:
-    """Raises GeometryError where next to nothing is left of the object on the coarsest scale."""
+    """Raise GeometryError if the object is too small on the coarsest scale."""
     from mpsnet_core.arrays.mask_regions import bounding_box
     from mpsnet_core.estimate.alignment.refine import SCALES
 
@@ -339,7 +338,7 @@ def _quality(fit: "Fit") -> str:
 
 @dataclass(frozen=True)
 class _Part:
-    """The part of a photo that shows the object and a margin, made smaller by a whole factor.
+    """The part of a photo with the object and a margin, reduced by an integer factor.
 
     width, height: of the photo.
     """
@@ -373,18 +372,18 @@ class _Part:
             mask = block_means(mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
         if clipped is not None:
             clipped = block_means(clipped[here].astype(np.float32), factor) > 0
-        if depth is not None:  # a plane's
+        if depth is not None:  # of a plane, so subsampling is exact enough
             depth = depth[here][::factor, ::factor]
         camera = None if capture.camera is None else self.camera(capture.camera)
         return replace(capture, image=image, mask=mask, camera=camera, depth=depth, clipped=clipped)
 
     def camera(self, camera: "Camera") -> "Camera":
-        """The part's, of one of the photo."""
+        """The camera of the part, from the camera of the photo."""
         width, height = (side.stop - side.start for side in (self.columns, self.rows))
         return camera.cropped(self.columns.start, self.rows.start, width, height, self.factor)
 
     def whole(self, fit: "Fit") -> "Fit":
-        """The photo's, of one of the part."""
+        """The fit in the photo, from the fit in the part."""
         centre = fit.camera.centre * self.factor + (self.columns.start, self.rows.start)
         camera = replace(
             fit.camera, width=self.width, height=self.height, focal=fit.camera.focal * self.factor, centre=centre
@@ -393,10 +392,10 @@ class _Part:
 
 
 def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "lens"]) -> "Camera":
-    """A given camera as a perspective one of the photo's size.
+    """A given perspective camera, scaled to the photo's size.
 
-    Its principal point stays where its picture has the photo's shape, as that of a cropped photo. Else a start's, as of
-    a viewport's view, is the photo's middle, and a lens's is not known.
+    If the aspect ratios are equal, the principal point is kept, for example of a cropped photo. If not, a start, such
+    as a viewport's view, gets the photo's centre, and a lens is rejected.
     """
     import numpy as np
 
@@ -421,7 +420,7 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
 
 
 def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", points: "Floats") -> bool:
-    """Whether a refined camera is further from the pairs than clicks go wrong."""
+    """Whether a refined camera's reprojection error of the pairs is larger than errors of clicking explain."""
     import numpy as np
 
     from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, reprojection_errors

@@ -1,4 +1,4 @@
-"""Pictures that show how well a mesh fits a photo."""
+"""Overlay of a fitted mesh on the photo."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ def overlay(
     pairs: tuple[Floats, Floats] | None = None,
     left_out: Sequence[int] = (),
 ) -> NDArray[np.float32]:
-    """(H, W, 3) display values: the photo, dim, the mask's outline in orange, the mesh's outline in green.
+    """(H, W, 3) display values: the dimmed photo, the mask's outline in orange, the mesh's outline in green.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ def overlay(
     scene
         The mesh.
     camera
-        Of the photo's size.
+        With the photo's size.
     pairs
-        Pixels (N, 2) and points (N, 3): each is drawn as a cross where it was clicked, in blue, or red where it was
-        left out, with a line to where the camera sees it.
+        Pixels (N, 2) and points (N, 3). Each is a cross at its pixel, blue or, if left out, red, with a line to the
+        projection of its point.
     left_out
-        The numbers of the pairs that were not used.
+        Numbers of the pairs that were not used, from 0.
     """
     picture = 0.7 * photo_picture(image, mask)
     seen = np.isfinite(scene.depths(camera, np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5))

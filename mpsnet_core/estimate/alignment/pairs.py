@@ -1,4 +1,4 @@
-"""Files of pairs: places in a photo and the same places on a mesh."""
+"""Files of point pairs: pixels of a photo and the corresponding points on a mesh."""
 
 import json
 import os
@@ -22,14 +22,14 @@ def read_pairs(path: str | os.PathLike[str]) -> tuple[Floats, Floats]:
     pixels
         (N, 2) from the photo's top left corner, x to the right and y down.
     points
-        (N, 3) along the mesh file's own axes.
+        (N, 3) in the mesh file's own axes.
 
     Raises
     ------
     FileError
-        Where there is no such file.
+        If there is no such file.
     FormatError
-        Where it holds anything else.
+        If it is not such a file.
     """
     path = existing_file(path, "file of pairs")
     check_small(path, "no file of pairs")

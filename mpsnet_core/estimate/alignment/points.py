@@ -1,4 +1,4 @@
-"""The camera from pairs of a place in the photo and the same place on the mesh."""
+"""The camera from pairs of a pixel in the photo and the corresponding point on the mesh."""
 
 from dataclasses import dataclass
 
@@ -13,26 +13,26 @@ LEAST_PAIRS = 4
 STARTS = 64
 PROMISING = 8  # of the starts
 FIRST_STEPS, STEPS = 10, 40
-# What is known of a focal length that nobody gave, in longer sides of the picture: that of a 50 mm lens, within a
-# factor of two. It decides only where the pairs say nothing.
+# Prior of an unknown focal length, in longer sides of the image: a 50 mm lens, with a standard deviation of a factor of
+# two. It matters only if the pairs do not determine the focal length.
 USUAL_FOCAL, FOCAL_SPREAD = 50 / 36, 0.7
-PIXEL_ERROR = 2.0  # of a careful click, in pixels of a picture of 1,024
-# A pair is wrong where it is this many times as far off as the others leave it, and this far in pixels of 1,024.
+PIXEL_ERROR = 2.0  # of a careful click, in pixels of an image of 1,024 pixels
+# A pair is an outlier if its error is this multiple of the others' without it, and this large in pixels of 1,024.
 WRONG_RATIO, WRONG_PIXELS = 6.0, 12.0
 
 
 @dataclass(frozen=True)
 class PointFit:
-    """A camera that was found from pairs.
+    """A camera fitted to pairs.
 
     Parameters
     ----------
     camera
-        Perspective, with the picture's size.
+        Perspective, with the image's size.
     residuals
-        (N,) how far each pair is off, in pixels.
+        (N,) reprojection error of each pair, in pixels.
     left_out
-        The numbers of pairs that contradict the others and were not used, from 0.
+        Numbers of the pairs that contradict the others and were not used, from 0.
     """
 
     camera: Camera
@@ -46,24 +46,23 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
     Parameters
     ----------
     pixels
-        (N, 2) from the top left corner of the picture, x to the right and y down.
+        (N, 2) from the top left corner of the image, x to the right and y down.
     points
-        (N, 3) the same places in world space.
+        (N, 3) the corresponding points in world space.
     width, height
-        Of the picture.
+        Of the image.
     lens
-        A camera of this size with the lens's focal length and principal point, where they are known. Its pose does not
-        count.
+        A camera of this size with the known focal length and principal point. Its pose is ignored.
 
     Raises
     ------
     GeometryError
-        Where there are fewer than four pairs, or they lie in one line, or no camera sees them so.
+        If there are fewer than four pairs, they are collinear, or no camera fits them.
 
     Notes
     -----
-    Gauss-Newton with Levenberg's damping on the reprojection error, from many rotations at once, each placed as under
-    scaled orthography. One pair that contradicts all others is found by leaving each out in turn.
+    Gauss-Newton with Levenberg damping on the reprojection error, from many rotations at once, each with the
+    translation of a scaled orthographic camera. Leaving out each pair in turn detects one that contradicts all others.
     """
     pixels, points = np.asarray(pixels, np.float64), np.asarray(points, np.float64)
     if len(points) < LEAST_PAIRS:
@@ -90,7 +89,7 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
 
 
 def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Floats:
-    """(N,) how far each of `points` (N, 3) is from its pixel (N, 2) through a camera, in pixels."""
+    """(N,) reprojection errors in pixels of `points` (N, 3) at `pixels` (N, 2)."""
     poses = Poses.of(camera)
     return np.asarray(np.linalg.norm(poses.projected(poses.in_camera(points))[0] - pixels, axis=1))
 
@@ -98,7 +97,7 @@ def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Float
 def _fits(
     pixels: Floats, points: Floats, used: NDArray[np.bool_], width: int, height: int, lens: Camera | None
 ) -> tuple[Poses, Floats, Floats]:
-    """The best pose for each of S choices (S, N) of pairs, residuals (S, N), root mean square (S,) of the used ones."""
+    """Best poses for S subsets (S, N) of the pairs, residuals (S, N), and their root mean square (S,) in the subset."""
     longer = max(width, height)
     middle, size = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
     local = (points - middle) / size
@@ -108,7 +107,7 @@ def _fits(
     weight = used[choice].astype(np.float64)
     prior = PIXEL_ERROR * longer / 1024 / FOCAL_SPREAD
     known = None if lens else (float(np.log(longer * USUAL_FOCAL)), prior)
-    # A few steps show which starts are hopeless.
+    # A few steps identify the promising starts.
     begun, cost = _solved(starts, pixels, local, weight, known, FIRST_STEPS)
     kept = np.argsort(cost.reshape(len(used), -1), axis=1)[:, :PROMISING]
     kept = (kept + np.arange(len(used))[:, None] * STARTS * len(focals)).ravel()
@@ -121,14 +120,14 @@ def _fits(
     error = np.where(np.isfinite(error), error, np.inf)
     best = error.reshape(len(used), -1).argmin(axis=1) + np.arange(len(used)) * PROMISING
     found = poses.chosen(best)
-    # Back from the points' own frame to the world's.
+    # From the points' normalised frame back to world space.
     translation = found.translation * size - np.einsum("kij,j->ki", found.rotation, middle)
     world = Poses(found.rotation, translation, found.focal, found.centre)
     return world, off[best], error[best]
 
 
 def _starts(pixels: Floats, points: Floats, used: NDArray[np.bool_], centre: Floats, focals: Floats) -> Poses:
-    """For each choice of pairs, each focal length and each of many rotations: where scaled orthography puts them."""
+    """Initial poses by scaled orthography, for each subset of pairs, each focal length and each of many rotations."""
     turns = spread_rotations(STARTS)
     rotation = np.tile(turns, (len(used) * len(focals), 1, 1))
     focal = np.tile(np.repeat(focals, STARTS), len(used))
@@ -151,9 +150,9 @@ def _solved(
     prior: tuple[float, float] | None,
     steps: int,
 ) -> tuple[Poses, Floats]:
-    """Poses (K) that bring points to pixels, and the squares (K,) that are left, by damped Gauss-Newton.
+    """Poses (K) that project points to pixels, and their sums of squares (K,), by damped Gauss-Newton.
 
-    weight: (K, N). prior: of the focal's logarithm, with its weight in pixels; None where the focal length is known.
+    weight: (K, N). prior: mean of the log focal length, and its weight in pixels; None if the focal length is known.
     """
     free = PARAMETERS if prior else PARAMETERS - 1
     damping = np.full(len(poses.focal), 1e-3)
@@ -196,7 +195,7 @@ def _shortened(vectors: Floats, longest: float) -> Floats:
 def _residual(
     poses: Poses, pixels: Floats, points: Floats, weight: Floats, prior: tuple[float, float] | None
 ) -> tuple[Floats, Floats]:
-    """Residuals (K, 2 N or one more) and their sum of squares (K,), infinite where a point is behind the camera."""
+    """Residuals (K, 2 N), or one more for the prior, and sums of squares (K,), infinite for points behind it."""
     seen = poses.in_camera(points)
     residual = (poses.projected(seen) - pixels) * np.sqrt(weight)[..., None]
     residual = residual.reshape(len(residual), -1)

@@ -1,4 +1,4 @@
-"""A pinhole camera in seven numbers, and how it changes with them."""
+"""Pinhole cameras with seven parameters, and derivatives of their projections."""
 
 from dataclasses import dataclass
 
@@ -16,18 +16,18 @@ PARAMETERS = 7
 
 @dataclass(frozen=True)
 class Poses:
-    """Any number K of pinhole cameras with square pixels, all of one picture.
+    """K pinhole cameras with square pixels and the same principal point.
 
     Parameters
     ----------
     rotation
         (K, 3, 3) from world to camera space: x right, y up, z towards the viewer.
     translation
-        (K, 3) of the same.
+        (K, 3) from world to camera space.
     focal
-        (K,) in pixels.
+        (K,) focal lengths in pixels.
     centre
-        (2,) where the optical axis meets the picture, in pixels from its top left corner.
+        (2,) principal point, in pixels from the top left corner.
     """
 
     rotation: Floats
@@ -37,7 +37,7 @@ class Poses:
 
     @classmethod
     def of(cls, camera: Camera) -> "Poses":
-        """The one pose of a perspective camera; an orthographic one is replaced by one that is far away."""
+        """The pose of a camera (K = 1). An orthographic camera becomes a distant perspective one."""
         world = np.linalg.inv(camera.world_from_camera).astype(np.float64, copy=False)
         return cls(world[None, :3, :3], world[None, :3, 3], camera.focal[:1].copy(), camera.centre)
 
@@ -45,7 +45,7 @@ class Poses:
         return Poses(self.rotation[which], self.translation[which], self.focal[which], self.centre)
 
     def camera(self, width: int, height: int, which: int = 0) -> Camera:
-        """One of them as a camera of a picture of this size."""
+        """One of them as a camera with this image size."""
         left, _, right = np.linalg.svd(self.rotation[which])
         pose = np.eye(4)
         pose[:3, :3] = (left @ right).T
@@ -53,7 +53,7 @@ class Poses:
         return Camera("perspective", width, height, np.full(2, self.focal[which]), self.centre, pose)
 
     def moved(self, step: Floats) -> "Poses":
-        """After steps (K, 7)."""
+        """The poses after steps (K, 7) of the parameters."""
         turn = rotation_matrices(step[:, :3])
         return Poses(
             turn @ self.rotation,
@@ -72,12 +72,12 @@ class Poses:
 
 
 def depth(seen: Floats) -> Floats:
-    """How far points (..., 3) in camera space are in front of the camera, at least a little."""
+    """Depth of points (..., 3) in camera space in front of the camera, clamped to a small positive value."""
     return np.maximum(-seen[..., 2], 1e-9)
 
 
 def flow(seen: Floats, focal: Floats) -> Floats:
-    """(..., 2, 7) how the pixels of points (..., 3) in camera space move with the parameters. focal: (...)."""
+    """(..., 2, 7) derivatives of the pixels of points (..., 3) in camera space by the parameters. focal: (...)."""
     x, y, z = seen[..., 0], seen[..., 1], depth(seen)
     by_point = np.zeros((*seen.shape[:-1], 2, 3))
     by_point[..., 0, 0] = by_point[..., 1, 1] = focal / z
@@ -92,7 +92,7 @@ def flow(seen: Floats, focal: Floats) -> Floats:
 
 
 def spread_rotations(count: int) -> Floats:
-    """(count, 3, 3) rotations that cover all evenly (Alexa, "Super-Fibonacci Spirals", CVPR 2022)."""
+    """(count, 3, 3) rotations that cover SO(3) evenly (Alexa, "Super-Fibonacci Spirals", CVPR 2022)."""
     number = np.arange(count) + 0.5
     share = number / count
     alpha, beta = 2 * np.pi * number / np.sqrt(2.0), 2 * np.pi * number / 1.533751168755204288118041

@@ -1,4 +1,4 @@
-"""The camera that brings a mesh's outline and normals onto a photo's, from a rough start."""
+"""Refine a rough camera: fit a mesh's outline and normals to a photo's."""
 
 from dataclasses import dataclass, field
 
@@ -16,21 +16,21 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
-# The object's longer side in pixels on each scale, and how many steps are taken there at most.
+# The object's longer side in pixels on each scale, and the maximum number of steps there.
 SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
-MARGIN = 0.25  # of the object's box, in which the mesh is looked for
+MARGIN = 0.25  # around the object, as a share of its longer side
 OUTLINE_POINTS = 1500
 NORMAL_PIXELS = 20_000
-# Standard deviations: an outline in pixels of a scale; normals, whose errors are smooth, in radians, as if this many
-# pixels erred independently; and their detail, whose errors are not.
+# Standard deviations of outlines, in pixels of a scale; of normals, in radians, whose smooth errors count as this many
+# independent pixels; and of their detail, whose errors are independent at this share of the pixels.
 OUTLINE_SIGMA = 1.0
 NORMAL_SIGMA, INDEPENDENT = 0.3, 200
 DETAIL_SIGMA, DETAIL_SHARE = 0.15, 0.1
-SMOOTH, WIDE = 1.0, 6.0  # Gaussians in pixels of a scale: of what is compared, and of what is not detail
-LONGEST_STEP = 0.1  # in radians, shares of the object's distance, and the focal length's logarithm
-SETTLED = 0.02  # pixels of a scale that a step moves the object by: further ones are not worth their time
-FIXED_FOCAL_SCALE = 128  # up to which the focal length stays as it is
-FOCAL_SPREAD = 0.2  # of the focal length's logarithm about its start
+SMOOTH, WIDE = 1.0, 6.0  # Gaussians in pixels of a scale: to smooth both normals, and to subtract from them for detail
+LONGEST_STEP = 0.1  # in radians, shares of the object's distance, and log focal length
+SETTLED = 0.02  # stop if a step moves the object by fewer pixels of the scale
+FIXED_FOCAL_SCALE = 128  # the focal length is fixed on scales up to this one
+FOCAL_SPREAD = 0.2  # prior standard deviation of the log focal length about its start
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class Fit:
     Parameters
     ----------
     camera
-        Perspective, with the picture's size.
+        Perspective, with the image's size.
     outline
-        Median distance between the mesh's outline and the mask's, in the photo's pixels.
+        Median distance of the mesh's outline from the mask's, in the photo's pixels.
     degrees
-        Median angle between the mesh's normals and the photo's where both are.
+        Median angle between the mesh's normals and the photo's, where mesh and mask overlap.
     overlap
-        Pixels that mesh and mask share, of those that either has.
+        Intersection over union of mesh and mask.
     """
 
     camera: Camera
@@ -56,7 +56,7 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Smaller is better; to compare fits of one photo."""
+        """Cost to compare fits of one photo; smaller is better."""
         return (1 - self.overlap) + self.degrees / 60
 
 
@@ -64,8 +64,9 @@ class Fit:
 class _Scale:
     """The photo on one scale, cropped to the object and a margin.
 
-    factor: of its pixels to the photo's own. place: (row, column) of its first pixel. shares: (h, w) of each pixel that
-    is inside the mask.
+    factor: size of its pixels in the photo's pixels. place: (row, column) of its first pixel in the photo. normals,
+    detail: (h, w, 3). inside, core: (h, w) the mask, and the mask eroded. outline, across: (N, 2) points of the mask's
+    outline and their outward normals.
     """
 
     factor: int
@@ -95,17 +96,17 @@ def refined(
     faces
         The mesh.
     start
-        Some 10 degrees and a tenth of the object's size off, at most.
+        At most about 10 degrees and a tenth of the object's size from the solution.
     fix_focal
-        Whether the focal length stays as it is.
+        Whether to keep the focal length.
     scales
-        Pixels of the object's longer side and steps at most, coarse to fine.
+        Pixels of the object's longer side and maximum number of steps, coarse to fine.
 
     Notes
     -----
-    Gauss-Newton, coarse to fine. Three kinds of residuals, each robust: outline points to the other outline, along its
-    normal (point to line, both ways); normals; and their detail, that is normals less their wide mean, which places the
-    surface where estimated normals err smoothly. The derivatives are those of a rigid surface's image.
+    Gauss-Newton, coarse to fine, with three kinds of robust residuals: distances between both outlines (point to line,
+    both ways); normals; and their detail, which is normals minus their Gaussian mean. Detail localises the surface even
+    if the estimated normals have smooth errors. Derivatives are those of the image of a rigid surface.
     """
     height, width = estimate.mask.shape
     local = _local(Poses.of(start), faces.scene)
@@ -113,7 +114,7 @@ def refined(
     scale = None
     for longest, steps in scales:
         scale = _scale(estimate, longest)
-        # A rough start first turns and shifts: it would be explained by a lens that there is not.
+        # Rotate and shift a rough start first: a wrong focal length could compensate for its errors.
         fixed = fix_focal or longest <= FIXED_FOCAL_SCALE
         for _ in range(steps):
             step = _step(scale, local, faces, first, fixed)
@@ -127,7 +128,7 @@ def refined(
 
 
 def measured(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
-    """How well the mesh seen by a camera fits the photo."""
+    """Measure how well the mesh, seen by a camera, fits the photo."""
     local = _local(Poses.of(camera), faces.scene)
     scale = _scale(estimate, 256)
     image = _image(scale, local, faces)
@@ -144,7 +145,7 @@ def measured(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
 
 
 def _local(poses: Poses, scene: RayScene) -> Poses:
-    """In units of the object's size about its middle, so that all parameters are of one size."""
+    """Normalise the poses by the object's size and centre: all parameters then have a similar scale."""
     translation = (poses.translation + poses.rotation @ scene.middle) / scene.size
     return Poses(poses.rotation, translation, poses.focal, poses.centre)
 
@@ -181,7 +182,7 @@ def _scale(estimate: NormalMap, longest: int) -> _Scale:
 
 
 def _image(scale: _Scale, local: Poses, faces: MeshFaces) -> SeenFaces:
-    """The mesh as a camera sees it on a scale."""
+    """What the camera sees of the mesh on a scale."""
     height, width = scale.inside.shape
     top, left = scale.place
     x = left + (np.arange(width) + 0.5) * scale.factor
@@ -197,7 +198,7 @@ def _step(
     first: float,
     fix_focal: bool,
 ) -> Floats:
-    """(1, 7) the next step of Gauss-Newton."""
+    """(1, 7) the next Gauss-Newton step."""
     image = _image(scale, local, faces)
     focal = local.focal[0]
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
@@ -214,18 +215,18 @@ def _step(
     step = np.zeros((1, PARAMETERS))
     damped = normal + 1e-6 * np.diag(np.diag(normal)) + 1e-6 * np.eye(PARAMETERS)
     step[0, :free] = -np.linalg.solve(damped[:free, :free], gradient[:free])
-    # A turn about the camera and a shift that undo each other in the picture do so only if both are cut alike.
+    # Shorten all components alike: rotation and translation may nearly cancel in the image.
     lengths = np.linalg.norm(step[0, :3]), np.linalg.norm(step[0, 3:6]) / abs(local.translation[0, 2]), abs(step[0, 6])
     step *= min(1.0, LONGEST_STEP / max(*lengths, 1e-12))
     return step
 
 
 def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
-    """Weighted residuals and their derivatives of both outlines."""
+    """Weighted residuals of both outlines, and their derivatives."""
     mine, across = _outline(image.mask.astype(np.float64))
     if not len(mine) or not len(scale.outline):
         return []
-    # The surface at an outline point is that of the pixel inside.
+    # An outline point takes its surface position from the adjacent pixel inside.
     height, width = image.mask.shape
     step_in = np.clip(mine - 0.75 * across, 0, (width - 1e-6, height - 1e-6)).astype(int)
     points = image.points[step_in[:, 1], step_in[:, 0]]
@@ -243,14 +244,14 @@ def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[
     for offset, along, by, own in terms:
         residual = (offset * along).sum(axis=1) / OUTLINE_SIGMA
         jacobian = np.einsum("nc,ncp->np", along, by) / OUTLINE_SIGMA
-        # Outlines that look different ways are not of one thing.
+        # Outlines with different normals do not correspond.
         weight = _robust(residual) * np.maximum((along * own).sum(axis=1), 0) / 2
         found.append((residual * np.sqrt(weight), jacobian * np.sqrt(weight)[:, None]))
     return found
 
 
 def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
-    """Weighted residuals and their derivatives of normals and of their detail."""
+    """Weighted residuals of normals and of their detail, and their derivatives."""
     both = scale.core & eroded(image.mask, 2)
     rows, columns = np.nonzero(both)
     if not len(rows):
@@ -280,7 +281,7 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
 
 
 def _robust(residual: Floats) -> Floats:
-    """Cauchy's weights, as wide as the residuals' own spread where that is larger than 1."""
+    """Cauchy weights, with the scale of the residuals' deviation, at least 1."""
     spread = deviation(residual, 1.0)
     weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
     return weights
@@ -291,14 +292,14 @@ def _detail(smooth: Floats, inside: NDArray[np.bool_]) -> Floats:
 
 
 def _smooth(values: Floats, inside: NDArray[np.bool_], sigma: float) -> Floats:
-    """Values (h, w, C) under a Gaussian, of what is inside alone; zero elsewhere."""
+    """Gaussian mean of values (h, w, C) over the pixels inside; zero outside."""
     weight = gaussian(inside[..., None].astype(np.float64), sigma, (0, 1))
     means = gaussian(np.where(inside[..., None], values, 0), sigma, (0, 1)) / np.maximum(weight, 1e-6)
     return np.where(inside[..., None], means, 0)
 
 
 def _outline(shares: Floats) -> tuple[Floats, Floats]:
-    """Points (N, 2; x, y) in pixels where shares (h, w) of an object cross a half, and unit normals that point out."""
+    """Points (N, 2) (x, y) in pixels where an object's coverage (h, w) crosses 1/2, and outward unit normals (N, 2)."""
     padded = np.pad(shares, 1)
     gradients = np.stack([np.gradient(gaussian(padded, 1.5, (0, 1)), axis=axis) for axis in (1, 0)], axis=-1)
     points, normals = [], []
@@ -312,7 +313,7 @@ def _outline(shares: Floats) -> tuple[Floats, Floats]:
         normals.append(-gradients[row, column])
     point, normal = np.concatenate(points), np.concatenate(normals)
     length = np.linalg.norm(normal, axis=1)
-    # What the picture's border cuts off is no outline.
+    # Where the image border cuts the object off, there is no outline.
     height, width = shares.shape
     kept = (length > 1e-9) & (point > 0.51).all(axis=1) & (point < (width - 0.51, height - 0.51)).all(axis=1)
     point, normal = point[kept], normal[kept] / length[kept, None]
@@ -323,7 +324,7 @@ def _outline(shares: Floats) -> tuple[Floats, Floats]:
 
 
 def _nearest(points: Floats, others: Floats) -> NDArray[np.intp]:
-    """(N,) the number of the nearest of `others` (M, 2) to each of `points` (N, 2)."""
+    """(N,) index of the nearest of `others` (M, 2) to each of `points` (N, 2)."""
     squared = (others**2).sum(axis=1) - 2 * points @ others.T
     nearest: NDArray[np.intp] = squared.argmin(axis=1)
     return nearest

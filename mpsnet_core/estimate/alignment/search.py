@@ -1,4 +1,4 @@
-"""The camera of a photo of which nothing is known: views all around the mesh, compared with the photo."""
+"""Find the camera of a photo without an initial pose: compare views from all around the mesh with the photo."""
 
 from dataclasses import dataclass, replace
 
@@ -12,13 +12,13 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-DIRECTIONS, ROLLS = 320, 36  # views of the mesh, 11 degrees apart, each turned in the picture by 10 degrees
-SIDE = 48  # pixels of the pictures that are compared
-ZOOMS = (0.6, 1.0, 1.6)  # of the focal length that the best view comes out with
-SPREAD = 5.0  # the pictures show the object out to this many times the square root of its second moment
-TRIED, ROUGH = 16, 5  # best views that are refined a little, and of those all the way
+DIRECTIONS, ROLLS = 320, 36  # viewing directions, 11 degrees apart, each rolled in steps of 10 degrees
+SIDE = 48  # pixels of the images to compare
+ZOOMS = (0.6, 1.0, 1.6)  # factors of the best view's focal length to try
+SPREAD = 5.0  # the images extend to this multiple of the square root of the object's second moment
+TRIED, ROUGH = 16, 5  # best views to refine roughly, and of those to refine fully
 ROUGH_SCALES = ((48, 12), (96, 8))
-# Degrees: refined views nearer to each other than this are one; of views to refine, neighbours come out as one.
+# Degrees between views that count as the same: after refinement, and before, when neighbours converge to the same view.
 SAME, NEIGHBOURS = 5.0, 12.0
 
 
@@ -31,23 +31,22 @@ def searched(
     count: int = 3,
     progress: Progress = silent,
 ) -> list[Fit]:
-    """The `count` best cameras that see the mesh as the photo does, best first.
+    """The `count` cameras with which the mesh fits the photo best, best first.
 
     Parameters
     ----------
     estimate
         The photo's normals and mask.
     faces
-        As :func:`.refine.refined` takes them.
+        The mesh.
     lens
-        A camera of the photo's size with the focal length to start with, and the principal point. Its pose does not
-        count.
+        A camera of the photo's size with the initial focal length and the principal point. Its pose is ignored.
     fix_focal
-        Whether the focal length stays as it is.
+        Whether to keep the focal length.
     count
-        How many are returned.
+        Number of cameras to return.
     progress
-        Called with 0 to 1.
+        Called with the share done, 0 to 1, and a message.
     """
     views = _views(estimate, faces, lens, progress)
     fits = []
@@ -61,7 +60,7 @@ def searched(
         best.append(refined(estimate, faces, fit.camera, fix_focal=fix_focal))
     best = _different(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
-        # From a wrong focal length the way may end at another wrong one.
+        # Try other focal lengths: refinement may converge to a wrong one.
         for number, factor in enumerate(ZOOMS):
             progress(0.9 + 0.1 * number / len(ZOOMS), f"lens {number + 1} of {len(ZOOMS)}")
             best.append(refined(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
@@ -69,7 +68,7 @@ def searched(
 
 
 def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
-    """A camera with `factor` times the focal length, so many times as far from `middle` along its axis."""
+    """A camera with focal length and distance from `middle` multiplied by `factor` (dolly zoom)."""
     pose = camera.world_from_camera.copy()
     distance = camera.depth_row() @ np.append(middle, 1.0)
     pose[:3, 3] += (factor - 1) * distance * camera.rotation[:, 2]
@@ -77,7 +76,7 @@ def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
 
 
 def _different(fits: list[Fit]) -> list[Fit]:
-    """Fits without those that are near a better one."""
+    """Fits without those that are close to a better one."""
     kept: list[Fit] = []
     for fit in fits:
         if all(_apart(fit.camera.rotation, other.camera.rotation) > SAME for other in kept):
@@ -87,7 +86,7 @@ def _different(fits: list[Fit]) -> list[Fit]:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where an object is in a picture. middle: (2,) x, y in pixels. spread: root of its second moment, in pixels."""
+    """Place and size of an object in an image. middle: (2,) x, y in pixels. spread: root of its second moment."""
 
     middle: Floats
     spread: float
@@ -101,7 +100,7 @@ class _Frame:
 
 
 def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progress) -> list[Camera]:
-    """The TRIED views that look most like the photo."""
+    """The TRIED views that are most similar to the photo."""
     frame, focal = _Frame.of(estimate.mask), float(lens.focal[0])
     photo = np.stack([_standard(estimate.vectors, estimate.mask, frame, roll) for roll in _rolls()])
     small = _small(faces, frame, focal)
@@ -126,20 +125,20 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
 
 
 def moved_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
-    """The camera, or that from the same side which sees the mesh in the mask's place and size where that fits better.
+    """Shift and zoom a camera until the mesh has the mask's place and size; unchanged if that does not fit better.
 
-    A rough start, a viewport's view, has the object elsewhere in the picture.
+    A rough start, such as a viewport's view, shows the object elsewhere in the image.
     """
     focal, rotation = float(camera.focal[0]), camera.rotation.T
     _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(estimate.mask), focal))
-    if not mask.any():  # a sheet seen from its edge
+    if not mask.any():  # a flat sheet seen edge-on
         return camera
     placed = _placed(estimate.mask, faces, rotation, focal, camera.centre, _Frame.of(mask), 0.0)
     return max(camera, placed, key=lambda one: measured(estimate, faces, one).overlap)
 
 
 def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]:
-    """Focal length and distance of small pictures: so far that the object is about as large as in the photo."""
+    """Focal length and distance of small images, with about the perspective of the photo."""
     return focal / frame.spread * SIDE / SPREAD, faces.scene.size * focal / max(4 * frame.spread, 1.0)
 
 
@@ -152,13 +151,13 @@ def _placed(
     view: _Frame,
     angle: float,
 ) -> Camera:
-    """The camera that sees the mesh in the mask's place and size. view: of its small picture, turned by `angle`."""
+    """The camera that sees the mesh in the mask's place and size. view: of its small image, rolled by `angle`."""
     (height, width), frame = photo.shape, _Frame.of(photo)
     small_focal, distance = _small(faces, frame, focal)
     rotation = _turn(angle).T @ rotation
     scale = frame.spread / view.spread
     far = distance * focal / small_focal / scale
-    # The mesh's middle is that of the small picture.
+    # The mesh's centre is at the centre of the small image.
     offset = _pixel_turn(angle) @ (SIDE - view.middle) * scale
     x, y = (frame.middle + offset - centre) / focal * (1, -1)
     translation = np.array([x, y, -1.0]) * far - rotation @ faces.scene.middle
@@ -166,7 +165,7 @@ def _placed(
 
 
 def _likeness(photo: Floats, view: Floats) -> Floats:
-    """(R,) how alike R pictures of the photo and one of the mesh are: the shared area, and the normals' mean cosine."""
+    """(R,) similarity of R images of the photo to one of the mesh, from their overlap and the normals' mean cosine."""
     both = np.minimum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     either = np.maximum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     cosines = (photo[..., :3] * view[..., :3]).sum(axis=(1, 2, 3))
@@ -184,17 +183,17 @@ def _rolls() -> Floats:
 
 
 def _turn(angle: float) -> Floats:
-    """(3, 3) a turn about the camera's axis, counter-clockwise in the picture."""
+    """(3, 3) rotation about the camera's axis, counter-clockwise in the image."""
     return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
 
 
 def _pixel_turn(angle: float) -> Floats:
-    """(2, 2) that undoes :func:`_turn` on pixels, whose y points down."""
+    """(2, 2) inverse of :func:`_turn` for pixels, whose y points down."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def _looks(count: int) -> Floats:
-    """(count, 3, 3) rotations into the space of cameras that look from directions spread evenly over the sphere."""
+    """(count, 3, 3) rotations from world to camera space, for viewing directions spread evenly over the sphere."""
     number = np.arange(count) + 0.5
     z, angle = 1 - 2 * number / count, number * np.pi * (3 - np.sqrt(5))
     axis = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
@@ -207,7 +206,7 @@ def _looks(count: int) -> Floats:
 def _picture(
     faces: MeshFaces, rotation: Floats, focal: float, distance: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Normals and mask of a small picture of the mesh, twice SIDE pixels a side, its middle in the picture's."""
+    """Normals and mask of the mesh in a centred image of 2 SIDE x 2 SIDE pixels."""
     translation = np.array([0, 0, -distance]) - rotation @ faces.scene.middle
     side = 2 * SIDE
     camera = Poses(rotation[None], translation[None], np.array([focal]), np.full(2, SIDE * 1.0)).camera(side, side)
@@ -217,7 +216,7 @@ def _picture(
 
 
 def _standard(normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _Frame, roll: float) -> Floats:
-    """(SIDE, SIDE, 4) normals and mask of an object brought to a standard size and place and turned by `roll`."""
+    """(SIDE, SIDE, 4) normals and mask, normalised in size and position, and rolled by `roll`."""
     steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)
     place = place @ _pixel_turn(roll).T + frame.middle

@@ -1,5 +1,5 @@
-"""Moving things: numbered photos or a video in, a normal map for every frame out.
+"""Sequences: a normal map for every frame of numbered photos or of a video.
 
-``source`` and ``video`` give frames one at a time, ``run`` estimates them in order while others are read and written,
-``smoothing`` takes noise out of them over time. Nothing here grows with the number of frames but their names.
+``source`` and ``video`` provide frames one at a time. ``run`` estimates them in order while others are read and
+written. ``smoothing`` removes noise over time. Memory does not grow with the number of frames, except for their names.
 """

@@ -1,4 +1,4 @@
-"""A sequence's run: frames are read, estimated, smoothed and written in order; one that was cut short continues."""
+"""Run a sequence: read, estimate, smooth and write frames in order. An interrupted run can be continued."""
 
 import contextlib
 import logging
@@ -19,8 +19,7 @@ from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import Convention, NormalMap, write_normals
 
-# Frames that are read before their turn, and normals that wait to be written: enough that neither the estimate nor a
-# disk waits for the other, and no more memory than that.
+# Frames to read ahead, and normals that may wait to be written: just enough to keep both estimate and disk busy.
 AHEAD = 2
 
 T = TypeVar("T")
@@ -35,13 +34,13 @@ class Outcome:
     Attributes
     ----------
     made
-        How many normal maps it wrote.
+        Number of normal maps written.
     there
-        How many existed before and were up to date.
+        Number of normal maps that existed and were up to date.
     pixels
-        Of those that were made, inside their masks.
+        Number of pixels inside the masks of those that were written.
     left_out
-        Numbers of the frames that show no object, which have no normal map.
+        Numbers of the frames without an object, which have no normal map.
     """
 
     made: int = 0
@@ -62,29 +61,29 @@ def estimate_sequence(
     count: int = 0,
     progress: Progress = silent,
 ) -> Outcome:
-    """Write the normals of every frame to its output, in order; those that are up to date are left as they are.
+    """Write the normals of every frame to its output, in order. Outputs that are up to date are skipped.
 
     Parameters
     ----------
     frames : iterable of Frame
-        By rising number, all with outputs in one folder, which is made where it is missing.
+        In increasing order of their numbers, with outputs in one folder, which is created if missing.
     take : callable
-        Reads a frame as a capture; called in a thread of its own, for one frame after the other.
+        Reads a frame as a capture. Called in a separate thread, one frame at a time.
     estimator : callable
-        Returns the normals of a capture, :class:`mpsnet_core.estimate.estimator.Estimator` for instance.
+        Returns the normals of a capture, for example :class:`mpsnet_core.estimate.estimator.Estimator`.
     recipe : str
-        Text that changes with every other setting that the normals depend on. Each output stores a line made of it and
-        `Frame.made_from`; an output that is whole and has the same line is up to date.
+        Text that changes with every other setting that the normals depend on. Each output stores a line made from it
+        and `Frame.made_from`. A complete output with the same line is up to date.
     smooth : int
-        How many frames before and behind count for a frame's normals, see :func:`smoothed`.
+        Number of frames before and after a frame to average it with, see :func:`smoothed`.
     step : int
-        By how much the numbers of successive frames rise at least.
+        Least difference between the numbers of successive frames.
     convention : {"opengl", "directx"}
         Green up or green down.
     count : int
-        How many frames there are about, for `progress`; 0 where unknown.
+        Approximate number of frames, for `progress`; 0 if unknown.
     progress : callable
-        Receives the share that is done, 0 to 1, and what is being done.
+        Called with the share done, 0 to 1, and a message.
 
     Returns
     -------
@@ -93,15 +92,15 @@ def estimate_sequence(
     Raises
     ------
     InputError
-        Where a frame cannot be read, estimated or written, or none shows an object.
+        If a frame cannot be read, estimated or written, or none shows an object.
     Cancelled
-        Where `progress` raises it.
+        If `progress` raises it.
 
     Notes
     -----
-    However it ends, what it wrote is whole, and the same call continues from there. Memory does not grow with the
-    number of frames. A frame that shows no object is left out with a warning. A normal map that it had from an earlier
-    run is removed at the end, where other frames show one.
+    However it ends, all files are complete, and the same call continues from there. Memory does not grow with the
+    number of frames. A frame without an object is left out with a warning. If other frames show one, its normal map
+    from an earlier run is removed at the end.
     """
     run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", convention, count, progress)
     return run.through(frames, smooth, step)
@@ -109,7 +108,7 @@ def estimate_sequence(
 
 @dataclass
 class _Run:
-    """What :func:`estimate_sequence` was called with, and how far it is."""
+    """Arguments of :func:`estimate_sequence`, and its progress."""
 
     take: Callable[[Frame], Capture]
     estimator: Callable[[Capture, Progress], NormalMap]
@@ -118,8 +117,8 @@ class _Run:
     count: int
     progress: Progress
     outcome: Outcome = field(default_factory=Outcome)
-    nothing: NoObject | None = None  # of the first frame without an object
-    stale: list[Path] = field(default_factory=list)  # where normal maps of such frames may be from before
+    nothing: NoObject | None = None  # error of the first frame without an object
+    stale: list[Path] = field(default_factory=list)  # outputs of such frames, which may exist from earlier runs
     unwritten: dict[int, Frame] = field(default_factory=dict)
 
     def through(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
@@ -135,10 +134,10 @@ class _Run:
             made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
             raise type(error)(f"{error}; {made}, and the same command goes on from there") from None
         if self.nothing is not None and not outcome.made + outcome.there:
-            raise self.nothing  # as under a wrong mask, which must not cost the normal maps of an earlier run
+            raise self.nothing  # the mask is wrong, for example: keep the normal maps of an earlier run
         for output in self.stale:
             if output.is_file() and is_result(output, "normals"):
-                with contextlib.suppress(OSError):  # what cannot be removed
+                with contextlib.suppress(OSError):  # files that cannot be removed stay
                     output.unlink()
         self.progress(1.0, "done")
         return outcome
@@ -148,7 +147,7 @@ class _Run:
             yield todo, self._taken(todo.frame) if todo.needed else None
 
     def _taken(self, frame: Frame) -> Capture | None:
-        """The frame as a capture, None where it shows no object."""
+        """The frame as a capture, None if it shows no object."""
         try:
             return self.take(frame)
         except NoObject as error:
@@ -167,7 +166,7 @@ class _Run:
             self.outcome.there += not todo.stale
             if capture is None:
                 continue
-            if not noted:  # of the first frame: the others are much like it
+            if not noted:  # report on the first frame only; the others look alike
                 note_doubts(capture)
                 noted = True
             normals = self.estimator(capture, part(share, 0.0, 0.9, todo.frame.name))
@@ -192,7 +191,7 @@ def _line(frame: Frame, recipe: str) -> str:
 
 @dataclass
 class _Step:
-    """A frame, whether its output is to be written, and whether it must be read for its own output or another's."""
+    """A frame. stale: whether to write its output. needed: whether to read it, for its own output or for another's."""
 
     frame: Frame
     stale: bool
@@ -200,7 +199,7 @@ class _Step:
 
 
 def _cleared(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """The frames; before the first, what a run that was killed left half-written in their folder is removed."""
+    """The frames, after removing unfinished files of killed runs from their folder."""
     for number, frame in enumerate(frames):
         if number == 0:
             remove_abandoned(frame.output.parent)
@@ -208,7 +207,7 @@ def _cleared(frames: Iterable[Frame]) -> Iterator[Frame]:
 
 
 def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
-    """What is to be done with each frame, `span` numbers late: a later output may need it."""
+    """What to do with each frame, delayed by `span` numbers, because a later output may need it."""
     waiting: deque[_Step] = deque()
     last_stale: int | None = None
     for frame in frames:
@@ -228,7 +227,7 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
 
 
 def _ahead(items: Generator[T, None, None]) -> Generator[T, None, None]:
-    """The items, made in a thread up to AHEAD before their turn; what fails there is raised in its turn."""
+    """The items, computed in a thread up to AHEAD in advance. Exceptions are raised when the item's turn comes."""
     end = object()
     reader = ThreadPoolExecutor(1, "mpsnet-read")
     pending: deque[Future[object]] = deque()
@@ -247,14 +246,14 @@ def _ahead(items: Generator[T, None, None]) -> Generator[T, None, None]:
 
 
 class _Behind:
-    """Work done in a thread in the order it was given, at most AHEAD waiting; on leaving, all of it has been done."""
+    """Runs work in a thread, in order, with at most AHEAD jobs waiting. Leaving the context waits for all of it."""
 
     def __init__(self) -> None:
         self._worker = ThreadPoolExecutor(1, "mpsnet-write")
         self._pending: deque[Future[None]] = deque()
 
     def run(self, work: Callable[..., None], *arguments: object) -> None:
-        """Do `work` later; raises what earlier work raised."""
+        """Schedule `work`. Raises the exception of earlier work, if any."""
         self._pending.append(self._worker.submit(work, *arguments))
         while len(self._pending) > AHEAD:
             self._pending.popleft().result()

@@ -1,8 +1,8 @@
-"""Noise removed from normals over time, without lag: a mean over the frames before and behind that show the same.
+"""Temporal denoising of normals, without lag: a mean over earlier and later frames that show the same.
 
-A bilateral filter in time (Tomasi and Manduchi 1998): past and future weigh alike, and a neighbour counts at a pixel
-only where its photo shows the same there within the camera's noise, over small patches as in non-local means (Buades et
-al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
+A bilateral filter in time (Tomasi and Manduchi 1998). Past and future have equal weights. A neighbouring frame counts
+at a pixel only if the photos are equal there within camera noise, over small patches as in non-local means (Buades et
+al. 2005). Moving objects keep their edges; static ones lose noise by the square root of the number of frames.
 """
 
 from collections import deque
@@ -17,28 +17,29 @@ from mpsnet_core.defaults import MAX_SMOOTHING
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.normal_map import NormalMap
 
-PATCH = 7  # pixels a side over which two photos are compared
-# The mean square of a patch's difference, in units of the noise's, is 1 where nothing moved, with a spread of
-# sqrt(2 / (3 * 49)) = 0.12: up to here it is assumed to be noise.
+PATCH = 7  # side in pixels of the patches to compare
+# The mean square difference of a patch, divided by the noise variance, is 1 without motion, with a standard deviation
+# of sqrt(2 / (3 * 49)) = 0.12. Up to this value, the difference counts as noise.
 SURE = 1.5
-# Noise grows with brightness: it is measured in so many classes of it, on about so many pixels in all.
+# Noise grows with brightness: it is measured in this many classes of brightness, on about this many pixels in all.
 CLASSES = 8
 MEASURED = 32768
-# Noise is assumed to be this share of the light at least, by which a normal turns a degree: compressed video shows less
-# between many pixels of two frames, which it copies, and more between others. In shadows, of so much of the mean light.
+# Lower limit of the noise, as a share of the light; it changes a normal by about one degree. Compressed video copies
+# many pixels from frame to frame, whose differences show less noise than others. In shadows, the limit is for this
+# share of the mean light.
 LEAST_NOISE = 0.01
 SHADOW = 0.2
-# Where no frame is sure of anything, all count alike.
+# Lower limit of confidence: if no frame is confident, all have equal weights.
 LEAST_CONFIDENCE = 0.01
 
-# A median absolute value of normal noise, and what Immerkær's kernel (1996) makes of noise of strength one.
+# Median absolute value of unit normal noise, and the gain of Immerkær's kernel (1996) on noise.
 MEDIAN_OF_NOISE = 0.6745
 KERNEL_GAIN = 6.0
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One frame's photo (H, W, 3), linear, and its normals. wanted: whether its smoothed normals are needed."""
+    """A frame's linear photo (H, W, 3) and its normals. wanted: whether its smoothed normals are needed."""
 
     number: int
     photo: NDArray[np.float32]
@@ -47,13 +48,13 @@ class Shot:
 
 
 def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple[int, NormalMap]]:
-    """Number and smoothed normals of every shot that is wanted, in order, at most `reach` shots late.
+    """Number and smoothed normals of every wanted shot, in order, delayed by at most `reach` shots.
 
-    shots: by rising number. reach: how many frames before and behind a frame count for it; at the ends, and where
-    frames are missing, there are fewer. 0 leaves the normals as they are. step: how far apart the numbers of two frames
-    are that follow each other, at least.
+    shots: in increasing order of their numbers. reach: number of frames before and after a frame to average it with;
+    fewer at the ends and where frames are missing. 0 does not smooth. step: least difference between the numbers of
+    successive frames.
 
-    Raises SettingsError where `reach` is out of range, GeometryError where two photos within it differ in size.
+    Raises SettingsError if `reach` is out of range, GeometryError if two photos within it differ in size.
     """
     if not 0 <= reach <= MAX_SMOOTHING:
         raise SettingsError(f"smoothing over {reach} frames each way is out of range; choose 0 to {MAX_SMOOTHING}")
@@ -92,12 +93,12 @@ def _answer(
         weight = other.normals.confidence + np.float32(LEAST_CONFIDENCE)
         if other is not shot:
             weight = weight * similarities[min(shot.number, other.number), max(shot.number, other.number)]
-        total += weight[..., None] * other.normals.vectors  # which are zero outside their mask
+        total += weight[..., None] * other.normals.vectors  # normals are zero outside their mask
     yield shot.number, NormalMap(total, shot.normals.mask, shot.normals.confidence)
 
 
 def _similarity(a: Shot, b: Shot) -> NDArray[np.float32]:
-    """(H, W) in 0 to 1: how surely two photos show the same around a pixel, noise aside; 0 outside either mask."""
+    """(H, W) weights, 0 to 1, of how certainly two photos are equal around a pixel, up to noise; 0 outside a mask."""
     if a.photo.shape != b.photo.shape:
         sizes = " and ".join(f"{shot.photo.shape[1]} x {shot.photo.shape[0]}" for shot in (a, b))
         raise GeometryError(f"frames {a.number} and {b.number} are {sizes}; smoothing needs frames of one size")
@@ -115,10 +116,10 @@ def _similarity(a: Shot, b: Shot) -> NDArray[np.float32]:
 def _noise(
     difference: NDArray[np.float32], brightness: NDArray[np.float32], inside: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """(H, W) the strength of a difference's noise by brightness.
+    """(H, W) standard deviation of the noise in a difference of photos, as a function of brightness.
 
-    What is left of the difference after Immerkær's kernel, which passes neither constants nor gradients, is noise
-    except along moving edges, which the median leaves out.
+    Immerkær's kernel removes constants and gradients from the difference. The remainder is noise, except along moving
+    edges, which the median ignores.
     """
     across = difference[:, :-2] - 2 * difference[:, 1:-1] + difference[:, 2:]
     rest = np.abs(across[:-2] - 2 * across[1:-1] + across[2:]) / (KERNEL_GAIN * MEDIAN_OF_NOISE)

@@ -1,4 +1,4 @@
-"""Where frames come from: numbered photos, and the masks that go with them."""
+"""Sources of frames: numbered photos and their masks."""
 
 import os
 import re
@@ -19,13 +19,13 @@ from mpsnet_core.io.provenance import identity
 
 @dataclass(frozen=True)
 class Masks:
-    """The masks of a sequence. given: of all frames, as in `read_capture`, unless there are files `by_number`."""
+    """The masks of a sequence: `given` for all frames, as in `read_capture`, or one file per frame `by_number`."""
 
     given: str = MASK
     by_number: Mapping[int, Path] = field(default_factory=dict)
 
     def of(self, number: int) -> str | os.PathLike[str]:
-        """The mask of a frame. Raises FileError where the frames have masks of their own and this one has none."""
+        """The mask of a frame. Raises FileError if masks are per frame and this one is missing."""
         if not self.by_number:
             return self.given
         if number not in self.by_number:
@@ -33,7 +33,7 @@ class Masks:
         return self.by_number[number]
 
     def mask_identity(self, number: int, span: int) -> list[str]:
-        """Text that changes when a mask of a frame or of those within `span` numbers of it does."""
+        """Text that changes with the mask of a frame, or of frames within `span` numbers of it."""
         if not self.by_number:
             return [mask_identity(self.given)]
         near = range(number - span, number + span + 1)
@@ -42,11 +42,11 @@ class Masks:
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture of a sequence that has not been read yet.
+    """An image of a sequence that has not been read yet.
 
-    number: its place in time. name: for people. output: where its normals go. mask: as in `read_capture`.
-    made_from: text that changes when any file changes that its normals are made from.
-    read: returns its pixels; called in the frames' order, at most once.
+    number: position in time. name: for people. output: file for its normals. mask: as in `read_capture`. made_from:
+    text that changes with any file that its normals depend on. read: returns its pixels; called in the frames' order,
+    at most once.
     """
 
     number: int
@@ -66,12 +66,12 @@ def photo_frames(
     encoding: Encoding = "auto",
     layer: str | None = None,
 ) -> Iterator[Frame]:
-    """The frames that lie in files of their own: in the order of their numbers, as given where they have none.
+    """Frames from photo files: in the order of their numbers, or as given if they have none.
 
-    outputs: where each photo's normals go. masks: of the frames, by their numbers or one for all. reach: on how many
-        frames before and behind it a frame's normals depend, too. encoding, layer: as in `read_image`.
+    outputs: files for the normals of each photo. masks: of the frames. reach: number of frames before and after a frame
+    that its normals depend on, too. encoding, layer: as in `read_image`.
 
-    Raises FileError where a photo or a mask is missing.
+    Raises FileError if a photo or a mask is missing.
     """
     numbered = numbering(photos)
     numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
@@ -91,10 +91,10 @@ def photo_frames(
 
 
 def frame_masks(mask: str) -> Masks:
-    """The masks that `mask` names: a folder or a pattern (mask_####.png) has one for each frame by its number, anything
-    else is for all frames alike.
+    """The masks that `mask` names. A folder or a pattern (mask_####.png) has one numbered file per frame; anything else
+    applies to all frames.
 
-    Raises SettingsError where a folder's or a pattern's files are not numbered.
+    Raises SettingsError if the files of a folder or pattern are not numbered.
     """
     if mask_source(mask) != mask or not is_several(mask):
         return Masks(mask)

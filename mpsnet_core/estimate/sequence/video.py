@@ -1,8 +1,8 @@
-"""Videos as a source of frames, one at a time, decoded by FFmpeg through PyAV (extra ``video``).
+"""Videos as a source of frames, decoded one at a time by FFmpeg through PyAV (extra ``video``).
 
-Where PyAV is not installed and another program decodes videos, Blender for its extension, the frames are those of its
-timeline: at an even rate, so that one stands twice where the video paused, and the last until the promised end. That
-program does not tell a video's curve.
+Without PyAV, another program may decode videos: Blender does for its extension. Its frames have a constant rate, so a
+frame is repeated where the video pauses, and the last one up to the duration in the header. That program does not
+report a video's transfer curve.
 """
 
 import logging
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# Allowed are files that hold pictures themselves. FFmpeg's playlists name other files, and addresses.
+# Allow only files that contain the video itself. FFmpeg's playlists refer to other files and to URLs.
 _OPEN = {"protocol_whitelist": "file", "format_whitelist": "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mpegts,mxf"}
 
-# Matrices by their numbers in ITU-T H.273.
+# Matrix coefficients by their codes in ITU-T H.273.
 _UNKNOWN, _BT709 = 2, 1
-# Lower pictures whose matrix is not stated are by BT.601, others by BT.709.
+# If the matrix is not stated, images below this height use BT.601, others BT.709.
 _HD_HEIGHT = 720
 
-# Flags of FFmpeg's scaler (swscale.h): bilinear, colour interpolated to full size, rounded. Without them the half-size
-# colour of most videos comes out up to 2.4 of 255 darker, green most.
+# Flags of FFmpeg's scaler (swscale.h): bilinear, full chroma interpolation, accurate rounding. Without them the
+# subsampled chroma of most videos makes colours up to 2.4 of 255 darker, most of all green.
 _EXACT = 0x2 | 0x2000 | 0x4000 | 0x40000
 
-# The share of the frames in a header that may be missing: its duration is rounded.
+# Share of the frames in the header that may be missing, because its duration is rounded.
 _SHORT = 0.02
 
 
 @dataclass(frozen=True)
 class Video:
-    """A video's header. width, height: as stored, before it is turned upright. frame_rate: a second, on average.
-    count: how many frames there are about, 0 where unknown. decoder: the program that decodes it, None for PyAV."""
+    """A video's header. width, height: as stored, before rotation. frame_rate: average frames per second. count:
+    approximate number of frames, 0 if unknown. decoder: the program that decodes it, None for PyAV."""
 
     path: Path
     width: int
@@ -64,10 +64,10 @@ class Video:
 
 
 def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:
-    """Read a video's header, and report the curve that its values are assumed to follow.
+    """Read a video's header, and report the transfer curve that is assumed for its values.
 
-    Raises FileError where the file is missing or PyAV is not installed, FormatError where the file is broken or too
-    large, or its values follow a curve that "auto" does not undo.
+    Raises FileError if the file is missing or PyAV is not installed, FormatError if the file is damaged or too large,
+    or has a transfer curve that "auto" does not invert.
     """
     path = existing_file(path, "video")
     check_choice("encoding", encoding, ENCODINGS)
@@ -104,9 +104,9 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
 
 
 def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None) -> Callable[[int], Path]:
-    """Where the normals of a video's frames go, by number from 1: NAME_000001_normals in `folder`.
+    """Files for the normals of a video's frames, by number from 1: NAME_000001_normals in `folder`.
 
-    kind: of file, as "png", which it is unless given. Raises InputError where `folder` cannot be one.
+    kind: file type such as "png", the default. Raises InputError if `folder` is unusable.
     """
     target = results_folder(folder, f"{video} is a video")
     suffix = file_suffix(kind or "png")
@@ -117,15 +117,15 @@ def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None)
 def video_frames(
     video: Video, outputs: Callable[[int], Path], *, masks: Masks, reach: int = 0, encoding: Encoding = "auto"
 ) -> Iterator[Frame]:
-    """Every frame that FFmpeg decodes, in the order they are shown, whatever their times say; numbers from 1.
+    """All frames that FFmpeg decodes, in presentation order, regardless of their timestamps; numbered from 1.
 
-    Values are converted to full-range RGB by the video's matrix, turned upright, and linearised by `encoding`: "auto"
-    assumes sRGB, which BT.709 is close to, unless the video states that it is linear.
+    Values are converted to full-range RGB by the video's matrix, rotated upright, and linearised by `encoding`. "auto"
+    assumes sRGB, which is close to BT.709, unless the video states that it is linear.
 
-    reach: as in `photo_frames`; the frames around one are the video's own, so that it matters for their masks alone.
+    reach: as in `photo_frames`. It matters for masks only, because all frames are from the same file.
 
-    A video that is cut short or damaged ends where it cannot be read on, with a warning. Raises FormatError where
-    nothing can be read, or a frame is of another size than the first.
+    A truncated or damaged video ends where it becomes unreadable, with a warning. Raises FormatError if nothing can be
+    read, or the frame size changes.
     """
     source = identity(video.path)
 
@@ -173,7 +173,7 @@ def _image(picture: "VideoFrame", linear: bool, name: str) -> Image:
     matrix = int(picture.colorspace)
     if matrix == _UNKNOWN and picture.height >= _HD_HEIGHT:
         matrix = _BT709
-    # In planes where deep: to rgb48le FFmpeg makes garbage of half-size colour at odd widths.
+    # Planar formats for deep colour: FFmpeg's conversion of subsampled chroma to rgb48le is wrong at odd widths.
     kind = {(False, False): "rgb24", (True, False): "gbrp16le", (False, True): "rgba", (True, True): "gbrap16le"}
     try:
         values: NDArray[Any] = picture.to_ndarray(format=kind[deep, alpha], src_colorspace=matrix, interpolation=_EXACT)
@@ -188,7 +188,7 @@ def _image(picture: "VideoFrame", linear: bool, name: str) -> Image:
 
 
 def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
-    """The curve that a video's values are assumed to follow, "linear" or "sRGB"."""
+    """The transfer curve that is assumed for a video's values, "linear" or "sRGB"."""
     if encoding != "auto":
         return "linear" if encoding == "linear" else "sRGB"
     return "linear" if transfer_is_linear(path, transfer) else "sRGB"
@@ -230,7 +230,7 @@ def _opened(path: Path) -> "InputContainer":
         if codec is None:
             raise FormatError(f"{path} is by a codec that this FFmpeg does not have; convert it, to H.264 for instance")
         _check_size(path, codec.width, codec.height)
-        codec.options = {"max_pixels": str(MAX_PIXELS)}  # a frame's own header may say another size
+        codec.options = {"max_pixels": str(MAX_PIXELS)}  # a frame's own header may state another size
     except InputError:
         container.close()
         raise

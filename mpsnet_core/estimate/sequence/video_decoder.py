@@ -1,14 +1,14 @@
-"""Videos that another program decodes: Blender, which has FFmpeg, does so for its extension, which has no PyAV.
+"""Decode videos by another program: Blender, which has FFmpeg, does so for its extension, which has no PyAV.
 
-The program's command stands in the environment (:data:`mpsnet_core.io.files.VIDEO_DECODER`); the video is added at its
-end. Its protocol is that of :mod:`mpsnet_core.io.child_process`::
+An environment variable holds the program's command (:data:`mpsnet_core.io.files.VIDEO_DECODER`); the video's path is
+appended to it. The protocol is that of :mod:`mpsnet_core.io.child_process`::
 
     {"result": {"width": 1920, "height": 1080, "frame_rate": 25.0, "count": 250}}    first; upright
     {"frame": 7}                                                                     a request; numbers from 1
-    {"result": {"file": "/tmp/frame.tif"}}                                           there until the next request
-    {"error": "a sentence"}                                                          in place of either
+    {"result": {"file": "/tmp/frame.tif"}}                                           exists until the next request
+    {"error": "a sentence"}                                                          instead of either
 
-It ends at the end of its input.
+The program ends when its input ends.
 """
 
 import json
@@ -25,15 +25,15 @@ from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
 
-# Blender's start, and the search for a frame in a long video.
+# Enough for Blender's start, or for seeking in a long video.
 ANSWER_SECONDS = 120.0
 
 
 class VideoDecoder:
-    """A program that decodes the video at `path`, which ends when nobody holds this any more.
+    """A program that decodes the video at `path`. It ends when this object is garbage collected.
 
-    Attributes `width`, `height`, `frame_rate` and `count` are those of :class:`Video`. Raises FormatError where the
-    program cannot decode the video.
+    Attributes `width`, `height`, `frame_rate` and `count` are as in :class:`Video`. Raises FormatError if the program
+    cannot decode the video.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,7 +46,7 @@ class VideoDecoder:
         self.frame_rate = float(header["frame_rate"])
 
     def read(self, number: int, encoding: Encoding) -> Image:
-        """The pixels of a frame. Called by one thread at a time."""
+        """Read the pixels of a frame. Not thread-safe."""
         self._child.send({"frame": number})
         return read_image(self._answer()["file"], encoding=encoding)
 

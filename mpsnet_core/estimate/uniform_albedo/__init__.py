@@ -1,4 +1,4 @@
-"""Matt surfaces of one colour: found in the photo itself, and solved exactly where the three lights say enough."""
+"""Detect matt surfaces of one colour in a photo, and solve their normals where the lights determine them."""
 
 from mpsnet_core.estimate.uniform_albedo.refine import refined
 

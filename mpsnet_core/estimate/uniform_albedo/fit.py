@@ -1,10 +1,10 @@
-"""Whether a photo shows a matt surface of one albedo, and which.
+"""Test whether a photo shows a matt surface of one albedo, and find that albedo.
 
-Equation 2 gives a vector for every pixel, as long as the surface's albedo there. Where a matt surface has one colour
-and all three lights reach, the vectors of all pixels have one length once each channel is divided by that colour: the
-pixels lie on an ellipsoid (Drew and Kontsevich, "Closed-form attitude determination under spectrally varying
-illumination", CVPR 1994). So a robust fit finds the colour, and the lengths prove it: where the surface has other
-colours, gloss or shadows, its pixels lie on that ellipsoid by chance alone.
+Equation 2 gives a vector for every pixel whose length is the albedo. If a matt surface has one colour and all three
+lights reach it, all vectors have the same length once each channel is divided by that colour: the pixels lie on an
+ellipsoid (Drew and Kontsevich, "Closed-form attitude determination under spectrally varying illumination", CVPR 1994).
+A robust fit finds the colour, and the lengths prove it: pixels with other colours, gloss or shadows lie on the
+ellipsoid only by chance.
 """
 
 from dataclasses import dataclass
@@ -18,42 +18,42 @@ from mpsnet_core.estimate.distant_lights import pseudo_normals_by_light
 Floats = NDArray[np.floating[Any]]
 
 LEAST_PIXELS = 200
-# Cosines: below, a light says little of the colour.
+# Below this cosine, a light shows little of the colour.
 GRAZING = 0.15
-# Standard deviations of the lengths in the robust fit, one after the other, from where the network's normals lead to.
+# Standard deviations of the lengths in the successive rounds of the robust fit, which starts at the network's normals.
 SPREADS = (0.3, 0.15, 0.08, 0.05, 0.03, 0.03)
-FURTHER_SPREADS = 3  # where the lengths differ by still less
+FURTHER_SPREADS = 3  # additional rounds if the lengths differ by still less
 LEAST_SPREAD = 0.003
-ITERATIONS = 4  # with each of them
-# What must hold for a proof: lengths that differ by at most this,
+ITERATIONS = 4  # per round
+# Conditions of the proof: lengths that differ by at most this,
 SHARPEST = 0.02
-# this many times as many pixels of that length as of others (per unit of length, and at least LEAST_DENSITY of those),
+# a density of pixels at that length so many times the density at others (at least LEAST_DENSITY),
 PEAK, LEAST_DENSITY = 12.0, 0.05
-# on a surface of so many directions (the perplexity of their histogram), as three flat faces fit any colour,
-# each with this share of the pixels at most, so that one large face hides no others,
+# so many directions (the perplexity of their histogram), because three flat faces fit any colour; a histogram cell
+# counts at most this share of the pixels, because one large face must not outweigh all others,
 DIRECTIONS, DIRECTION_STEP, LARGEST_FACE = 12.0, 0.2, 0.01
-# that determine the colour (least eigenvalue of the fit's normal equations, for one pixel),
+# a colour that they determine (least eigenvalue of the fit's normal equations, per pixel),
 DETERMINED = 0.01
-# and on this share of the object.
+# and this share of the object.
 LEAST_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class UniformAlbedo:
-    """A surface's one colour.
+    """The colour of a uniform surface.
 
     Attributes
     ----------
     gains : (3,) float64 array
-        Unmixed light times these is each light's cosine on the surface.
+        Gains times unmixed light is each light's cosine on the surface.
     spread : float
-        Relative standard deviation of the lengths where it holds.
+        Relative standard deviation of the lengths of inliers.
     determined : float
-        Least eigenvalue of the fit's normal equations, for one pixel.
+        Least eigenvalue of the fit's normal equations, per pixel.
     density : float
-        Pixels per unit of length that have a length nearby by chance, as a share of all.
+        Share of all pixels, per unit of length, that are near this length by chance.
     share : float
-        Of all pixels that have that length.
+        Share of all pixels that have this length.
     """
 
     gains: NDArray[np.float64]
@@ -66,18 +66,18 @@ class UniformAlbedo:
 def find_uniform_albedo(
     light: Floats, lights: NDArray[np.float64], normals: Floats, expected_error: Floats
 ) -> UniformAlbedo | None:
-    """The one colour of a matt surface, or None where the pixels do not prove it.
+    """The colour of a matt surface of one albedo, or None if the pixels do not prove that it is one.
 
     Parameters
     ----------
     light : (N, 3) array
-        Each light alone (unmixed), of pixels from all over the object; not clipped.
+        Unmixed pixels from all over the object, none of them clipped.
     lights : (3, 3) or (N, 3, 3) array
-        A light a row: its direction times its brightness.
+        Directions times brightness, one light per row.
     normals : (N, 3) array
-        Unit vectors, as a network estimates them.
+        Unit normals estimated by a network.
     expected_error : (N,) array
-        Of those, in radians.
+        Expected error of `normals` in radians.
     """
     cosines = np.einsum("...ki,...i->...k", lights, normals)
     positive = (light > 0).all(axis=-1)
@@ -88,7 +88,7 @@ def find_uniform_albedo(
     nearby = np.maximum(0.1, 2 * expected_error)
     gains = 1 / np.median(light[bright] / cosines[bright], axis=0)
     spreads = list(SPREADS)
-    for number, spread in enumerate(spreads):  # which may become longer meanwhile
+    for number, spread in enumerate(spreads):  # the loop may append to spreads
         for _ in range(ITERATIONS):
             length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
             weights *= positive
@@ -131,7 +131,7 @@ def find_uniform_albedo(
 def _weighed(
     parts: Floats, gains: NDArray[np.float64], normals: Floats, nearby: Floats, spread: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Length (N,) and direction (N, 3) of equation 2's vectors, and how much a pixel counts (N,)."""
+    """Length (N,) and direction (N, 3) of equation 2's vectors, and the pixels' weights (N,)."""
     vectors = np.einsum("k,nki->ni", gains, parts)
     length = np.linalg.norm(vectors, axis=-1)
     vectors /= np.maximum(length, 1e-9)[:, None]
@@ -140,9 +140,9 @@ def _weighed(
 
 
 def _peak(length: NDArray[np.float64], within: float) -> tuple[float, float]:
-    """Where lengths near one are densest, and their standard deviation there, as if they were normal.
+    """Mode of the lengths near one, and their standard deviation if they were normally distributed.
 
-    By the shortest interval that holds half of them: light that bounces between surfaces only adds to lengths.
+    Uses the shortest interval that holds half of them: interreflections only add to lengths, and would bias a mean.
     """
     close = np.sort(length[np.abs(length - 1) < within])
     half = len(close) // 2
@@ -158,7 +158,7 @@ def _density(length: NDArray[np.float64], low: float, high: float) -> float:
 
 
 def _directions(vectors: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
-    """How many directions there are: the perplexity of their histogram over x and y."""
+    """Effective number of directions: the perplexity of their histogram over x and y."""
     sure = weights > 0.3
     cells = np.floor(vectors[sure, :2] / DIRECTION_STEP).astype(np.int64)
     _, cell = np.unique(cells, axis=0, return_inverse=True)

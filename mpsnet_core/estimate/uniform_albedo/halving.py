@@ -1,6 +1,6 @@
-"""A photo and its normals at half the resolution, and normals mended by what was found there.
+"""Halve the resolution of a photo and its normals, and correct the normals by what was found there.
 
-Noise hides that all of a surface has one albedo. The mean of four pixels has half of their noise.
+Noise can hide that a surface has one albedo. The mean of four pixels has half the noise.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.uniform_albedo.fit import Floats
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Rows at a time: even, so that a pair of them is in one band.
+# Rows at a time; even, because pairs of rows are averaged.
 ROWS = 256
-# How much of the confidence that is won at half the resolution counts at full: finer relief may be wrong still.
+# Share of the confidence gained at half the resolution that counts at full: finer relief may still be wrong.
 SURE = 0.8
 
 
 def halved(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
-    """Both at half the resolution, each pixel the mean of those of the mask; clipped where one of them is."""
+    """Both at half the resolution: each pixel is the mean of those inside the mask, and clipped if one of them is."""
     shape = tuple(-(-side // 2) for side in capture.mask.shape)
     image = np.zeros((*shape, 3), capture.image.dtype)
     normals = np.zeros((*shape, 4), estimate.vectors.dtype)
@@ -42,8 +42,8 @@ def halved(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
 
 
 def mend(estimate: NormalMap, half: NormalMap, turn: Floats, trust: Floats) -> None:
-    """Add what changed at half the resolution, in place: `turn` (h, w, 3) of the normals and `trust` (h, w) of the
-    confidence, bilinear between the pixels of the mask of `half`."""
+    """Add the changes found at half the resolution, in place: `turn` (h, w, 3) to the normals and `trust` (h, w) to
+    the confidence, bilinearly from the pixels inside the mask of `half`."""
     if not (turn.any() or trust.any()):
         return
     change = np.concatenate([turn, trust[..., None], half.mask[..., None]], axis=-1, dtype=np.float32)

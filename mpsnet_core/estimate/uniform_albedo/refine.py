@@ -1,16 +1,17 @@
-"""Normals of a matt surface of one colour, from which lights reach each pixel.
+"""Solve the normals of a matt surface of one colour, from the lights that reach each pixel.
 
-Once the colour is known, every light that reaches a pixel says what angle it makes with the normal. What is not known
-is which lights reach it; that is one of seven hypotheses:
+Once the colour is known, the brightness of a light that reaches a pixel gives its angle to the normal. Which lights
+reach it is unknown. There are seven hypotheses:
 
-* all three: equation 2, and the length of its vector must be the albedo;
-* two of them, the third blocked: two normals fit (Hernández et al., "Shadows in three-source photometric stereo", ECCV
-  2008), and the network's own says which;
-* one: the normal lies on a cone, and the nearest to the network's own is taken.
+* all three lights: equation 2, whose vector must have the length of the albedo;
+* two lights, with the third blocked (three hypotheses): two normals fit (Hernández et al., "Shadows in three-source
+  photometric stereo", ECCV 2008), and the one closer to the network's normal is used;
+* one light (three hypotheses): the normal lies on a cone, and the one closest to the network's normal is used.
 
-Or, last, none of them: another material, gloss, bounced light. Each hypothesis has a probability by what the pixel
-shows, how far its normal is from the network's own, as against the error that the network expects, and what is so
-around it. The result is the mean over all, each of them a mean with the network's own normal by both errors.
+An eighth stands for everything else: another material, gloss, interreflections. A hypothesis is more probable the
+better it explains the pixel's values, the closer its normal is to the network's (measured by the network's expected
+error), and the more probable it is at the neighbours. Each hypothesis averages its normal with the network's, weighted
+by the errors of both; the result is the mean over all hypotheses.
 """
 
 from collections.abc import Iterator
@@ -32,39 +33,38 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
 RIGHT_ANGLE = np.pi / 2
-# Pixels that the colour is found by, at full resolution and at less, and the side of the tiles that the cores work on.
+# Pixels sampled to find the colour, at full and at lower resolution; side of the tiles that are processed in parallel.
 SAMPLED, SAMPLED_HALVED = 10_000, 2_500
 TILE = 256
-# The error of equation 2 in radians for each relative error of the albedo, where the fit determines the colour so well.
+# Error of equation 2 in radians per relative error of the albedo; `determined` of a fit for which this holds.
 ERROR_OF_SPREAD, WELL_DETERMINED = 3.5, 0.05
-# Where equation 2 holds, networks err less than they expect.
+# Where equation 2 holds, the error of networks is smaller than they expect, by this factor.
 ERROR_WHERE_LIT = 0.65
-# The spread of a direction whose mean error is one.
+# Standard deviation per axis of a direction whose mean error is one.
 SPREAD_OF_ERROR = 0.8
-# Of the network's expected error at least this is left where one light reaches.
+# One light alone lowers the network's expected error to this share of it at most.
 ERROR_LEFT_BY_ONE = 0.8
-# Shares of full light: what bounces into shadows, what is black there, and what a light that arrives is at least.
+# Shares of full light: light bounced into shadows, black shadows, and the least of a light that arrives.
 BOUNCED, BLACK, ARRIVING = 0.02, 0.03, 0.08
-BLACK_SHADOWS = 0.7  # how many shadows are black; others have a rim of every grey
-# What a light may show at most, how far from the camera a normal may turn (its z), and the least sine by which two
-# lights, or one, determine a normal: below, errors would grow without bound.
+BLACK_SHADOWS = 0.7  # share of shadow pixels that are black; the others are penumbra of any grey
+# Largest value of a light; how far a normal may face away from the camera (its z); least sine by which one or two
+# lights determine a normal: below, errors would grow without bound.
 FULL, FACING, LEAST_SINE = 1.02, -0.05, 0.2
-# Prior shares of two lights, one light and none of all this where not all three reach.
+# Prior probabilities of two lights, one light and anything else, where not all three lights reach.
 TWO, ONE, OTHER = 0.5, 0.2, 0.3
 LEAST_PRIOR = 0.02
-# Pixels of the smallest object that is looked at, and by how much less lengths differ at half the resolution where
-# noise is six sevenths of their variance. It would be half as much if noise were all of it.
+# Pixels of the smallest object to process; factor by which the lengths' deviation falls at half the resolution if noise
+# is six sevenths of their variance (0.5 if it is all of it).
 LEAST_OBJECT, QUIETER = 1000, 0.6
-# How far around a pixel others count, as a share of the object's longer side and in pixels, and how often.
+# Radius of a pixel's neighbourhood: share of the object's longer side, and limits in pixels. Rounds of inference.
 AROUND, LEAST_AROUND, MOST_AROUND = 1 / 64, 2, 16
 ROUNDS = 3
 PAIRS = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 
 
 class _Pixels(NamedTuple):
-    """Pixels (...). light: (..., 3) each light alone. lights: (..., 3, 3), or (3, 3) for all; a light a row, its
-    direction times its brightness. normals: (..., 3) the network's own; error: (...) what it expects of them, in
-    radians."""
+    """Pixels (...). light: (..., 3) unmixed image. lights: (..., 3, 3), or (3, 3) for all: directions times brightness,
+    one light per row. normals: (..., 3) the network's. error: (...) their expected error in radians."""
 
     light: Floats
     lights: NDArray[np.float64]
@@ -72,7 +72,7 @@ class _Pixels(NamedTuple):
     error: Floats
 
     def at(self, chosen: NDArray[np.bool_], columns: slice = slice(None)) -> "_Pixels":
-        """The chosen pixels of some columns of a picture."""
+        """The chosen pixels of some columns of an image."""
         lights = self.lights[:, columns][chosen] if self.lights.ndim > 2 else self.lights
         return _Pixels(
             self.light[:, columns][chosen], lights, self.normals[:, columns][chosen], self.error[:, columns][chosen]
@@ -80,8 +80,8 @@ class _Pixels(NamedTuple):
 
 
 class _Hypothesis(NamedTuple):
-    """normals: (N, 3) unit vectors. likelihood: (N,). error: (N,) of the normals, in radians. own: (N,) that of the
-    network's. left: (N,) the least share of the network's expected error that is left."""
+    """normals: (N, 3) unit vectors. likelihood: (N,). error: (N,) of the normals, in radians. own: (N,) error of the
+    network's normals. left: lower limit of the resulting error, as a share of the network's expected error."""
 
     normals: Floats
     likelihood: Floats
@@ -91,19 +91,19 @@ class _Hypothesis(NamedTuple):
 
 
 def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
-    """Normals of `capture` by a network, made exact where its photo proves a matt surface of one colour.
+    """Refine a network's normals of `capture` where the photo proves a matt surface of one colour.
 
-    Elsewhere they stay, and so they all do where there is no such proof.
+    Without such a proof all normals stay as they are.
 
     Parameters
     ----------
     capture : Capture
-        The photo. Lights may be near, and the camera in perspective.
+        The photo. Lights may be near, and the camera a perspective one.
     estimate : NormalMap
-        A network's normals in camera space, and its expected error as confidence: 1 for none, 0 for a right angle. Its
-        arrays are overwritten.
+        A network's normals in camera space, with its expected error as confidence: 1 for none, 0 for a right angle.
+        Its arrays are overwritten.
     progress : callable
-        Receives the share that is done, 0 to 1, and what is being done.
+        Called with the share done, 0 to 1, and a message.
     """
     return _refined(capture, estimate, find_uniform_albedo(*_sample(capture, estimate)), progress)
 
@@ -111,9 +111,9 @@ def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) 
 def _refined(
     capture: Capture, estimate: NormalMap, albedo: UniformAlbedo | None, progress: Progress = silent
 ) -> NormalMap:
-    """As :func:`refined`, once the albedo has been looked for.
+    """As :func:`refined`, with the albedo found at this resolution.
 
-    Where noise may hide it, or makes lengths differ, what is found at half the resolution mends the normals first.
+    If noise hides the albedo, or makes the lengths differ, the normals are first corrected at half the resolution.
     """
     exact = albedo is not None and albedo.spread <= LEAST_SPREAD
     if not exact and np.count_nonzero(capture.mask) > 4 * LEAST_OBJECT:
@@ -128,7 +128,7 @@ def _refined(
         return estimate
     longer = max(side.stop - side.start for side in bounding_box(capture.mask))
     around = int(np.clip(longer * AROUND, LEAST_AROUND, MOST_AROUND))
-    waiting: list[tuple[slice, Floats, Floats]] = []  # of bands that others still read
+    waiting: list[tuple[slice, Floats, Floats]] = []  # finished bands that the next band still reads
     for rows, vectors, confidence in _refined_bands(capture, estimate, albedo, around):
         for done, *values in waiting:
             estimate.vectors[done], estimate.confidence[done] = values
@@ -140,7 +140,7 @@ def _refined(
 
 
 def _sample(capture: Capture, estimate: NormalMap, count: int = SAMPLED) -> _Pixels:
-    """About `count` pixels all over the object, with lights of their own."""
+    """About `count` pixels from all over the object, each with its lights."""
     parts = []
     for rows, chosen in sampled_rows(capture.mask, count):
         chosen &= _valid(capture, rows)
@@ -168,7 +168,7 @@ def _refined_bands(
 ) -> Iterator[tuple[slice, Floats, Floats]]:
     """Bands of rows with their normals (h, W, 3) and confidence (h, W).
 
-    A band reads less than a band's height of the estimate around it, so one may be written once the next is made.
+    A band reads less than one band's height around it, so a band can be written once the next one is computed.
     """
     height, width = capture.mask.shape
     for rows in bands(height, TILE):
@@ -188,7 +188,7 @@ def _refined_bands(
 
 
 def _grown(part: slice, around: int, length: int) -> slice:
-    """With all that has a say in a part."""
+    """The part and the neighbourhood that influences it."""
     halo = (ROUNDS - 1) * around
     return slice(max(part.start - halo, 0), min(part.stop + halo, length))
 
@@ -202,7 +202,7 @@ def _refine_tile(
     results: tuple[Floats, Floats],
     columns: slice,
 ) -> None:
-    """Write normals and confidence of valid pixels in some columns into the results, which are of the rows."""
+    """Write normals and confidence of the valid pixels in some columns into `results`, which hold the rows."""
     across = _grown(columns, around, valid.shape[1])
     place = valid[:, across]
     if not place.any():
@@ -217,7 +217,7 @@ def _refine_tile(
 
 
 def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, around: int) -> tuple[Floats, Floats]:
-    """The mean of all hypotheses: normals (N, 3) and their expected error (N,). place: (H, W) where the pixels are."""
+    """Mean over all hypotheses: normals (N, 3) and their expected error (N,). place: (H, W) mask of the pixels."""
     found = list(_hypotheses(pixels, albedo))
     rest = 1 - min(albedo.share, 0.9)
     prior = np.array([1 - rest, *[TWO * rest / 3] * 3, *[ONE * rest / 3] * 3, OTHER * rest], np.float32)
@@ -248,7 +248,7 @@ def _means_around(probability: Floats, place: NDArray[np.bool_], around: int, ar
 
 
 def _hypotheses(pixels: _Pixels, albedo: UniformAlbedo) -> Iterator[_Hypothesis]:
-    """All three lights reach, then two of them, then one; each likelihood as against any light from none to full."""
+    """Three lights reach, then two, then one. Likelihoods are relative to light uniform between none and full."""
     strength = np.linalg.norm(pixels.lights, axis=-1)
     lights = (pixels.lights / strength[..., None]).astype(np.float32)
     light = (pixels.light * albedo.gains / strength).astype(np.float32)
@@ -283,13 +283,13 @@ def _two(
     error: float,
     own: Floats,
 ) -> _Hypothesis:
-    """The first two lights of `order` reach, the third is blocked."""
+    """The first two lights of `order` reach; the third is blocked."""
     one, two, blocked = (lights[..., number, :] for number in order)
     a, b = light[:, order[0]], light[:, order[1]]
     together = dot(one, two)
     sine = np.sqrt(np.maximum(1 - together**2, 1e-6))
     across = np.cross(one, two) / sine[..., None]
-    # The part of the normal in the plane of both lights, and what is left for the direction across it.
+    # The normal's component in the plane of both lights; its unit length gives the component perpendicular to it.
     plane = ((a - together * b) / sine**2)[:, None] * one + ((b - together * a) / sine**2)[:, None] * two
     length = np.linalg.norm(plane, axis=-1)
     height = np.sqrt(np.maximum(1 - length**2, 0))
@@ -305,7 +305,7 @@ def _two(
 
 
 def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: float, own: Floats) -> _Hypothesis:
-    """One light reaches, the others are blocked."""
+    """One light reaches; the others are blocked."""
     towards, cosine = lights[..., number, :], np.clip(light[:, number], 0, 1)
     away = normals - dot(normals, towards)[:, None] * towards
     away /= np.maximum(np.linalg.norm(away, axis=-1), 1e-6)[:, None]
@@ -337,7 +337,7 @@ def _density_of_direction(angle: Floats, spread: Floats) -> Floats:
 
 
 def _density_of_blocked(light: Floats, full: Floats) -> Floats:
-    """Of a blocked light's value: none of it, or a part of what it would give in full."""
+    """Probability density of a blocked light's value: black, or penumbra between none and full light."""
     full = np.maximum(full, 0)
     black = np.exp(-0.5 * (light / BLACK) ** 2) / (BLACK * np.sqrt(np.pi / 2))
     density: Floats = BLACK_SHADOWS * black + (1 - BLACK_SHADOWS) * (light < full) / np.maximum(full, 0.05)

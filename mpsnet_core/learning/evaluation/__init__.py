@@ -1,1 +1,1 @@
-"""How good the estimates are: data sets with known normals, tables and pictures."""
+"""Evaluation of models: data sets with known normals, tables and reports."""

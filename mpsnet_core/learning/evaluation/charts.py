@@ -8,12 +8,12 @@ import numpy as np
 
 WIDTH, HEIGHT = 900, 380
 LEFT, RIGHT, TOP, BOTTOM = 60, 210, 34, 46
-# Okabe and Ito's colours, which colour-blind people tell apart too, for a dark ground.
+# Okabe and Ito's palette, which is safe for colour-blind readers, adapted to a dark background.
 COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#d55e00", "#cc79a7", "#b3b3b3", "#3d8bd4")
 
 
 class Curve(NamedTuple):
-    """A line of a chart, with tooltips of its points where `words` has any."""
+    """A line of a chart. words: tooltips of its points, if any."""
 
     name: str
     x: Sequence[float]
@@ -22,7 +22,7 @@ class Curve(NamedTuple):
 
 
 def line_chart(title: str, curves: Sequence[Curve], x_label: str, y_label: str, diagonal: bool = False) -> str:
-    """The curves as an SVG element, both axes from 0. diagonal: also the line on which y is x."""
+    """The curves as an SVG element, with both axes from 0. diagonal: also draw the line y = x."""
     x_ticks, y_ticks = (
         _ticks(max(max(values) for values in axis)) for axis in ([c.x for c in curves], [c.y for c in curves])
     )
@@ -67,7 +67,7 @@ def line_chart(title: str, curves: Sequence[Curve], x_label: str, y_label: str, 
 
 
 def _ticks(highest: float) -> list[float]:
-    """Round numbers from 0 to the first that is not below `highest`, four to nine of them."""
+    """Four to nine round numbers, from 0 to at least `highest`."""
     highest = max(highest, 1e-9)
     step = 10.0 ** np.floor(np.log10(highest / 4))
     step *= next(factor for factor in (1, 2, 5, 10) if highest / (step * factor) <= 8)

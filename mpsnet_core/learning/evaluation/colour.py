@@ -1,4 +1,4 @@
-"""Colour: smooth shapes in many colours; the error at their edges, and the effect of a change of colour alone."""
+"""Test of colour: smooth shapes in many colours. Measures errors at colour edges, and the effect of colour alone."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,7 +29,7 @@ RED, GREEN, BLUE, YELLOW, DARK = (
 )
 MANY = (RED, GREEN, BLUE, YELLOW, DARK, WHITE)
 
-# The surface's colours and their pattern; white, which the others are compared with, comes first.
+# Colours of the surface and their pattern. White comes first: the others are compared with it.
 COLOURINGS: dict[str, tuple[tuple[Colour, ...], Pattern]] = {
     "white": ((WHITE,), Pattern()),
     "red": ((RED,), Pattern()),
@@ -38,13 +38,13 @@ COLOURINGS: dict[str, tuple[tuple[Colour, ...], Pattern]] = {
     "soft bands": (MANY, Pattern("noise", scale=1.0, softness=0.5, seed=2)),
     "soft grey": ((WHITE, DARK), Pattern("noise", scale=2.5, softness=0.6, seed=3)),
 }
-# Neighbouring pixels whose colours differ by more than this share of the brighter are a change of colour.
+# A colour edge is where neighbouring pixels differ by more than this share of the brighter one.
 CHANGE = 0.02
 NEAR = 3  # pixels
 
 
 class ColourChanges(Evaluation):
-    """Blobs that no training data shows, in one and in many colours of equal roughness, under direct light."""
+    """Held-out blobs in one and in many colours of equal roughness, under direct light."""
 
     title = "A blob, many colours"
 
@@ -59,7 +59,7 @@ class ColourChanges(Evaluation):
         ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
-        """Rows that also have "moved_deg": the mean angle between this estimate and that of the same shape in white."""
+        """Rows with an additional "moved_deg": mean angle between this estimate and that of the same shape in white."""
         rows = []
         for result, row in zip(results, super().rows(results), strict=True):
             kind = row.labels["object"], row.labels["protocol"], row.labels["photos"], result.model
@@ -70,7 +70,7 @@ class ColourChanges(Evaluation):
         return rows
 
     def table(self, rows: Sequence[Row]) -> str:
-        """A line for each protocol, model and measure, a column for each colouring."""
+        """A line per protocol, model and measure, a column per colouring."""
         measures = {
             "error": "mae_deg",
             "near edges": "near_edges_deg",
@@ -89,7 +89,7 @@ class ColourChanges(Evaluation):
 
 
 def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int = 0) -> Case:
-    """A blob in one of :data:`COLOURINGS`. white: whether a white photo is beside its photo. blob: its number."""
+    """A blob in one of :data:`COLOURINGS`. white: whether it has a white photo. blob: its number."""
     colours, pattern = COLOURINGS[name]
     materials = tuple(Material(base_color=colour, roughness=ROUGHNESS) for colour in colours)
     recipe = published_view(held_out_blob(blob), materials, size, pattern=pattern)
@@ -104,9 +104,9 @@ def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int 
 
 
 def surface_colours(recipe: Recipe, shape: Shape) -> NDArray[np.float32]:
-    """(H, W, 3) base colour of the surface at each pixel's middle, from the recipe; NaN where there is none.
+    """(H, W, 3) base colour of the surface at each pixel's centre, from the recipe; NaN outside the object.
 
-    recipe: of principled materials, without paint or dirt.
+    recipe: with principled materials, without paint or dirt.
     """
     pixels, _, points = Surface(recipe, shape).seen(recipe.camera)
     weights = material_weights(recipe.pattern, len(recipe.materials), points.place, points.part)
@@ -116,12 +116,12 @@ def surface_colours(recipe: Recipe, shape: Shape) -> NDArray[np.float32]:
 
 
 def near_colour_edges(colours: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) whether a pixel is within :data:`NEAR` pixels of a change between neighbours; NaN is no colour."""
+    """(H, W) whether a pixel is within :data:`NEAR` pixels of a colour edge. NaN makes no edge."""
     height, width = colours.shape[:2]
     edge = np.zeros((height, width), bool)
     for axis in (0, 1):
         first, second = colours.swapaxes(0, axis)[:-1], colours.swapaxes(0, axis)[1:]
-        # A comparison with NaN is false.
+        # Comparisons with NaN are false.
         changed = np.abs(first - second).max(axis=-1) > CHANGE * np.maximum(first, second).max(axis=-1)
         view = edge.swapaxes(0, axis)
         view[:-1] |= changed

@@ -1,4 +1,4 @@
-"""Confidence against error: how well a model predicts its errors."""
+"""Calibration of confidence: how well a model predicts its errors."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 
 GROUPS = 10
-# Pixels of each photo in the pool.
+# Pixels sampled from each photo.
 PIXELS_A_PHOTO = 4096
 
 
 def error_by_confidence(confidence: NDArray[np.floating[Any]], error: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(10,) mean errors of ten equally large groups of pixels, those of the highest confidence first.
+    """(10,) mean errors of the deciles of confidence, the highest confidence first.
 
-    Pixels of equal confidence, which have no order, share their mean error.
+    Pixels of equal confidence have no order: each counts with their mean error.
     """
     _, place, count = np.unique(-confidence, return_inverse=True, return_counts=True)
     shared = np.repeat(np.bincount(place.reshape(-1), error.astype(np.float64)) / count, count)
@@ -27,9 +27,9 @@ def error_by_confidence(confidence: NDArray[np.floating[Any]], error: NDArray[np
 class Calibration:
     """How well a model's confidence predicts its error.
 
-    rank_correlation: of 1 - confidence and error. error_deg: ten mean errors, of the most trusted pixels first.
-    expected_deg: the errors that the model expected of the same groups, 90° · (1 - confidence); None for the baselines,
-    whose confidence is the share of lights that reach a pixel.
+    rank_correlation: of 1 - confidence and error. error_deg: mean errors of the deciles, the most confident pixels
+    first. expected_deg: errors that the model predicts for the same deciles, 90° · (1 - confidence); None for the
+    baselines, whose confidence is the share of lights that reach a pixel.
     """
 
     model: str
@@ -42,7 +42,7 @@ class Calibration:
         return {name: value for name, value in vars(self).items() if value is not None}
 
     def lines(self) -> list[list[str]]:
-        """Lines of a table: model, correlation, measure, ten groups."""
+        """Lines of a table: model, correlation, measure, ten deciles."""
         lines = [[self.model, f"{self.rank_correlation:.2f}", "error", *(f"{mean:.1f}" for mean in self.error_deg)]]
         if self.expected_deg:
             lines.append(["", "", "expected", *(f"{mean:.1f}" for mean in self.expected_deg)])
@@ -50,7 +50,7 @@ class Calibration:
 
 
 class ConfidencePool:
-    """Confidence and error of pixels from many photos, as many of each, evenly spread."""
+    """Confidence and error of pixels from many photos, the same number from each, evenly spaced."""
 
     def __init__(self) -> None:
         self._pixels: dict[str, list[NDArray[np.float32]]] = {}
@@ -59,14 +59,14 @@ class ConfidencePool:
     def add(
         self, model: str, confidence: NDArray[np.float32], error: NDArray[np.float32], *, predicts_error: bool = True
     ) -> None:
-        """Add one photo's scored pixels, (N,) each. predicts_error: False for the baselines, see Calibration."""
+        """Add the scored pixels (N,) of a photo. predicts_error: False for the baselines, see Calibration."""
         if predicts_error:
             self._predicting.add(model)
         step = -(-len(error) // PIXELS_A_PHOTO)
         self._pixels.setdefault(model, []).append(np.stack([confidence[::step], error[::step]]))
 
     def calibration(self) -> list[Calibration]:
-        """That of each model whose confidence varies, over all photos' pixels together."""
+        """The calibration of each model whose confidence varies, over the pixels of all photos."""
         found = []
         for model, parts in self._pixels.items():
             confidence, error = np.concatenate(parts, axis=1)

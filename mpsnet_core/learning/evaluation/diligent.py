@@ -1,4 +1,4 @@
-"""DiLiGenT (Shi et al. 2016) as a test of one-shot captures multiplexed from white photographs."""
+"""Test on DiLiGenT (Shi et al. 2016): one-shot captures multiplexed from photographs under white light."""
 
 import os
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from mpsnet_core.learning.evaluation.published import DiligentFigure, Lights, di
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.equation_2 import PUBLISHED_MIXING
 
-# How a white photograph's R, G, B make up one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
+# Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, NDArray[np.float64]] = {
     "separated": np.eye(3),
     "published": PUBLISHED_MIXING,
@@ -34,7 +34,7 @@ BRIGHT_FACING = "bright_facing_mae_deg"
 
 
 def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
-    """The folder of one object under DiLiGenT's ``pmsData``, or None where it is absent."""
+    """The folder of one object in DiLiGenT's ``pmsData``, or None if it is absent."""
     for folder in (Path(root) / f"{name}PNG", Path(root) / "pmsData" / f"{name}PNG"):
         if folder.is_dir():
             return folder
@@ -44,10 +44,10 @@ def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
 def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str, *, white: bool = False) -> Capture:
     """Multiplex a capture from three of an object's white photographs.
 
-    lights: numbers from 1 of the red, green and blue channels' lights. Each photograph is divided by its light's
-    intensity. protocol: a key of :data:`PROTOCOLS`. white: whether their sum is its white photo.
+    lights: numbers of the lights for the red, green and blue channel, from 1. Each photograph is divided by its light's
+    intensity. protocol: a key of :data:`PROTOCOLS`. white: whether to add their sum as the white photo.
 
-    Raises InputError where a file is missing or does not fit.
+    Raises InputError if a file is missing or does not match.
     """
     folder = Path(folder)
     directions = _numbers(folder / "light_directions.txt")
@@ -59,7 +59,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str,
     for light in lights:
         if not 1 <= light <= count:
             raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
-    # The photographs' 16-bit values are linear, whatever their files' metadata.
+    # The 16-bit values of the photographs are linear, whatever the metadata of the files says.
     photos = [read_data(folder / names[light - 1])[0] / intensities[light - 1] for light in lights]
     weights = PROTOCOLS[protocol]
     mixed = [photo @ channel for photo, channel in zip(photos, weights, strict=True)]
@@ -72,7 +72,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str,
 
 
 def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """(H, W, 3) true normals in camera space. Raises InputError where they are missing."""
+    """(H, W, 3) true normals in camera space. Raises InputError if they are missing."""
     truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
     if truth.ndim != 3 or truth.shape[2] != 3:
         raise FormatError(f"{folder}: Normal_gt has shape {truth.shape}, expected height x width x 3")
@@ -80,15 +80,15 @@ def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 
 class Diligent(Evaluation):
-    """The photographs of DiLiGenT under a root folder, multiplexed.
+    """The photographs of DiLiGenT in a root folder, multiplexed.
 
     Absent objects are skipped and reported.
 
-    The data has no shapes, so cast shadows are not known. Instead rows have "bright_facing_mae_deg": the mean over the
-    pixels whose true normal faces all three lights and whose channels are all above 2% of their 99th percentile. Light
-    between surfaces may make a cast shadow so bright.
+    The data set has no meshes, so cast shadows are unknown. Instead, rows have "bright_facing_mae_deg": the mean error
+    over pixels whose true normal faces all three lights and whose channels are all above 2% of their 99th percentile.
+    Interreflections can make a cast shadow that bright.
 
-    Raises FileError where none of the objects is there.
+    Raises FileError if all objects are absent.
     """
 
     title = "DiLiGenT, one photo each"
@@ -120,9 +120,9 @@ class Diligent(Evaluation):
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below.
+        """A line per protocol, model and triple of lights, their means, and the paper's results.
 
-        Below that a line for each protocol and model, over the bright pixels that face all lights.
+        Below, a line per protocol and model, over the bright pixels that face all lights.
         """
         lines: list[Row] = []
         for protocol in dict.fromkeys(row.labels["protocol"] for row in rows):
@@ -139,7 +139,7 @@ class Diligent(Evaluation):
         return f"{table}\n\nwhere the true normal faces all three lights and no channel is dark\n{bright}"
 
     def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
-        """The paper's table 2 and figure 8 of the objects and lights measured; under its own protocol only."""
+        """The paper's table 2 and figure 8 for the objects and lights measured; for its own protocol only."""
         return [asdict(figure) for figure in self._figures(rows)]
 
     def _figures(self, rows: Sequence[Row]) -> list[DiligentFigure]:
@@ -148,7 +148,7 @@ class Diligent(Evaluation):
         return diligent_figures(list(dict.fromkeys(row.labels["object"] for row in rows)), self.lights)
 
     def notes(self, rows: Sequence[Row]) -> list[str]:
-        """The source of the paper's figures, and known damage of the data."""
+        """The source of the paper's results, and known damage of the data."""
         notes = []
         if self._figures(rows):
             notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
@@ -176,12 +176,12 @@ def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int, 
     return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
 
 
-# Many cases in a row are of one object.
+# Consecutive cases often show the same object.
 _truth = lru_cache(maxsize=1)(read_truth)
 
 
 def _with_means(rows: Sequence[Row]) -> list[Row]:
-    """One model's rows, and once more as those of all triples, where there are several."""
+    """One model's rows and, if there are several triples, their copies labelled as the mean of all triples."""
     lines = [row.labelled(lights=",".join(map(str, row.labels["lights"]))) for row in rows]
     triples = len({line.labels["lights"] for line in lines})
     return lines + [line.labelled(lights=f"mean of {triples}") for line in lines if triples > 1]

@@ -1,4 +1,4 @@
-"""Evaluation: a test of models, and how every test is run and reported."""
+"""Tests of models: the interface of a test, and how tests are run and reported."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -18,10 +18,10 @@ from mpsnet_core.progress import Progress
 
 
 class Evaluation(ABC):
-    """A test: its photos, and the report of its results. It is made from the options of its operation, which describes
-    them (:mod:`mpsnet_core.learning.evaluation.operations`).
+    """A test: its photos, and the report of its results. Constructor arguments are the options of its operation, see
+    :mod:`mpsnet_core.learning.evaluation.operations`.
 
-    title: of the page. cases: each makes one photo when it is called. always: models that are always measured.
+    title: of the report. cases: functions that each make one photo. always: models that are always measured.
     """
 
     title: str
@@ -29,7 +29,7 @@ class Evaluation(ABC):
     always: tuple[str, ...] = ()
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
-        """One case's results, one for each model, as rows. Called for the cases in their order."""
+        """Rows for the results of one case, one per model. Called for the cases in their order."""
         return [result.row() for result in results]
 
     @abstractmethod
@@ -37,19 +37,19 @@ class Evaluation(ABC):
         """All rows as text."""
 
     def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
-        """The paper's figures as ``--json`` writes them, to compare with these rows."""
+        """The paper's results as ``--json`` writes them, to compare with these rows."""
         return []
 
     def charts(self, rows: Sequence[Row]) -> list[str]:
-        """SVG elements for the page."""
+        """SVG elements for the report."""
         return []
 
     def notes(self, rows: Sequence[Row]) -> list[str]:
-        """Notes below the table, a sentence each."""
+        """Notes below the table, one sentence each."""
         return []
 
     def skipped(self) -> list[str]:
-        """Sentences on what was to be measured and is missing; called at the end."""
+        """Sentences on data that is missing, called at the end."""
         return []
 
 
@@ -58,14 +58,15 @@ def evaluate(
 ) -> Measured:
     """Run a test.
 
-    models: names or files, "all" for the whole shelf. json: a file for all but the text. report: an HTML page.
+    models: names or files, "all" for every model that `mpsnet models` lists. json: file for all results but the text.
+    report: HTML file.
 
-    Raises InputError where a model, a case's data or the place for a file is not usable.
+    Raises InputError if a model, a case's data or an output path is unusable.
     """
     rows: list[Row] = []
     pool = ConfidencePool()
     with open_report(report) if report else nullcontext() as page:
-        # One case at a time: the photos, normals and truths of all would be gigabytes.
+        # One case at a time: all photos, estimates and true normals together take gigabytes.
         for results in measure(evaluation.cases, chosen_models([*evaluation.always, *models]), progress):
             rows += evaluation.rows(results)
             for result in results:
@@ -100,7 +101,7 @@ def evaluate(
 
 
 def table_of_errors(rows: Sequence[Row], lines: Sequence[str], column: str, key: str = "mae_deg") -> str:
-    """Means of one figure of the rows: a line for each combination of the labels `lines`, a column for each `column`.
+    """Means of one metric: a line for each combination of the labels `lines`, a column for each value of `column`.
 
     See :func:`mpsnet_core.io.text_table.table_of_means`.
     """
@@ -108,8 +109,8 @@ def table_of_errors(rows: Sequence[Row], lines: Sequence[str], column: str, key:
 
 
 def table_of_measures(rows: Sequence[Row], lines: Sequence[str], measures: Mapping[str, str], column: str) -> str:
-    """Means of several figures (their keys by their names in the table), a line for each; see
-    :func:`table_of_errors`."""
+    """Means of several metrics, a line for each; see :func:`table_of_errors`. measures: keys of the metrics by their
+    names in the table."""
     cells = [
         ((*row.line(*lines), name), str(row.labels[column]), row.figure(key))
         for row in rows
@@ -119,7 +120,7 @@ def table_of_measures(rows: Sequence[Row], lines: Sequence[str], measures: Mappi
 
 
 def _shown_name(model: str, labels: Mapping[str, Any], magnify: int) -> str:
-    """A model's name in tables, with what else differs from one plain photo."""
+    """A model's name in tables, with the white photo or magnification if there is one."""
     name = magnified_name(model, magnify)
     return f"{name} + white photo" if labels.get("photos", 1) > 1 else name
 

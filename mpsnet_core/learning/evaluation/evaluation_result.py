@@ -1,4 +1,4 @@
-"""The result of every test."""
+"""The result of a test."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,10 +8,10 @@ from mpsnet_core.operation import Result
 
 @dataclass(frozen=True)
 class Measured(Result):
-    """What a test came to, as plain data.
+    """The result of a test, as plain data.
 
-    rows: what was measured. published: what the paper found. confidence: how well the models' confidence predicts their
-    error. skipped: what was to be measured and is not there.
+    rows: measurements. published: results of the paper. confidence: how well the models' confidence predicts their
+    error. skipped: sentences on missing data.
     """
 
     rows: list[dict[str, Any]]

@@ -1,9 +1,9 @@
-"""Fine relief: the share of the surface's detail in an estimate, whatever its low-frequency errors."""
+"""Fine relief: how much of the surface's detail an estimate keeps, regardless of its low-frequency errors."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-# A pixel counts where so much of its neighbourhood, by the Gaussian's weight, is the object.
+# Least share of a pixel's neighbourhood, weighted by the Gaussian, that must be inside the object.
 LEAST_INSIDE = 0.999
 
 
@@ -14,14 +14,14 @@ def fine_relief(
     lit: NDArray[np.bool_],
     sigma: float,
 ) -> float | None:
-    """Regression coefficient of the estimate's detail on the truth's: 1 where all remains, 0 where it is flattened.
+    """Regression coefficient of the estimate's detail on the true detail: 1 if all is kept, 0 if none is.
 
     estimate, truth: (H, W, 3) unit normals. mask, lit: (H, W) the object's pixels, and those that all lights reach.
     sigma: of the Gaussian in pixels.
 
-    Detail is the difference of the normals' x and y from their Gaussian mean over lit pixels, so that errors in shadow
-    do not spread; it counts at lit pixels whose neighbourhood is the object. The coefficient is by least squares
-    through the origin: noise does not change it, and above 1 detail is exaggerated. None where the truth has no detail.
+    Detail is the difference of the normals' x and y from their Gaussian mean. Both are over lit pixels only, because
+    errors in shadow would spread, and pixels near the outline are ignored. The coefficient is the least-squares slope
+    through the origin: noise does not bias it, and above 1 detail is exaggerated. None if the truth has no detail.
     """
     lit = lit & mask
     counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > LEAST_INSIDE)
@@ -38,7 +38,7 @@ def fine_relief(
 
 
 def _blurred(values: NDArray[np.generic], sigma: float) -> NDArray[np.float64]:
-    """Values (H, W, C) under a Gaussian, zero beyond their border."""
+    """Values (H, W, C) convolved with a Gaussian, zero-padded."""
     height, width, _ = values.shape
     size = [side + int(np.ceil(4 * sigma)) for side in (height, width)]
     frequency = np.hypot(np.fft.fftfreq(size[0])[:, None], np.fft.rfftfreq(size[1]))

@@ -1,4 +1,4 @@
-"""Magnified photographs: a model's error on pictures of more pixels than detail."""
+"""Magnified photographs: a model's error on images with more pixels than detail."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,27 +13,26 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
 MAX_SIDE = 8192  # pixels of a magnified object
-MARGIN = 2  # pixels around the mask that are magnified with it
+MARGIN = 2  # pixels around the mask to magnify with it
 
 
 def magnified_name(name: str, times: int) -> str:
-    """`name`, of a model or a photo, with its magnification."""
+    """`name`, of a model or a photo, with the magnification if there is one."""
     return name if times == 1 else f"{name} ×{times}"
 
 
 def estimate_magnified(
     estimator: Callable[[Capture, Progress], NormalMap], capture: Capture, times: int, progress: Progress = silent
 ) -> NormalMap:
-    """Normals of the capture on its own pixels (H, W), estimated from the photograph magnified so many times.
+    """Normals at the capture's own pixels (H, W), estimated from the photograph magnified by an integer factor.
 
-    Between neighbours the magnified photograph is bilinear, and every `times`-th of its pixels is a pixel of the
-    photograph, unchanged. Only those are scored, so the same pixels are compared with the same truth whatever the
-    magnification, and equation 2, pixel by pixel, is the same. A magnified truth would have interpolated pixels where
-    one surface ends before another.
+    Magnification is bilinear, and every `times`-th pixel is an unchanged pixel of the photograph. Only those are
+    scored: the same pixels are compared with the same true normals at any magnification, and the result of equation 2
+    does not change. Magnified true normals would be interpolated across depth discontinuities.
 
-    Only the mask's box is magnified. Its lights are distant, and its camera is left out.
+    Only the mask's bounding box is magnified. Lights are distant, and the camera is dropped.
 
-    Raises SettingsError where more than :data:`MAX_SIDE` pixels would be a side.
+    Raises SettingsError if a side would have more than :data:`MAX_SIDE` pixels.
     """
     if times == 1:
         return estimator(capture, progress)
@@ -60,7 +59,7 @@ def estimate_magnified(
 
 
 def _magnified(values: NDArray[np.floating[Any] | np.bool_], times: int) -> NDArray[np.float32]:
-    """Values (h, w, ...) with times - 1 more between each two neighbours, both ways, linear."""
+    """Values (h, w, ...) with times - 1 bilinearly interpolated ones between neighbours."""
     for axis in (0, 1):
         lines = np.moveaxis(values.astype(np.float32), axis, 0)
         low, share = np.divmod(np.arange((len(lines) - 1) * times + 1), times)

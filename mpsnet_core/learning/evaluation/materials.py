@@ -1,4 +1,4 @@
-"""Materials: a blob, or several, under each measured material, figure 5 of the paper."""
+"""Test of materials: blobs of each measured material, as in figure 5 of the paper."""
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
@@ -20,13 +20,13 @@ from mpsnet_core.synthesis.shading.synthesise import synthesise
 
 
 class Materials(Evaluation):
-    """Blobs that no training data shows, under each material of a folder of MERL or a file of fits to it.
+    """Held-out blobs of each material in a MERL folder or a file of fits to MERL.
 
-    Raises InputError where there are no such materials.
+    Raises InputError if there are no such materials.
     """
 
     title = "A blob, each measured material"
-    always = (LAMBERTIAN,)  # whose error the materials are sorted by
+    always = (LAMBERTIAN,)  # materials are sorted by its error
 
     def __init__(self, merl: str, blobs: int, protocols: Sequence[str], size: int) -> None:
         materials = material_names(merl)
@@ -40,7 +40,7 @@ class Materials(Evaluation):
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """Each model's mean, held-out mean, median and largest error, and the material of the largest."""
+        """Mean, held-out mean, median and largest error per model, and the material with the largest."""
         lines = []
         for protocol, models in _by_material(rows).items():
             for model, errors in models.items():
@@ -51,7 +51,7 @@ class Materials(Evaluation):
         return text_table(["protocol", "model", "mean", "held-out", "median", "largest", "with"], lines, 2)
 
     def charts(self, rows: Sequence[Row]) -> list[str]:
-        """Figure 5's curve, a chart a protocol: each material's error, in the order of the baseline's."""
+        """Charts like figure 5, one per protocol: the error per material, sorted by the baseline's."""
         charts = []
         for protocol, models in _by_material(rows).items():
             order = sorted(models[LAMBERTIAN], key=models[LAMBERTIAN].__getitem__)
@@ -76,7 +76,7 @@ class Materials(Evaluation):
 
 
 def _by_material(rows: Sequence[Row]) -> dict[str, dict[str, dict[str, float]]]:
-    """Of each protocol and model the mean error on each material, over all blobs."""
+    """Mean error over all blobs, for each protocol, model and material."""
     found: dict[str, dict[str, dict[str, list[float]]]] = {}
     for row in rows:
         protocol, model, material = row.line("protocol", "model", "material")

@@ -1,4 +1,4 @@
-"""One numeric array from a MATLAB 5 file, as DiLiGenT keeps its true normals."""
+"""Read a numeric array from a MATLAB 5 file, the format of DiLiGenT's true normals."""
 
 import os
 import struct
@@ -19,9 +19,9 @@ MAX_BYTES = 1 << 30
 
 
 def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float64]:
-    """The real, full, numeric array called `name`, float64 in its own shape.
+    """The real, dense numeric array called `name`, as float64.
 
-    Raises FileError where the file is missing, FormatError where it is broken or holds no such array.
+    Raises FileError if the file is missing, FormatError if it is damaged or has no such array.
     """
     path = existing_file(path, "MATLAB file")
     if path.stat().st_size > MAX_BYTES:
@@ -53,7 +53,7 @@ def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
     offset = 0
     while offset + 8 <= len(data):
         kind, size = struct.unpack_from("<II", data, offset)
-        if kind >> 16:  # a small element: its size and up to four bytes of data share the tag
+        if kind >> 16:  # small element: size and up to four bytes of data are in the tag
             kind, size, start, end = kind & 0xFFFF, kind >> 16, offset + 4, offset + 8
         else:
             start = offset + 8

@@ -1,4 +1,4 @@
-"""Measuring: models against photos whose true normals are known."""
+"""Measure models on photos with known normals."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,20 +22,20 @@ EVERY_MODEL = "all"
 
 
 def white_choices(white: bool) -> tuple[bool, ...]:
-    """Whether a white photo is beside each photo: never, or once not and once it is."""
+    """Variants of each photo to measure: without a white photo and, if `white`, also with one."""
     return (False, True) if white else (False,)
 
 
 @dataclass(frozen=True)
 class Case:
-    """One photo whose normals are known.
+    """One photo with known normals.
 
-    labels: of its rows. truth: (H, W, 3) true unit normals in camera space, zero where there are none (a mask that is
-    too large reaches there). regions: parts of the picture, (H, W) bool, whose mean errors are reported as well, by
-    name. magnify: how many times the photo is magnified before the estimate, which is measured on the photo's own
-    pixels; see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
+    labels: of its rows. truth: (H, W, 3) true unit normals in camera space, zero where unknown, which may be inside
+    the mask. regions: parts of the image, (H, W) bool by name, whose mean errors are also reported. magnify: factor by
+    which the photo is magnified before the estimate, which is measured at the photo's own pixels; see
+    :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
 
-    Raises GeometryError where no pixel of the mask has a true normal.
+    Raises GeometryError if no pixel of the mask has a true normal.
     """
 
     labels: Mapping[str, Any]
@@ -58,19 +58,18 @@ class Case:
 
     @property
     def scored(self) -> NDArray[np.bool_]:
-        """(H, W) pixels of the mask that have a true normal."""
+        """(H, W) pixels inside the mask with a true normal."""
         known: NDArray[np.bool_] = np.abs(self.truth).max(axis=-1) > 0
         return self.capture.mask & known
 
 
 @dataclass(frozen=True)
 class Row:
-    """One model's figures on a case, angles in degrees.
+    """One model's metrics on a case, angles in degrees.
 
     labels: the case's, and "model". errors: "mae_deg", "median_deg", and "NAME_deg" for each region that has pixels.
-    rank_correlation: Spearman's, of 1 - confidence and error, and decile_deg: the mean errors of ten equally large
-    groups of pixels, the most trusted first; None where the confidence does not vary. further: what only some tests
-    measure.
+    rank_correlation: Spearman's, of 1 - confidence and error. decile_deg: mean errors of the deciles of confidence, the
+    highest first. Both are None if the confidence does not vary. further: metrics of some tests only.
     """
 
     labels: Mapping[str, Any]
@@ -85,7 +84,7 @@ class Row:
         return self.errors["mae_deg"]
 
     def figure(self, key: str) -> float | None:
-        """One of the errors or of the further figures, None where the row has none."""
+        """One of the errors or further metrics, None if the row does not have it."""
         return self.errors.get(key, self.further.get(key))
 
     def line(self, *keys: str) -> tuple[str, ...]:
@@ -93,11 +92,11 @@ class Row:
         return tuple(str(self.labels[key]) for key in keys)
 
     def labelled(self, **labels: str) -> "Row":
-        """The same figures under other labels, or more."""
+        """The same metrics with changed or additional labels."""
         return replace(self, labels={**self.labels, **labels})
 
     def to_json(self) -> dict[str, Any]:
-        """The row as ``--json`` writes it: all in one object."""
+        """The row as ``--json`` writes it: one flat object."""
         ranked = {"confidence_rank_correlation": self.rank_correlation, "confidence_decile_deg": self.decile_deg}
         known = {} if self.rank_correlation is None else ranked
         return {**self.labels, "magnify": self.magnify, **self.errors, **known, **self.further}
@@ -105,7 +104,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Result:
-    """One model's answer to a case. error: (H, W) angular error in degrees, zero where nothing is scored."""
+    """One model's estimate of a case. error: (H, W) angular error in degrees, zero at pixels that are not scored."""
 
     case: Case
     model: str
@@ -118,7 +117,7 @@ class Result:
         return float(self.error[self.case.scored].mean(dtype=np.float64))
 
     def row(self) -> Row:
-        """The result's figures, rounded."""
+        """The metrics of the result, rounded."""
         scored = self.case.scored
         error, confidence = self.error[scored], self.estimate.confidence[scored]
         errors = {"mae_deg": _rounded(error.mean(dtype=np.float64)), "median_deg": _rounded(np.median(error))}
@@ -134,7 +133,7 @@ class Result:
 
 
 def chosen_models(names: Sequence[str]) -> list[str]:
-    """The named models, each once; "all" stands for what `mpsnet models` lists, without the default's old name."""
+    """The named models without duplicates; "all" means what `mpsnet models` lists, without the default's old name."""
     every = [entry.name for entry in registered_models() if entry.name != AVERAGED_MODEL]
     return list(dict.fromkeys(name for given in names for name in (every if given == EVERY_MODEL else [given])))
 
@@ -142,12 +141,12 @@ def chosen_models(names: Sequence[str]) -> list[str]:
 def measure(
     cases: Sequence[Callable[[], Case]], models: Sequence[str], progress: Progress = silent
 ) -> Iterator[list[Result]]:
-    """For each case, which is made only then, the results of all models.
+    """Results of all models, case by case. A case is made when its turn comes.
 
-    Raises InputError where there is no such model, or a case cannot be made.
+    Raises InputError if there is no such model, or a case cannot be made.
     """
     estimators = [Estimator(model) for model in models]
-    total = len(cases) * (len(estimators) + 1)  # making a case takes a while too
+    total = len(cases) * (len(estimators) + 1)  # making a case takes time, too
     for number, make in enumerate(cases):
         start = number * (len(estimators) + 1)
         progress(start / total, f"case {number + 1} of {len(cases)}")

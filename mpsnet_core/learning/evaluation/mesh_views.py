@@ -1,4 +1,4 @@
-"""Views of mesh files: each mesh upright, seen from all around."""
+"""Views of mesh files: each mesh upright, seen from all sides."""
 
 import os
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ ELEVATION, FIRST_TURN = 15.0, 20.0  # degrees
 
 @dataclass(frozen=True)
 class MeshView:
-    """A view of a mesh file. number: of the view, from 1. turn: degrees about the upright axis."""
+    """A view of a mesh file. number: of the view, from 1. turn: rotation about the vertical axis in degrees."""
 
     file: Path
     number: int
@@ -33,7 +33,7 @@ class MeshView:
     def recipe(
         self, materials: tuple[Material, ...], size: int, *, pattern: Pattern = NO_PATTERN, bounces: int = 0
     ) -> Recipe:
-        """The mesh's z upwards in the picture, seen from a little above; see :func:`published_view`."""
+        """Recipe of the view: the mesh's z is up, and the camera looks slightly down. See :func:`published_view`."""
         standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
         shape = {
             "kind": "meshes",
@@ -45,16 +45,16 @@ class MeshView:
         return published_view(shape, materials, size, standing, pattern=pattern, bounces=bounces)
 
     def sample(self, recipe: Recipe, merl: str = "") -> Sample:
-        """The recipe's sample. merl: where measured materials are. Raises InputError where the mesh is broken."""
+        """The recipe's sample. merl: path of measured materials. Raises InputError if the mesh is damaged."""
         return synthesise(
             recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]
         )
 
 
 def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[MeshView]:
-    """So many views of each mesh. paths: mesh files, or folders of them.
+    """`views` views of each mesh. paths: mesh files, or folders of them.
 
-    Raises FileError where a file is missing or a folder has no meshes.
+    Raises FileError if a file is missing or a folder has no meshes.
     """
     files: list[Path] = []
     for path in map(Path, paths):

@@ -1,4 +1,4 @@
-"""Operations evaluate: how good the models are, an operation for each test."""
+"""Operations evaluate: one for each test of the models."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,33 +16,33 @@ if TYPE_CHECKING:
     from mpsnet_core.learning.evaluation.evaluation import Evaluation
 
 
-# How a channel of the photo weighs a light's red, green and blue.
+# Weights of a light's red, green and blue in a channel of the photo.
 PROTOCOLS = {"separated": "its own alone", "published": "5/9 its own, 2/9 each of the others", "white": "all alike"}
 
 
 def picture_size(default: int) -> Any:
-    """The option that sets the size of synthetic pictures."""
+    """The option for the size of synthetic images."""
     return option(default=default, low=16, high=8192, help="side of a picture in pixels")
 
 
 def white_beside() -> Any:
-    """The option that measures with a white photo as well."""
+    """The option to measure with a white photo as well."""
     return option(default=False, help="measure each once more with a white photo beside it")
 
 
 def blob_count() -> Any:
-    """The option that sets on how many shapes a synthetic test measures."""
+    """The option for the number of shapes in a synthetic test."""
     return option(default=1, low=1, help="how many blobs, each of another shape")
 
 
 def mesh_view_count() -> Any:
-    """The option that sets how often each mesh is shown."""
+    """The option for the number of views of each mesh."""
     return option(default=2, low=1, high=360, help="views of each mesh, from all around")
 
 
 @dataclass(frozen=True)
 class MeasuresModels(Operation):
-    """Which models a test measures, and where the answer goes."""
+    """The models that a test measures, and its outputs."""
 
     heading: ClassVar[str] = "the models, and where the answer goes"
 
@@ -55,16 +55,16 @@ class MeasuresModels(Operation):
     )
 
     def evaluation(self) -> "Evaluation":
-        """The test. Raises InputError where its data are missing or an option is not usable."""
+        """The test. Raises InputError if its data is missing or an option is unusable."""
         raise NotImplementedError
 
     def run(self, progress: Progress = silent) -> Measured:
-        """Run the test, and write rows and report where they are requested."""
+        """Run the test, and write rows and report if requested."""
         from mpsnet_core.io.files import check_apart, writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
-        # Checked first, as a test's data may take a while to look through.
+        # Check output paths first: searching a test's data may take a while.
         if self.json:
             writable_path(self.json)
         if self.output:
@@ -152,7 +152,7 @@ class EvaluateMaterials(PhotographsSynthetic):
 
 @dataclass(frozen=True)
 class EvaluateRendered(PhotographsSynthetic):
-    """Meshes from files, of one and of several materials."""
+    """Rendered mesh files with one and with several materials."""
 
     command: ClassVar[str] = "evaluate rendered"
 
@@ -168,7 +168,7 @@ class EvaluateRendered(PhotographsSynthetic):
 
 @dataclass(frozen=True)
 class EvaluateStatues(Magnifies):
-    """Matt grey meshes with cast shadows; fine relief kept."""
+    """Matt grey meshes: errors in shadow, and how much fine relief is kept."""
 
     command: ClassVar[str] = "evaluate statues"
 
@@ -176,7 +176,7 @@ class EvaluateStatues(Magnifies):
     views: int = mesh_view_count()
     slant: float = option(default=30.0, metavar="DEGREES", help="slant of the three lights")
     tilt: tuple[float, ...] = option(
-        default=(90.0, 107.0, 131.0),  # straight above the camera, where networks turn no picture, and two odd angles
+        default=(90.0, 107.0, 131.0),  # straight up, where networks do not rotate the image, and two odd angles
         metavar="DEGREES",
         help="tilt of the first light, from which the others stand 120° apart",
     )
@@ -201,7 +201,7 @@ class EvaluateStatues(Magnifies):
 
 @dataclass(frozen=True)
 class EvaluateColour(PhotographsSynthetic):
-    """Blobs in many colours: their edges, their influence."""
+    """Blobs in many colours: errors at colour edges, and the effect of colour alone."""
 
     command: ClassVar[str] = "evaluate colour"
 
@@ -250,7 +250,7 @@ class EvaluatePatchSizes(Operation):
     )
 
     def run(self, progress: Progress = silent) -> Measured:
-        """Train and measure the ten networks, and write rows and report where they are requested."""
+        """Train and measure the ten networks, and write rows and report if requested."""
         from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
         return evaluate_patch_sizes(

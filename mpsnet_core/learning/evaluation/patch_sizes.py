@@ -1,7 +1,7 @@
-"""Table 1 of the MPS-Net paper: how large a patch should be, and what initial normals are worth.
+"""Table 1 of the MPS-Net paper: the effect of patch size and initial normals.
 
-Ten networks are trained alike, one for each side of a patch (1 to 9) with and without initial normals, and measured on
-the same patches of held-out samples.
+Ten networks are trained alike, one for each patch side (1 to 9) with and without initial normals, and measured on the
+same patches of held-out samples.
 """
 
 import math
@@ -43,8 +43,8 @@ class PatchRow:
 
 
 def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
-    """One of the ten networks' recipe; they differ in side and normals alone. Photographs are as the paper's, the
-    optimiser is not: with AdamW these short trainings end at about the same error whatever the side."""
+    """Recipe of one of the ten networks, which differ in side and normals only. Photographs are like the paper's, but
+    the optimiser is Muon: with AdamW these short trainings end at about the same error for all sides."""
     warm_up = min(100, math.ceil(steps / 10))
     return replace(
         read_recipe("mpsnet"),
@@ -72,15 +72,15 @@ def evaluate_patch_sizes(
 ) -> Measured:
     """Train and measure the ten networks.
 
-    runs: a folder for their checkpoints; a cancelled run resumes from them. width: factor of the published numbers of
-    maps. steps: of each training, of 512 patches. patches: how many are measured, or a few more: as many from each
-    held-out sample. json: a file for all but the text. report: an HTML page.
+    runs: folder for their checkpoints, from which a cancelled run resumes. width: factor of the published numbers of
+    maps. steps: of each training, with batches of 512 patches. patches: number of patches to measure on, rounded up to
+    the same number per held-out sample. json: file for all results but the text. report: HTML file.
 
-    Raises InputError where samples, validation or runs cannot be used, and Cancelled where `progress` does.
+    Raises InputError if samples, validation or runs are unusable, and Cancelled if `progress` does.
     """
     if json:
         writable_path(json)
-    held_out = PackedSamples(validation)  # before hours of training
+    held_out = PackedSamples(validation)  # fail before hours of training
     a_picture = math.ceil(patches / len(held_out))
     runs = ensure_folder(runs, "runs")
     rows = []
@@ -111,7 +111,7 @@ def evaluate_patch_sizes(
 def _validated(
     recipe: TrainingRecipe, samples: list[Path], held_out: PackedSamples, runs: Path, a_picture: int, progress: Progress
 ) -> tuple[Figures, float]:
-    """Train one network, or resume its training, and measure it. Returns the seconds of the training as well."""
+    """Train one network, or resume its training, and measure it. Also returns the training time in seconds."""
     checkpoint = runs / f"{recipe.name}.checkpoint"
     progress(0.0, recipe.title)
     places = Places(checkpoint, checkpoint if checkpoint.exists() else None)

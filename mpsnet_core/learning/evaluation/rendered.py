@@ -1,4 +1,4 @@
-"""Rendered: meshes from files, of one and of several materials, as in figure 6 of the paper."""
+"""Test on rendered mesh files with one and with several materials, as in figure 6 of the paper."""
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
@@ -22,11 +22,11 @@ SEVERAL = 4  # materials
 
 
 class Rendered(Evaluation):
-    """Meshes, each seen from all around, once of one material and once of several in a pattern, synthesised.
+    """Synthesised views of meshes from all sides, with one material and with several in a pattern.
 
-    Views and materials are the same every time. Every fifth measured material is used, which training can leave out.
+    Views and materials are the same every time. Only held-out measured materials, every fifth one, are used.
 
-    Raises InputError where a file is missing or there are no meshes or materials.
+    Raises InputError if a file is missing or there are no meshes or materials.
     """
 
     title = "Rendered meshes"
@@ -41,16 +41,16 @@ class Rendered(Evaluation):
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """A line for each protocol and model, a column for each mesh with one and with several materials."""
+        """A line per protocol and model, a column per mesh with one and with several materials."""
         named = [row.labelled(picture=", ".join(row.line("object", "materials"))) for row in rows]
         return table_of_errors(named, ("protocol", "model"), "picture")
 
     def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
-        """Figure 6, which shows other meshes."""
+        """The paper's figure 6, which is for other meshes."""
         return [{"model": "MPS-Net", "mae_deg": error, "source": "Figure 6"} for error in FIGURE_6]
 
     def notes(self, rows: Sequence[Row]) -> list[str]:
-        """The photographed materials, and the paper's figures on its own."""
+        """The materials, and the paper's results on its meshes."""
         figure = ", ".join(f"{error:.2f}" for error in FIGURE_6)
         kind = "every fifth of the measured ones, or of fits to them" if self.measured else "principled materials"
         return [
@@ -72,7 +72,7 @@ def _sample(view: MeshView, count: int, number: int, merl: str, size: int) -> Sa
 
 
 def _materials(number: int, count: int, merl: str) -> tuple[Material, ...]:
-    """Materials of picture `number`: no two of a picture's alike, where they are measured."""
+    """Materials of image `number`. Measured materials are all different within an image."""
     if merl:
         names = material_names(merl)[::HELD_OUT]
         rng = generator(HELD_OUT_SEED, number)

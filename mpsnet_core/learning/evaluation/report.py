@@ -1,4 +1,4 @@
-"""The report of an evaluation: one self-contained HTML page with table, charts and pictures."""
+"""The report of an evaluation: a self-contained HTML page with table, charts and images."""
 
 import html
 import os
@@ -29,24 +29,24 @@ from mpsnet_core.scene.pictures import (
 
 HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
 TILE_HEIGHT = 176
-LONGEST_TITLE = 21  # letters above a tile
+LONGEST_TITLE = 21  # characters above a tile
 
 
 @dataclass(frozen=True)
 class Report:
-    """A page whose pictures are collected on disk, as they would fill the memory; see :func:`open_report`."""
+    """An HTML page. Its images are collected on disk, not in memory. See :func:`open_report`."""
 
     path: Path
     figures: TextIO
 
     def add(self, results: Sequence[Result]) -> None:
-        """One case's pictures: photo and truth, and each model's normals and errors."""
+        """Add the images of one case: photo and true normals, and each model's normals and errors."""
         title = html.escape(results[0].case.title, quote=True)
         picture = data_url(case_picture(results))
         self.figures.write(f"<h2>{title}</h2>\n<img alt='{title}' loading='lazy' src='{picture}'>\n")
 
     def write(self, title: str, table: str, notes: Sequence[str], charts: Sequence[str]) -> None:
-        """Write the page: title, table, notes, SVG charts, and all cases' pictures."""
+        """Write the page: title, table, notes, SVG charts, and the images of all cases."""
         self.figures.seek(0)
         with written_whole(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
             page.write(HEAD.format(title=html.escape(title)))
@@ -59,9 +59,9 @@ class Report:
 
 @contextmanager
 def open_report(path: str | os.PathLike[str]) -> Iterator[Report]:
-    """A report to add cases to, which :meth:`Report.write` writes to `path`, whole or not at all.
+    """A report to add cases to. :meth:`Report.write` writes it to `path` atomically.
 
-    Raises InputError where no report can be written there.
+    Raises InputError if no report can be written there.
     """
     path = page_path(path)
     with tempfile.TemporaryFile("w+", encoding="utf-8") as figures:
@@ -69,7 +69,7 @@ def open_report(path: str | os.PathLike[str]) -> Iterator[Report]:
 
 
 def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
-    """(H, W, 3) display values: the photo and each model's normals; below, the truth, their errors and the scale."""
+    """(H, W, 3) display values: photo and each model's normals; below, true normals, errors and the colour scale."""
     case = results[0].case
     pictures = [
         photo_picture(case.capture.image, case.capture.mask),
@@ -95,6 +95,6 @@ def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
 
 
 def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The picture with background at its sides, to make room for its title."""
+    """The image padded at its sides, to make room for its title."""
     missing = max(picture.shape[0] - picture.shape[1], 0)
     return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)

@@ -1,6 +1,6 @@
-"""Samples: photographs of held-out samples, drawn as for training. Models are chosen by this test.
+"""Test on photographs of held-out samples, drawn as for training. Models are selected by this test.
 
-It needs PyTorch (extra ``train``), as photographs are made by :mod:`mpsnet_core.learning.training.photographing`.
+It needs PyTorch (extra ``train``) for :mod:`mpsnet_core.learning.training.photographing`.
 """
 
 from collections.abc import Sequence
@@ -19,9 +19,9 @@ SEED = 0  # of the photographs
 
 
 class Samples(Evaluation):
-    """Samples in folders, each photographed once by the default capture model; the same photographs every time.
+    """Samples in folders, each photographed once by the default capture model, reproducibly.
 
-    Raises FileError where there are no samples.
+    Raises FileError if there are no samples.
     """
 
     title = "Held-out samples, photographed"
@@ -38,7 +38,7 @@ class Samples(Evaluation):
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """A line for each model, a column for each kind of shape, then for the number of colours; means last."""
+        """A line per model, a column per kind of shape, then per number of colours; means last."""
         return "\n\n".join(table_of_errors(rows, ("model",), column) for column in ("shape", "colours"))
 
     def notes(self, rows: Sequence[Row]) -> list[str]:
@@ -46,14 +46,14 @@ class Samples(Evaluation):
         return ["photographed by the default capture model, with crosstalk, noise, JPEG and errors of mask and lights"]
 
     def skipped(self) -> list[str]:
-        """The files that are no whole samples."""
+        """Files that are damaged samples."""
         return [f"left out: {path} is no whole sample that light reaches" for path in self._samples.left_out]
 
 
 def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case:
     packed, path = samples[index], samples.paths[index]
     rng = generator(SEED, index)
-    # Draws are the same with and without the white photo.
+    # All other random draws are the same with and without the white photo.
     capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
     recipe = read_sample_data(path)["recipe"]
     kind = recipe["shape"]["kind"]

@@ -1,7 +1,7 @@
-"""Scenes of the synthetic tests: shapes that no training job shows, under the published rig, photographed.
+"""Scenes of the synthetic tests: photographs of held-out shapes under the published rig.
 
-Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.draws.new_seed`), whatever their own
-seed is. The seeds here are above, so that no training data holds these shapes.
+Jobs draw the seeds of their shapes below 2^62 (:func:`mpsnet_core.synthesis.draws.new_seed`), whatever the job's seed.
+The seeds here are above that: no training data contains these shapes.
 """
 
 from functools import lru_cache
@@ -23,11 +23,11 @@ HELD_OUT_SEED = 1 << 62
 NO_PATTERN = Pattern()
 DISTANCE = 10.0
 HIGHLIGHTS = 0.01  # share of the pixels that are brighter than 1
-MARGIN = 1.02  # half the picture's width, in radii of the object's bounding sphere
+MARGIN = 1.02  # half the image width, in radii of the object's bounding sphere
 
 
 def held_out_blob(number: int = 0) -> dict[str, Any]:
-    """The description of one of the smooth blobs that no training data shows."""
+    """The description of a smooth blob that is in no training data."""
     return {"kind": "blobs", "seed": HELD_OUT_SEED + number, "pose": "any", "character": "smooth"}
 
 
@@ -46,7 +46,7 @@ def published_view(
     pattern: Pattern = NO_PATTERN,
     bounces: int = 0,
 ) -> Recipe:
-    """The shape seen orthographically under the paper's rig: three point lights, slant 30°, tilts 120° apart."""
+    """Recipe of an orthographic view under the paper's rig: three point lights, slant 30°, tilts 120° apart."""
     pose = np.eye(4)
     pose[2, 3] = DISTANCE
     return Recipe(
@@ -64,16 +64,16 @@ def published_view(
 
 
 def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> Capture:
-    """The sample photographed without noise or error, its colours weighed by the protocol.
+    """Photograph a sample without noise or calibration errors, with colours weighted by the protocol.
 
-    protocol: of :data:`mpsnet_core.learning.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig, "published"
-    the paper's multiplexed images. white: whether a photo under all three lights, turned white, is beside it. Raises
-    GeometryError where no light reaches the object.
+    protocol: a key of :data:`mpsnet_core.learning.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig,
+    "published" the paper's multiplexed images. white: whether to add a photo under all three lights, turned white.
+    Raises GeometryError if no light reaches the object.
     """
     weights = PROTOCOLS[protocol].astype(np.float32)
 
     def channel(number: int, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        # Not as a matrix product, whose order of summing differs between machines.
+        # Not a matrix product, whose order of summation differs between machines.
         return np.asarray(sum(weights[number, j] * light[..., j] for j in range(3)))
 
     image = np.stack([channel(k, sample.lights[k]) for k in range(3)], axis=-1)

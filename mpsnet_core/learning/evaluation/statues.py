@@ -1,4 +1,4 @@
-"""Statues: plain matt grey meshes under an exact rig, where equation 2 errs in shadow alone."""
+"""Test on statues: matt grey meshes under an exact rig, where equation 2 is wrong only in shadow."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,16 +14,16 @@ from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.sample import Sample
 
 MATT_GREY = Material(base_color=(0.6, 0.6, 0.6), roughness=1.0, specular=0.0)
-REACHED = 0.99  # the least share of a light that reaches a lit pixel
-DETAIL = 0.01  # standard deviation of the Gaussian that separates detail from shape, as a share of the picture's width
+REACHED = 0.99  # least share of a light at a lit pixel
+DETAIL = 0.01  # standard deviation of the Gaussian that separates detail from shape, as a share of the image width
 
 
 class Statues(Evaluation):
-    """Meshes of matt grey, each seen from all around under lights 120° apart, photographed without noise or error.
+    """Ideal photographs of matt grey meshes from all sides, under lights 120° apart.
 
     Each view is photographed under each tilt. Without bounces, equation 2 is exact where all lights reach.
 
-    Raises InputError where a file is missing or a number out of its range.
+    Raises InputError if a file is missing or a number out of range.
     """
 
     title = "Matt grey statues"
@@ -50,7 +50,7 @@ class Statues(Evaluation):
         ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
-        """Rows that also have "fine_relief" (:func:`.fine_relief.fine_relief`), where known."""
+        """Rows with an additional "fine_relief" (:func:`.fine_relief.fine_relief`), if known."""
         rows = []
         for result, row in zip(results, super().rows(results), strict=True):
             case = result.case
@@ -60,7 +60,7 @@ class Statues(Evaluation):
         return rows
 
     def table(self, rows: Sequence[Row]) -> str:
-        """A line for each model and measure, a column for each mesh: means over views and tilts."""
+        """A line per model and measure, a column per mesh: means over views and tilts."""
         measures = {
             "all pixels": "mae_deg",
             "where all lights reach": "lit_mae_deg",
@@ -70,7 +70,7 @@ class Statues(Evaluation):
         return table_of_measures(rows, ("model",), measures, "object")
 
     def notes(self, rows: Sequence[Row]) -> list[str]:
-        """The photographed scene."""
+        """A description of the scene."""
         tilts = ", ".join(f"{tilt:g}°" for tilt in dict.fromkeys(row.labels["tilt"] for row in rows))
         return [
             f"matt grey with cast shadows, no noise; the rig is exact; bounces of light: {self.bounces}; first light's "

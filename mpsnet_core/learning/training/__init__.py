@@ -1,4 +1,4 @@
-"""Training: the networks, their recipes, the loop, export to ONNX. Needs PyTorch: the extra ``train``."""
+"""Training: networks, recipes, the training loop, export to ONNX. Needs PyTorch (extra ``train``)."""
 
 from importlib.util import find_spec
 

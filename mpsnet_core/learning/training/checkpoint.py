@@ -1,4 +1,4 @@
-"""Checkpoints: all that a run needs to resume as if it had never stopped."""
+"""Checkpoints: everything a run needs to resume as if it had never stopped."""
 
 import os
 import pickle
@@ -18,7 +18,7 @@ from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_dat
 
 FORMAT = "mpsnet-checkpoint"
 MAX_BYTES = 4 << 30
-# What PyTorch raises on a file that is damaged, or is no checkpoint.
+# Exceptions that PyTorch raises on files that are damaged or no checkpoints.
 _DAMAGED = (
     AssertionError,
     AttributeError,
@@ -36,9 +36,9 @@ _DAMAGED = (
 
 
 class Checkpoint(NamedTuple):
-    """step: how many are done. weights, mean_weights: the network's, and their running mean. optimisers: their states.
-    seconds: trained so far. samples: fingerprint of the samples. precision: of the layers. continues:
-    record of the network that it began with, see :class:`mpsnet_core.learning.training.loop.Trained`."""
+    """step: number of steps done. weights, mean_weights: the network's, and their running mean. optimisers: states of
+    the optimisers. seconds: training time so far. samples: fingerprint of the samples. precision: of the layers.
+    continues: training record of the initial network, see :class:`mpsnet_core.learning.training.loop.Trained`."""
 
     recipe: TrainingRecipe
     step: int
@@ -57,21 +57,21 @@ _TYPES |= {"recipe": dict, "continues": dict | None}
 
 
 def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
-    """Write the file whole or not at all."""
+    """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
     with written_whole(Path(path)) as unfinished:
         torch.save(data, unfinished)
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
-    """Raises InputError where the file is missing, damaged or no checkpoint of ours. No code in it runs."""
+    """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or none of ours."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:
         raise FormatError(f"checkpoint {path} is larger than 4 GiB; it is not one of ours")
     try:
-        with path.open("rb") as file:  # PyTorch reads other formats, too, and zipfile a ZIP behind anything
+        with path.open("rb") as file:  # torch.load accepts other formats, and zipfile a ZIP appended to any data
             whole = file.read(4) == b"PK\3\4"
-        with zipfile.ZipFile(path) as archive:  # PyTorch does not look at the checksums, and writes nothing packed
+        with zipfile.ZipFile(path) as archive:  # torch.load ignores checksums; torch.save never compresses
             whole &= all(entry.compress_type == zipfile.ZIP_STORED for entry in archive.infolist())
             whole = whole and archive.testzip() is None
         with warnings.catch_warnings():

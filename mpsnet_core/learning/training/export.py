@@ -1,4 +1,4 @@
-"""Export: a trained network as an ONNX file with its card, written only if it answers as PyTorch does."""
+"""Export a trained network as an ONNX file with its card, if its outputs equal PyTorch's."""
 
 import json
 import os
@@ -30,13 +30,14 @@ RIGHT_ANGLE = float(np.pi / 2)
 
 
 def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
-    """Write the network's ONNX file: opset 17, batch, height and width free, shapes inferred, card and record inside.
+    """Write a network's ONNX file, with its card and training record.
 
-    Outputs are "normals", and "confidence" where the network expects an error e of itself: 1 - e / 90°.
-    The file is written if onnxruntime's answer equals PyTorch's to 1e-4, on pictures of two sizes.
+    The file has opset 17, dynamic batch, height and width, and inferred shapes. Its outputs are "normals" and, if the
+    network predicts its error e, "confidence", 1 - e / 90°. It is written only if the outputs of onnxruntime equal
+    PyTorch's to 1e-4, on images of two sizes.
 
-    Raises FileError where `path` cannot be written, SettingsError where weights are not finite, InputError where the
-    two answers differ.
+    Raises FileError if `path` cannot be written, SettingsError if weights are not finite, InputError if the outputs
+    differ.
     """
     path = writable_path(path)
     for name, values in trained.network.state_dict().items():
@@ -48,7 +49,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
     model = _onnx_of(network)
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
     model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
-    _prove(network, model)
+    _check_equal_outputs(network, model)
     with written_whole(path) as unfinished:
         unfinished.write_bytes(model.SerializeToString())
 
@@ -63,7 +64,7 @@ def card_of(network: Network, name: str) -> ModelCard:
 
 
 def record_of(trained: Trained) -> dict[str, Any]:
-    """How a model was trained, as plain data: recipe, date, time, hardware, versions, figures."""
+    """Training record of a model, as plain data: recipe, date, time, hardware, versions, metrics."""
     figures, before = trained.figures, trained.continues or {}
     return {
         "recipe": trained.recipe.to_json(),
@@ -88,10 +89,10 @@ class _Answer(nn.Module):
     def __init__(self, network: Network) -> None:
         super().__init__()
         self.network = network
-        self.eval()  # the exporter restores the mode that it finds
+        self.eval()  # the exporter restores the mode it finds
 
     def forward(self, *inputs: Tensor) -> Tensor | tuple[Tensor, Tensor]:
-        prediction = self.network.forward(*inputs)  # so that the layers keep their own names
+        prediction = self.network.forward(*inputs)  # not a call, which would prefix the layers' names
         if prediction.expected_error is None:
             return prediction.normals
         return prediction.normals, (1 - prediction.expected_error / RIGHT_ANGLE).clamp(0, 1)
@@ -105,7 +106,7 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
     axes = {name: {0: "batch", **({} if given[0] in CONSTANTS else size)} for name, given in network.inputs.items()}
     axes |= {name: {0: "batch", **size} for name in outputs}
     with warnings.catch_warnings(), temporary_folder() as folder:
-        warnings.simplefilter("ignore")  # the exporter's, about itself
+        warnings.simplefilter("ignore")  # warnings about the exporter itself
         file = folder / "model.onnx"
         torch.onnx.export(
             answer,
@@ -120,7 +121,7 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
         return onnx.shape_inference.infer_shapes(onnx.load(str(file)), strict_mode=True)
 
 
-def _prove(network: Network, model: onnx.ModelProto) -> None:
+def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:
     session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
     sides = (network.patch,) if network.kind == "patch" else (64, 96)
     for side in sides:
@@ -138,7 +139,7 @@ def _prove(network: Network, model: onnx.ModelProto) -> None:
 
 
 def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:
-    """Inputs of plausible values: images at least 0, directions of unit length."""
+    """Inputs with plausible values: images not below 0, directions of unit length."""
     generator = torch.Generator().manual_seed(side)
     examples = []
     for features in network.inputs.values():

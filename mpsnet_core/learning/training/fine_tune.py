@@ -1,4 +1,4 @@
-"""Fine-tuning: an exported network's weights back in a network that can be trained."""
+"""Fine-tuning: load the weights of an exported network into one that can be trained."""
 
 import json
 import os
@@ -21,10 +21,10 @@ from mpsnet_core.learning.training.networks import Network
 
 MAX_BYTES = 1 << 30
 CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
-# Root mean square of a map's weights before a batch norm, near where long training leaves them. The norm takes any
-# scale out of the answer, but the scale decides how far one step of the optimiser turns the weights.
+# RMS of a filter's weights before a batch norm, about as long training leaves them. The norm makes the output
+# independent of this scale, but the scale decides how much one optimiser step changes the direction of the weights.
 WEIGHT_SCALE = 0.06
-REACH_PIXELS = 100_000  # for the fit of which lights reach
+REACH_PIXELS = 100_000  # to fit which lights reach a pixel
 REACH_DECAY = 1e-5
 
 
@@ -32,7 +32,7 @@ REACH_DECAY = 1e-5
 class Exported:
     """A network's ONNX file.
 
-    record: how it was trained. filters: weights, and biases or None, of its convolutions in the order of their runs.
+    record: how it was trained. filters: weights, and biases or None, of its convolutions in execution order.
     """
 
     path: str
@@ -41,12 +41,12 @@ class Exported:
 
     @property
     def step(self) -> int:
-        """How many steps it was trained for."""
+        """Number of steps it was trained for."""
         return int(self.record["steps"])
 
 
 def read_exported(path: str | os.PathLike[str]) -> Exported:
-    """Raises InputError where the file is missing, damaged, or was not written by :func:`export_onnx`."""
+    """Read an exported network. Raises InputError if it is missing, damaged, or not by :func:`export_onnx`."""
     path = existing_file(path, "model")
     refusal = f"model {path} is damaged or was not trained here; resume from another"
     if path.stat().st_size > MAX_BYTES:
@@ -74,14 +74,14 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
     """Copy the exported network's weights.
 
     Export folds each batch norm into the convolution before it. Here every batch norm takes its mean and variance from
-    `inputs` (the network's, some pictures or patches) and undoes them by its own scale and shift. So the network's
-    answers are the exported one's, and it is normalised as any other when training resumes: the weights before a batch
-    norm have one scale again, where folding left some layers ten times as fast to change as others.
+    a batch of `inputs`, and its scale and shift undo them. The network's output is that of the exported one, and
+    batch norm works as usual when training resumes. The weights before a batch norm are rescaled to one RMS: folding
+    leaves some layers that change ten times as fast as others.
 
-    Raises FormatError where the file is of a network of another build.
+    Raises FormatError if the file is of a network with another architecture.
     """
     filters = iter(exported.filters)
-    # Of the last convolution: what its batch norm must add, and divide by.
+    # Bias that the next batch norm must add, and scale that it must divide by, from the last convolution.
     bias: Tensor | None = None
     scale = torch.ones(())
 
@@ -130,10 +130,10 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
 
 
 def fit_reach(network: Network, batch: Batch) -> None:
-    """Fit the layer `lit`, where the network has one, to a batch: logistic regression of which lights reach a pixel.
+    """Fit the layer `lit`, if the network has one, to a batch: logistic regression of which lights reach a pixel.
 
-    Training alone asks for it, so that exported files lack it. Drawn anew it would take thousands of steps to learn
-    what it knew, and all other layers would change for its sake meanwhile.
+    The layer is used in training only, so exported files lack it. From random weights it would need thousands of steps,
+    and its gradients would disturb all other layers meanwhile.
     """
     layer = getattr(network, "lit", None)
     if layer is None or batch.lit is None:
@@ -141,7 +141,7 @@ def fit_reach(network: Network, batch: Batch) -> None:
     seen: list[Tensor] = []
     hook = layer.register_forward_pre_hook(lambda _, values: seen.append(values[0].detach().float()))
     network.eval()
-    network.training = True  # asks for the parts of an answer; batch norms below it stay as they are
+    network.training = True  # makes forward() run `lit`; the batch norms stay in evaluation mode
     with torch.no_grad():
         network(*batch.inputs)
     hook.remove()
@@ -156,7 +156,7 @@ def fit_reach(network: Network, batch: Batch) -> None:
     def loss() -> Tensor:
         solver.zero_grad()
         entropy = functional.binary_cross_entropy_with_logits(maps @ weight.T + bias, reach)
-        total: Tensor = entropy + REACH_DECAY * weight.square().sum()  # finite also where all lights reach everywhere
+        total: Tensor = entropy + REACH_DECAY * weight.square().sum()  # stays finite if all lights reach everywhere
         torch.autograd.backward(total)
         return total
 

@@ -1,4 +1,4 @@
-"""Inputs of networks: maps stacked, coarse to fine with the answers on the scale before, or cut into patches."""
+"""Inputs of networks: stacked maps, with the output on the previous scale for pyramids, or cut into patches."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -14,9 +14,9 @@ from mpsnet_core.learning.training.photographing import Scale, unmixed
 
 
 class Batch(NamedTuple):
-    """inputs: (N, C, H, W) each, in the network's order. truth: (N, 3, H, W). weights: (N, H, W) 1 where a pixel
-    counts: inside the mask, and its true normal is known. lit: (N, 3, H, W) 1 where a light reaches, None for patches.
-    """
+    """inputs: (N, C, H, W) each, in the network's order. truth: (N, 3, H, W) true normals. weights: (N, H, W) 1 for
+    pixels inside the mask with a known true normal, else 0. lit: (N, 3, H, W) 1 where a light reaches; None for
+    patches."""
 
     inputs: tuple[Tensor, ...]
     truth: Tensor
@@ -28,9 +28,9 @@ class Batch(NamedTuple):
 def with_previous(
     answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
 ) -> list[tuple[Tensor, ...]]:
-    """A network's inputs for each scale, with its answers on the scale before.
+    """A network's inputs for each scale, with its output on the previous scale.
 
-    names: of the maps that are stacked into each input. answer: the network, not in training mode.
+    names: the maps stacked into each input. answer: the network, in evaluation mode.
     """
     mask = scales[0].maps["mask"]
     inputs, previous = [], mask.new_zeros(len(mask), 4, *mask.shape[2:])
@@ -43,7 +43,7 @@ def with_previous(
 
 
 def map_of(name: str, maps: Mapping[str, Tensor]) -> Tensor:
-    """The named map, as :func:`mpsnet_core.estimate.features.window_map` makes it."""
+    """The named map, as :func:`mpsnet_core.estimate.features.window_map` computes it."""
     if name == "grey_world":
         return maps["photo"] / maps["channel_means"]
     if not name.startswith("initial_normals"):
@@ -55,7 +55,7 @@ def map_of(name: str, maps: Mapping[str, Tensor]) -> Tensor:
 
 
 def joined(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Batch:
-    """All scales' windows as one batch."""
+    """The windows of all scales as one batch."""
     return Batch(
         tuple(torch.cat(values) for values in zip(*inputs, strict=True)),
         *(torch.cat([getattr(scale, name) for scale in scales]) for name in ("truth", "weights", "lit")),
@@ -63,7 +63,7 @@ def joined(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Bat
 
 
 def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
-    """(M, 4, H, W) normals and expected error where the finer scale's windows are, at twice the resolution."""
+    """(M, 4, H, W) normals and expected error in the finer scale's windows, upsampled to twice the resolution."""
     assert prediction.expected_error is not None
     side = scale.weights.shape[-1] // 2
     window_of = {int(example): number for number, example in enumerate(scale.examples)}
@@ -79,10 +79,10 @@ def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
 
 
 def patches_of(batch: Batch, network: Network, count: int, generator: torch.Generator) -> Batch:
-    """`count` patches from each picture of a batch, around pixels that count; pictures without any are skipped.
+    """`count` patches from each image of a batch, around pixels that count; images without any are skipped.
 
-    inputs become (N * count, C, patch, patch), zero beyond the picture; truth (N * count, 3); weights (N * count,).
-    Inputs of one pixel ("lights") are repeated as they are.
+    inputs become (N * count, C, patch, patch), zero beyond the image; truth (N * count, 3); weights (N * count,).
+    Constant inputs such as "lights" are repeated for each patch.
     """
     pictures, pixels = [], []
     width = batch.weights.shape[2]

@@ -1,6 +1,6 @@
-"""JPEG's losses, computed for a batch of pictures without writing files.
+"""JPEG compression artefacts, simulated for a batch of images without writing files.
 
-ITU-T T.81 with its example quantisation tables (annex K), scaled by quality as libjpeg scales them, and JFIF's colours.
+ITU-T T.81 with its example quantisation tables (annex K), scaled by quality as in libjpeg, and JFIF's colour space.
 Entropy coding is lossless and left out.
 """
 
@@ -30,10 +30,10 @@ _DCT = torch.cos((2 * _PLACE + 1) * _FREQUENCY * math.pi / 16) * torch.where(_FR
 
 
 def jpeg_losses(levels: Tensor, quality: Tensor, halved_chroma: Tensor) -> Tensor:
-    """8-bit pictures after they were stored as JPEG.
+    """8-bit images after JPEG compression.
 
-    levels: (N, 3, H, W) whole numbers 0 to 255, R, G, B; H and W multiples of 16. quality: (N,) 1 to 100, libjpeg's.
-    halved_chroma: (N,) bool, whether colour is stored at half the resolution both ways (4:2:0), else in full (4:4:4).
+    levels: (N, 3, H, W) R, G, B, integers 0 to 255; H and W multiples of 16. quality: (N,) libjpeg's, 1 to 100.
+    halved_chroma: (N,) bool, whether to subsample chroma (4:2:0 instead of 4:4:4).
     """
     red, green, blue = levels.unbind(1)
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
@@ -58,11 +58,11 @@ def _halved(chroma: Tensor, quality: Tensor) -> Tensor:
 
 
 def _quantised(planes: Tensor, table: Tensor, quality: Tensor) -> Tensor:
-    """Planes (N, C, H, W) centred on 0 whose blocks of 8 x 8 went through the quantised cosine transform and back."""
+    """Planes (N, C, H, W), centred on 0, after DCT, quantisation and inverse DCT of their 8 x 8 blocks."""
     scale = torch.where(quality < 50, torch.floor(5000 / quality), 200 - 2 * quality)[:, None, None]
     table, transform = table.to(planes.device), _DCT.to(planes.device)
     steps = torch.floor((table * scale + 50) / 100).clamp(1, 255)[:, None, :, None]
-    # The eight rows of a block, and then its columns, without bringing it together in memory.
+    # Transform along rows, then along columns, without copying blocks together.
     rows = (len(planes), -1, 8, planes.shape[3])
     columns = (*rows[:3], planes.shape[3] // 8, 8)
     coefficients = (transform @ planes.reshape(rows)).reshape(columns) @ transform.T

@@ -1,6 +1,6 @@
-"""The training loop: warm-up, constant rate, decay; a running mean of the weights; checkpoints that resume bit-exactly.
+"""The training loop: learning rate schedule, running mean of the weights, checkpoints that resume bit-exactly.
 
-Started by ``torchrun``, it shares every step's batch between the processes.
+Under ``torchrun``, the processes share the batch of each step.
 """
 
 import hashlib
@@ -41,19 +41,19 @@ log = logging.getLogger(__name__)
 Precision = Literal["auto", "float32", "bfloat16"]
 LOGGED_EVERY = 50  # steps
 SAVED_EVERY = 300  # seconds
-VALIDATIONS = 8  # evenly over the recipe's steps, and one at the end
-VALIDATION_SEED = 1  # of its photographs
+VALIDATIONS = 8  # evenly spaced over the recipe's steps, plus one at the end
+VALIDATION_SEED = 1  # of the held-out samples' photographs
 VALIDATION_CROP = 128
-MUON_MAPS = 32  # the least of a weight matrix's two sides for Muon
-NORM_EXAMPLES = 64  # of which a network that is trained further measures what its file lacks
+MUON_MAPS = 32  # Muon is used if both sides of a weight matrix have at least this length
+NORM_EXAMPLES = 64  # photographs to restore batch norms and the layer `lit` from, which exported files lack
 
 
 @dataclass(frozen=True)
 class Trained:
-    """A run's result. network: with the running mean of its weights, on the CPU. figures: of the last validation.
-    samples: how many it was trained on; fingerprint: of their names and jobs. continues: the record of the exported
-    network whose weights it began with, None where they were drawn. rank: this process' number where there are several;
-    only number 0 writes its network."""
+    """The result of a run. network: with the running mean of its weights, on the CPU. figures: of the last validation.
+    samples: number of training samples. fingerprint: of their names and jobs. continues: training record of the
+    exported network that it started from, None for random initial weights. rank: of this process under torchrun; only
+    rank 0 writes the network."""
 
     network: Network
     recipe: TrainingRecipe
@@ -70,8 +70,8 @@ class Trained:
 
 @dataclass(frozen=True)
 class Places:
-    """Where a run's files are. checkpoint: written now and then and at the end, None for nowhere; resume: one to go on
-    from, or the .onnx file of a network, whose weights are trained further; logs: folder for TensorBoard."""
+    """Files of a run. checkpoint: written regularly and at the end, None for nowhere. resume: a checkpoint to resume
+    from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard."""
 
     checkpoint: Path | None = None
     resume: Path | None = None
@@ -92,17 +92,37 @@ def train(
 ) -> Trained:
     """Train the recipe's network on the samples in some folders.
 
-    validation: folders of samples that are held out; none for no validation. precision: of the layers; "auto" is
-    bfloat16 where the processor or GPU computes with it. stop_after: steps, when to stop before the recipe's end (0: at
-    its end), to go on later. anneal: from the checkpoint that is resumed, let the learning rate fall to nothing over so
-    many steps, and end; the checkpoint stays as it is, to go on from. minutes: as stop_after, by the clock.
+    Parameters
+    ----------
+    recipe
+        Network, optimiser and schedule.
+    samples, validation
+        Folders of training samples and of held-out samples; no validation if there are none.
+    places
+        Files to write and to resume from.
+    precision
+        Of the layers. "auto" is bfloat16 if the processor or GPU supports it.
+    stop_after
+        Stop after this many steps in all, to resume later; 0 for the recipe's end.
+    anneal
+        From the resumed checkpoint, lower the learning rate to zero over this many steps, and end. The checkpoint is
+        left unchanged.
+    minutes
+        As `stop_after`, in minutes of this run.
+    progress
+        Called with the share done, 0 to 1, and a message.
 
-    A run that was resumed from a checkpoint ends with the same weights, bit for bit, as one that was never stopped, on
-    the same machine with the same number of threads. Of several processes the first that is stopped ends the others,
-    and the last checkpoint stands.
+    Raises
+    ------
+    InputError
+        If options, samples or checkpoint cannot be used.
+    Cancelled
+        If `progress` raises it. The checkpoint is written first.
 
-    Raises InputError where options, samples or checkpoint cannot be used, and Cancelled where `progress` does; the
-    checkpoint is written then, too.
+    Notes
+    -----
+    A resumed run ends with the same weights, bit for bit, as an uninterrupted one, on the same machine with the same
+    number of threads. If one of several processes is stopped, the others end too, and the last checkpoint remains.
     """
     places = places or Places()
     if anneal and (stop_after or minutes):
@@ -120,14 +140,14 @@ def train(
             raise SettingsError(f"the learning rate of {places.resume} is zero already; anneal from before its decay")
         if anneal:
             run.anneal, end = (run.step, anneal), run.step + anneal
-        if anneal or processes.rank:  # of several processes the first one writes
+        if anneal or processes.rank:  # only rank 0 writes
             places = Places(logs=None if processes.rank else places.logs)
         figures = _learn(run, places, end, 60 * minutes, progress)
         return run.trained(figures)
 
 
 def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Progress) -> Figures | None:
-    """Take steps until `end`, or for some seconds. Returns the figures of the last validation, in the first process."""
+    """Train until step `end`, or for `seconds`. Returns the metrics of the last validation, on rank 0."""
     processes, first = run.processes, run.processes.rank == 0
     writer = None if places.logs is None else SummaryWriter(str(places.logs))
     model = run.network if processes.count == 1 else DistributedDataParallel(run.network)
@@ -136,7 +156,7 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
     saved = started
     try:
         while run.step < end:
-            loss = _whole_step(run, model)
+            loss = _uninterrupted_step(run, model)
             run.seconds = before + time.monotonic() - started
             if run.step % LOGGED_EVERY == 0 and first:
                 angle = math.degrees(float(loss.angle))
@@ -159,13 +179,13 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
         run.save(places.checkpoint)
         if writer is not None:
             writer.close()
-    if figures is None and run.held_out and first:  # as where it was resumed at the recipe's end
+    if figures is None and run.held_out and first:  # resumed at the recipe's end, for example
         figures = validate(run.mean(), run.held_out)
     return figures
 
 
-def _whole_step(run: "_Run", model: nn.Module) -> Loss:
-    """One step on this process' share of the batch; signals wait for its end."""
+def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
+    """One step on this process's share of the batch. Signals are held back until it is done."""
     rank, count = run.processes.rank, run.processes.count
     scales = run.photographer.batch(run.step * count + rank, run.recipe.batch // count)
     with held_signals():
@@ -181,9 +201,9 @@ def _whole_step(run: "_Run", model: nn.Module) -> Loss:
 
 
 def _check_places(places: Places, anneal: int) -> None:
-    """Raises InputError where there is nothing to go on from, or the run would write over another's checkpoint."""
+    """Raise InputError if there is nothing to resume from, or the run would overwrite another run's checkpoint."""
     checkpoint, resume = places.checkpoint, places.resume
-    if resume is not None:  # before the samples are packed, which takes minutes
+    if resume is not None:  # fail before the samples are packed, which takes minutes
         existing_file(resume, "model" if resume.suffix.lower() == ".onnx" else "checkpoint")
     if anneal and resume is None:
         raise SettingsError("there is nothing to anneal; name a checkpoint to resume from")
@@ -194,7 +214,7 @@ def _check_places(places: Places, anneal: int) -> None:
 
 
 def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
-    """Raises SettingsError where the pictures that a step sees are not what the network takes."""
+    """Raise SettingsError if the recipe's crop or patches do not suit the network."""
     if network.kind != "patch":
         least = 2 * network.multiple  # batch norm needs two pixels on the coarsest scale
         if recipe.crop < least or recipe.crop % network.multiple:
@@ -213,7 +233,7 @@ def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
 
 
 def learning_rate(recipe: TrainingRecipe, step: int) -> float:
-    """Of step `step`, 0 to steps - 1: a straight rise, then constant, then a straight fall to nothing."""
+    """Learning rate of step `step`, 0 to steps - 1: linear warm-up, constant, linear decay to zero."""
     if step < recipe.warm_up:
         return recipe.learning_rate * (step + 1) / recipe.warm_up
     left = (recipe.steps - step) / recipe.decay if recipe.decay else 1.0
@@ -221,7 +241,7 @@ def learning_rate(recipe: TrainingRecipe, step: int) -> float:
 
 
 class _Run:
-    """The state of a run: what a checkpoint keeps."""
+    """The state of a run, which checkpoints store."""
 
     def __init__(
         self,
@@ -260,12 +280,12 @@ class _Run:
                 device=device,
             )
         self.fingerprint = _fingerprint(samples, packed.names)
-        self.precision = _computed(precision, device)
+        self.precision = _resolved_precision(precision, device)
         torch.backends.cudnn.deterministic = True
         self.step, self.seconds = 0, 0.0
         self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
-        self.anneal: tuple[int, int] | None = None  # the step at which it begins, and over how many
+        self.anneal: tuple[int, int] | None = None  # its first step, and number of steps
         self.optimisers = _optimisers(recipe, network, self.precision)
         self.mean_weights = self._weights()
 
@@ -277,10 +297,10 @@ class _Run:
         return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
 
     def advance(self, model: nn.Module, scales: list[Scale]) -> Loss:
-        """One step of the optimisers."""
-        recipe, seed = self.recipe, _seed(self.recipe.seed, self.step, self.processes.rank)
+        """Take one step of the optimisers."""
+        recipe, seed = self.recipe, _hashed_seed(self.recipe.seed, self.step, self.processes.rank)
         self.whole = False
-        # What dropout draws depends on the step alone, so that a resumed run draws the same.
+        # Dropout depends on the step alone: a resumed run draws the same.
         torch.manual_seed(seed)
         autocast = torch.autocast(self.processes.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
         self.network.eval()
@@ -292,7 +312,7 @@ class _Run:
             optimiser.zero_grad(set_to_none=True)
         self._training_mode(model)
         with autocast:
-            # Convolutions of few channels are quicker in this order.
+            # Convolutions with few channels are faster in this memory layout.
             prediction = model(*(values.contiguous(memory_format=torch.channels_last) for values in batch.inputs))
         loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, batch.lit)
         torch.autograd.backward(loss.total)
@@ -306,7 +326,7 @@ class _Run:
         for optimiser in self.optimisers:
             optimiser.step()
         self.step += 1
-        self._follow()
+        self._update_mean_weights()
         self.whole = True
         return loss
 
@@ -325,9 +345,9 @@ class _Run:
         return patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(seed))
 
     @torch.no_grad()
-    def _follow(self) -> None:
+    def _update_mean_weights(self) -> None:
         """Update the running mean of the weights."""
-        # Early weights are forgotten faster: a mean over 1000 steps is still the first weights after ten.
+        # Forget early weights faster: after ten steps, a mean over 1000 would still be the initial weights.
         decay = min(self.recipe.ema, (1 + self.step) / (10 + self.step))
         for name, value in self.network.state_dict().items():
             if value.dtype.is_floating_point:
@@ -339,13 +359,13 @@ class _Run:
         return {name: value.detach().clone() for name, value in self.network.state_dict().items()}
 
     def mean(self) -> Network:
-        """A network of its own with the running mean of the weights."""
+        """A new network with the running mean of the weights."""
         network = build_network(self.recipe.network, dict(self.recipe.options)).to(self.processes.device)
         network.load_state_dict(self.mean_weights)
         return network.eval()
 
     def save(self, path: Path | None) -> None:
-        """Write the checkpoint. After a step that failed the one before stands: half a step cannot be resumed."""
+        """Write the checkpoint, unless a step failed midway: half a step cannot be resumed."""
         if path is None or not self.whole:
             return
         checkpoint = Checkpoint(
@@ -362,7 +382,7 @@ class _Run:
         write_checkpoint(path, checkpoint)
 
     def trained(self, figures: Figures | None) -> Trained:
-        """The result, with these figures of the last validation."""
+        """The result of the run, with the metrics of the last validation."""
         return Trained(
             self.mean().cpu(),
             self.recipe,
@@ -378,7 +398,7 @@ class _Run:
         )
 
     def begin(self, path: Path | None) -> None:
-        """Start from a checkpoint or an exported network, where there is one."""
+        """Start from a checkpoint or an exported network, if one is given."""
         if path is None and self.recipe.frozen_norms:
             raise SettingsError("frozen_norms is for a network that is trained further; name it with --resume")
         if path is not None and path.suffix.lower() == ".onnx":
@@ -388,10 +408,10 @@ class _Run:
 
     def resume(self, path: Path) -> None:
         found = read_checkpoint(path)
-        # The commands that its samples were made with change nothing in the training.
+        # The commands that made the samples do not affect the training.
         if replace(found.recipe, samples=self.recipe.samples) != self.recipe:
             raise SettingsError(f"checkpoint {path} is of another recipe; resume with the one it began with")
-        if found.samples != self.fingerprint:  # as where more were made: what was learned holds, the order begins anew
+        if found.samples != self.fingerprint:  # more samples were made, for example; only their order starts over
             log.warning("checkpoint %s was trained on other samples before", path)
         if found.precision != self.precision:
             raise SettingsError(
@@ -426,7 +446,7 @@ def _optimisers(recipe: TrainingRecipe, network: Network, precision: str) -> lis
     for value in network.parameters():
         if value.ndim <= 1:
             single.append(value)
-        # Muon is for the layers between; first and last layers, of few maps, are AdamW's as single numbers are.
+        # Muon trains the inner layers. First and last layers, which have few maps, use AdamW, as do biases and norms.
         elif recipe.optimiser == "muon" and min(value.flatten(1).shape) >= MUON_MAPS:
             matrices.append(value)
         else:
@@ -440,7 +460,7 @@ def _optimisers(recipe: TrainingRecipe, network: Network, precision: str) -> lis
 
 
 def _fingerprint(folders: list[Path], names: list[str]) -> str:
-    """Of the samples' names, and of what each folder says they were drawn from."""
+    """Hash of the samples' names and of each folder's job file."""
     digest = hashlib.sha256("\n".join(names).encode())
     for folder in folders:
         if (folder / JOB_FILE).is_file():
@@ -448,23 +468,23 @@ def _fingerprint(folders: list[Path], names: list[str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _seed(*key: int) -> int:
+def _hashed_seed(*key: int) -> int:
     return int.from_bytes(hashlib.sha256(repr(key).encode()).digest()[:7], "big")
 
 
-def _computed(precision: Precision, device: torch.device) -> str:
+def _resolved_precision(precision: Precision, device: torch.device) -> str:
     if precision != "auto":
         return precision
     if device.type == "cuda":
         return "bfloat16" if torch.cuda.is_bf16_supported(including_emulation=False) else "float32"
-    # Without its own instructions bfloat16 is slower than float32.
+    # Without hardware support bfloat16 is slower than float32.
     quick = getattr(torch.cpu, "_is_avx512_bf16_supported", lambda: False)()
     return "bfloat16" if quick else "float32"
 
 
 @dataclass(frozen=True)
 class _Processes:
-    """This process' number, and how many there are."""
+    """Rank of this process, and number of processes."""
 
     rank: int = 0
     count: int = 1
@@ -477,7 +497,7 @@ class _Processes:
 
     @property
     def hardware(self) -> str:
-        """All processes' hardware, for the record."""
+        """Hardware of all processes, for the training record."""
         if self.device.type == "cuda":
             name = torch.cuda.get_device_name(self.device)
         else:
@@ -486,7 +506,7 @@ class _Processes:
         return name if self.count == 1 else f"{self.count} x {name}"
 
     def agreed(self, stop: bool) -> bool:
-        """Whether the first process stops: all do after the same step, or the others would wait for ever."""
+        """Rank 0's `stop`: all processes must stop after the same step, or the others would wait forever."""
         if self.count == 1:
             return stop
         shared = torch.tensor(float(stop), device=self.device)

@@ -1,4 +1,4 @@
-"""Loss: the angle to the true normal, and the error of the error that networks expect of themselves."""
+"""The loss: angular error, and the squared error of the angular error that networks predict."""
 
 from typing import NamedTuple
 
@@ -10,8 +10,8 @@ from mpsnet_core.learning.training.networks.network import Inside, Prediction
 
 
 class Loss(NamedTuple):
-    """total: what is minimised. angle: radians, mean over the pixels that count. expected: mean squared error of the
-    expected error, radians squared; zero where the network predicts none. The last two, for logs, have no gradients."""
+    """total: the loss to minimise. angle: mean angular error in radians. expected: mean squared error of the expected
+    error in radians squared, zero if the network predicts none. The last two are for logs and have no gradients."""
 
     total: Tensor
     angle: Tensor
@@ -19,10 +19,10 @@ class Loss(NamedTuple):
 
 
 def angle_between(a: Tensor, b: Tensor) -> Tensor:
-    """(N, ...) radians between unit vectors (N, 3, ...).
+    """(N, ...) angles in radians between unit vectors (N, 3, ...).
 
-    By the half angle's tangent (Kahan): exact for small angles, and unlike the arc cosine's its gradient stays finite
-    where the vectors meet.
+    Computed by the tangent of the half angle (Kahan): accurate for small angles, and with a finite gradient where the
+    vectors are equal, unlike the arc cosine.
     """
     difference, total = a - b, a + b
     return 2 * torch.atan2(_length(difference), _length(total))
@@ -32,11 +32,11 @@ def _length(vectors: Tensor) -> Tensor:
     return torch.sqrt((vectors * vectors).sum(dim=1) + 1e-12)
 
 
-# Of what a network that has equation 2 inside learns beside.
-LIT_WEIGHT = 0.05  # the cross entropy of which lights reach
-FORMULA_WEIGHT = 0.3  # the error of equation 2 alone, where all lights reach
-FORMULA_REACH = 0.3  # radians: where equation 2 is further off, as on gloss, its error counts ever less
-TRUST_WEIGHT = 1.0  # the cross entropy of which is better, it or the network's own, times by how much
+# Auxiliary losses of networks with equation 2 inside.
+LIT_WEIGHT = 0.05  # cross entropy of which lights reach
+FORMULA_WEIGHT = 0.3  # error of equation 2 alone, where all lights reach
+FORMULA_REACH = 0.3  # radians; errors of equation 2 beyond this, as on gloss, saturate
+TRUST_WEIGHT = 1.0  # cross entropy of whether equation 2 is better than the network's own normals, times the difference
 
 
 def loss_of(
@@ -49,8 +49,9 @@ def loss_of(
 ) -> Loss:
     """Loss over the pixels (or patches) that count.
 
-    truth: as the normals. weights: (N, ...) 1 where a pixel counts, else 0. gradient_weight: of the mean difference
-    between the normals' gradients and the true ones. lit: (N, 3, H, W) 1 where a light reaches.
+    truth: true normals, shaped as the prediction's. weights: (N, ...) 1 where a pixel counts, else 0. error_weight: of
+    the expected error's loss. gradient_weight: of the mean difference between the gradients of predicted and true
+    normals. lit: (N, 3, H, W) 1 where a light reaches.
     """
     count = weights.sum().clamp(min=1)
     angle = angle_between(prediction.normals, truth)
@@ -68,7 +69,7 @@ def loss_of(
 
 
 def _inside_loss(inside: Inside, truth: Tensor, lit: Tensor) -> Tensor:
-    """(N, H, W) what each pixel adds to the loss by the parts of an answer."""
+    """(N, H, W) auxiliary loss of each pixel, for networks with equation 2 inside."""
     entropy = functional.binary_cross_entropy_with_logits
     off, own = angle_between(inside.formula, truth), angle_between(inside.own, truth).detach()
     reached = (lit > 0.5).all(dim=1)
@@ -81,7 +82,7 @@ def _inside_loss(inside: Inside, truth: Tensor, lit: Tensor) -> Tensor:
 
 
 def _gradient_length(values: Tensor, weights: Tensor) -> Tensor:
-    """Mean length of the differences of neighbouring pixels (N, 3, H, W), where both count."""
+    """Mean length of the differences between neighbouring pixels of (N, 3, H, W), where both count."""
     total, count = torch.zeros((), device=values.device), torch.zeros((), device=values.device)
     for axis in (1, 2):
         both = weights.narrow(axis, 1, weights.shape[axis] - 1) * weights.narrow(axis, 0, weights.shape[axis] - 1)

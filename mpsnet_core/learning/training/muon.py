@@ -1,6 +1,6 @@
-"""Muon: momentum, orthogonalised matrix by matrix (Jordan et al., 2024), for the weights of convolutions.
+"""The Muon optimiser (Jordan et al., 2024) for convolutions: orthogonalised momentum.
 
-:class:`torch.optim.Muon`, from PyTorch 2.9 on, takes no convolutions.
+:class:`torch.optim.Muon`, available from PyTorch 2.9 on, does not accept convolutions.
 """
 
 from collections.abc import Iterable
@@ -9,17 +9,17 @@ from typing import Any
 import torch
 from torch import Tensor
 
-# Of the Newton-Schulz iteration, chosen by Jordan for a fast rise from small singular values.
+# Coefficients of the Newton-Schulz iteration, chosen by Jordan to increase small singular values quickly.
 _A, _B, _C = 3.4445, -4.7750, 2.0315
 STEPS = 5
 
 
 class Muon(torch.optim.Optimizer):
-    """For parameters of two dimensions and more; those of convolutions count as (maps, channels * side * side).
+    """Muon for parameters of two or more dimensions; those of convolutions count as (maps, channels * side * side).
 
-    lr: as AdamW's; updates are scaled to the root mean square that AdamW's have (Liu et al., "Muon is scalable for LLM
-    training", 2025), so that one learning rate does for both. momentum: Nesterov's. dtype: what matrices are
-    orthogonalised in; Jordan's own is bfloat16, which halves the time where the processor computes with it.
+    lr: the same as for AdamW, because updates are scaled to AdamW's RMS (Liu et al., "Muon is scalable for LLM
+    training", 2025). momentum: Nesterov's. dtype: of the orthogonalisation; Jordan uses bfloat16, which halves the time
+    on hardware that supports it.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Muon(torch.optim.Optimizer):
 
     @torch.no_grad()
     def step(self, closure: Any = None) -> Any:
-        """One step of the parameters that have gradients."""
+        """Update the parameters that have gradients."""
         for group in self.param_groups:
             for parameter in group["params"]:
                 if parameter.grad is None:
@@ -53,7 +53,7 @@ class Muon(torch.optim.Optimizer):
 
 
 def orthogonal(matrix: Tensor) -> Tensor:
-    """A matrix (M, N) with its singular values brought near one, by a Newton-Schulz iteration."""
+    """The matrix (M, N) with all singular values near one, by Newton-Schulz iteration."""
     tall = matrix.shape[0] > matrix.shape[1]
     values: Tensor = matrix.T if tall else matrix
     values = values / (values.norm() + 1e-7)

@@ -1,7 +1,7 @@
-"""Packed samples: a folder's samples for training, in half floats, quick to read.
+"""Packed samples: a cache of training samples in half floats that reads fast.
 
-Reading a sample's EXR takes longer than photographing it. So each is read once, cut to the object, and kept in the
-folder ``packed`` beside it, which can be deleted at any time. A sample that was remade since then is read again.
+Reading a sample's EXR takes longer than photographing it. So each is read once, cropped to the object, and stored in
+the folder ``packed`` next to it, which can be deleted at any time. A sample that was made again is packed again.
 """
 
 import logging
@@ -29,10 +29,11 @@ MARGIN = 4  # pixels around the object
 
 
 class Packed(NamedTuple):
-    """One sample, cut to the object.
+    """One sample, cropped to the object.
 
-    lights: (9, H, W) half, light 1's red, green, blue, then light 2's, light 3's; zero outside the mask. normals:
-    (3, H, W) half. mask: (H, W) bool. lit: (3, H, W) bool, where half of a light or more arrives. directions: (3, 3).
+    lights: (9, H, W) half floats, R, G, B of light 1, then of lights 2 and 3; zero outside the mask. normals:
+    (3, H, W) half floats. mask: (H, W) bool. lit: (3, H, W) bool, where at least half of a light arrives. directions:
+    (3, 3) one light per row.
     """
 
     lights: Tensor
@@ -43,24 +44,24 @@ class Packed(NamedTuple):
 
 
 class PackedSamples:
-    """The whole samples of some folders, folder by folder in the order of their numbers, packed where they are not yet.
+    """The samples of some folders, folder by folder in the order of their numbers. Packs samples if necessary.
 
     Parameters
     ----------
     folders : sequence of path
-        Where the samples are; each gets a folder ``packed``.
+        Folders of samples; each gets a folder ``packed``.
 
     Attributes
     ----------
     names, paths : list
-        Of the samples.
+        Names and file paths of the samples.
     left_out : list of Path
-        Files that are no whole samples, or show nothing; the log warns why when they are packed.
+        Files that are damaged or show nothing. A warning gives the reason when they are packed.
 
     Raises
     ------
     FileError
-        Where a folder is missing, cannot be written to, or holds no whole sample.
+        If a folder is missing or cannot be written to, or all of them together hold no usable sample.
     """
 
     def __init__(self, folders: Sequence[str | os.PathLike[str]], progress: Progress = silent) -> None:
@@ -108,8 +109,8 @@ def _is_packed(path: Path) -> bool:
 
 
 def _pack(path: Path) -> None:
-    """Pack a sample; the packed file of one that is damaged or dark is empty."""
-    remade = path.stat().st_mtime_ns  # by which the pack is known to be of this sample
+    """Pack a sample. The packed file of a damaged or dark sample is empty."""
+    remade = path.stat().st_mtime_ns  # also set on the packed file, to recognise an outdated one
     packed = _packed_path(path)
     ensure_folder(packed.parent, "packed samples")
     with written_whole(packed) as unfinished:
@@ -124,7 +125,7 @@ def _pack(path: Path) -> None:
 
 
 def _record(path: Path) -> NDArray[np.void]:
-    """The fields of :class:`Packed`, as one record. Raises FormatError where the sample is damaged or dark."""
+    """The fields of :class:`Packed` as one record. Raises FormatError if the sample is damaged or dark."""
     sample = read_sample(path)
     if not (sample.lights[:, sample.mask] > 0).any():
         raise FormatError(f"sample {path} shows no pixel of its object wholly, or no light reaches it; make it again")

@@ -1,9 +1,9 @@
-"""Quantisation: a dense model or a pyramid in 8 bits (int8), calibrated on photographs of samples.
+"""Quantisation of a dense model or a pyramid to 8 bits (int8), calibrated on photographs of samples.
 
-Convolutions in eight bits are two to three times as quick on processors that have instructions for them, and the file
-is about a third of the size. All between the convolutions that see the picture's own values and the last one is in
-eight bits. Those, whose values are directions, stay in single precision, and so does whatever depends on the lights:
-256 steps are too coarse for both.
+8-bit convolutions are two to three times as fast on processors with instructions for them, and the file is about a
+third of the size. Everything between the first convolutions, which see the image, and the last one is quantised. The
+values of first and last convolutions are directions; they stay in single precision, as does everything that depends on
+the lights only: 256 levels are too coarse for both.
 """
 
 import io
@@ -39,14 +39,14 @@ from mpsnet_core.progress import Progress, part, silent
 
 QUANTISED = ("Add", "Concat", "Conv", "DepthToSpace", "Relu")
 CROP = 128
-PERCENTILE = 99.99  # of the values that eight bits cover
+PERCENTILE = 99.99  # of the values, to be covered by the 8-bit range
 SEED = 2  # of the photographs
-# For onnxruntime: shapes are inferred already.
+# Tells onnxruntime that shapes are inferred already.
 PREPARED = {"onnx.quant.pre_process": "onnxruntime.quant"}
 
 
 class QuantizationErrors(NamedTuple):
-    """Mean angular errors, in degrees, of a model and of its int8 version, on the same photographs."""
+    """Mean angular errors in degrees of a model and of its int8 version, on the same photographs."""
 
     model_mae_deg: float
     mae_deg: float
@@ -60,16 +60,16 @@ def quantise(
     count: int = 64,
     progress: Progress = silent,
 ) -> QuantizationErrors:
-    """Write the int8 version of a model (QDQ, weights by channel), named after it with "-int8", with its record.
+    """Write the int8 version of a model (QDQ, per-channel weights), with "-int8" added to its name, and its record.
 
-    model: an ONNX file of ours, of a dense network or a pyramid. samples: folders of samples such as it was trained on.
-    count: how many photographs of them calibrate it, and how many others measure its error.
+    model: an MPS-Net ONNX file of a dense network or a pyramid. samples: folders of samples like those it was trained
+    on. count: number of their photographs to calibrate on, and number of others to measure the error on.
 
-    Weights have seven bits: with eight, sums of 16 bits overflow on processors without VNNI instructions, and the
-    answers would depend on the processor.
+    Weights have 7 bits. With 8, 16-bit sums overflow on processors without VNNI instructions, and the output would
+    depend on the processor.
 
-    Raises InputError where the model is none, works by patches or is in eight bits already, where the samples cannot be
-    used, or where `output` cannot be written; Cancelled where `progress` does.
+    Raises InputError if the model is unusable, patch-wise or quantised already, the samples are unusable, or `output`
+    cannot be written. Raises Cancelled if `progress` does.
     """
     output = writable_path(output)
     source = OnnxModel(model)
@@ -92,7 +92,7 @@ def quantise(
     model_answer = _Answer(source.session, card)
     quantised = _quantised(graph, inner, _Photographs(photographer, model_answer, count, part(progress, 0, 0.5)))
     session = onnxruntime.InferenceSession(quantised.SerializeToString(), providers=["CPUExecutionProvider"])
-    first = -(-count // len(packed)) * len(packed)  # of the epoch after those that calibrated
+    first = -(-count // len(packed)) * len(packed)  # start of the epoch after those used for calibration
     errors = _errors([model_answer, _Answer(session, card)], photographer, first, count, part(progress, 0.5, 1))
     figures = QuantizationErrors(*errors)
     record = record_from_metadata({entry.key: entry.value for entry in graph.metadata_props})
@@ -107,7 +107,7 @@ def quantise(
 
 
 class _Answer:
-    """A model's answers to inputs as its card names them."""
+    """Runs a model on inputs in the order of its card."""
 
     def __init__(self, session: Any, card: ModelCard) -> None:
         self.session, self.inputs = session, card.inputs
@@ -158,7 +158,7 @@ def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photograp
             per_channel=True,
             reduce_range=True,
             activation_type=QuantType.QUInt8,
-            # A few pixels are far from all others: to cover them would make the steps of all too coarse.
+            # Covering a few outliers would make the quantisation steps of all other values too coarse.
             calibrate_method=CalibrationMethod.Percentile,
             extra_options={"CalibPercentile": PERCENTILE},
             weight_type=QuantType.QInt8,
@@ -168,7 +168,7 @@ def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photograp
 
 @contextmanager
 def _quiet_root() -> Iterator[None]:
-    """Silence the root logger, where onnxruntime warns about models; the measured error counts."""
+    """Silence the root logger, where onnxruntime warns about models: we measure the error instead."""
     log, silence = logging.getLogger(), logging.Filter("nobody")
     log.addFilter(silence)
     try:
@@ -178,11 +178,11 @@ def _quiet_root() -> Iterator[None]:
 
 
 def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
-    """Names of the convolutions that others follow and whose inputs are neither the picture's own values nor those that
-    depend on the lights alone, and of the nodes of :data:`QUANTISED` between them."""
+    """Names of the convolutions between the first and the last, without those that depend on the lights only, and of
+    the nodes of types :data:`QUANTISED` between them."""
     lights = {name for name, features in card.inputs.items() if features[0] in CONSTANTS}
-    own = set(card.inputs) - lights  # values that are the picture's own, not yet seen by a convolution
-    behind: set[str] = set()  # values that a convolution over the picture lies before
+    own = set(card.inputs) - lights  # values of the image, before any convolution
+    behind: set[str] = set()  # values computed by a convolution over the image, or from one
     for node in graph.graph.node:
         seen = set(node.input)
         if (node.op_type == "Conv" and seen & own) or seen & behind:
@@ -191,8 +191,8 @@ def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
             own |= set(node.output)
         elif seen & lights and not seen & (own | behind):
             lights |= set(node.output)
-    ahead: set[str] = set()  # values that a convolution lies after
-    inner_ahead: set[str] = set()  # values that one in eight bits lies after
+    ahead: set[str] = set()  # values that some convolution depends on
+    inner_ahead: set[str] = set()  # values that some quantised convolution depends on
     inner = []
     for node in reversed(graph.graph.node):
         seen, convolution = set(node.input), node.op_type == "Conv"
@@ -210,7 +210,7 @@ def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
 def _errors(
     answers: Sequence[_Answer], photographer: Photographer, first: int, count: int, progress: Progress
 ) -> list[float]:
-    """For each model the mean angular error in degrees over the pixels that count of `count` photographs."""
+    """Mean angular error in degrees of each model, over all valid pixels of `count` photographs."""
     errors: list[list[NDArray[np.float32]]] = [[] for _ in answers]
     for scales in _photographs(photographer, first, count, progress):
         for own, answer in zip(errors, answers, strict=True):

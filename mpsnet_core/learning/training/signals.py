@@ -1,4 +1,4 @@
-"""Signals: they stop a run between steps, not within one."""
+"""Delay signals: stop a run between steps, not within one."""
 
 import signal
 import threading
@@ -11,7 +11,7 @@ def held_signals() -> Iterator[None]:
     """Hold back the signals that stop the process (Ctrl-C, SIGTERM, SIGBREAK) until the block is done."""
     received: list[int] = []
     handlers = {}
-    # Other threads receive none, and may not set handlers; one that is not Python's could not be restored.
+    # Other threads receive no signals and may not set handlers. A handler not set from Python cannot be restored.
     if threading.current_thread() is threading.main_thread():
         for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
             number = getattr(signal, name, None)

@@ -1,4 +1,4 @@
-"""Validation: a network's errors on samples that it was not trained on."""
+"""Validation: a network's errors on held-out samples."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -19,8 +19,8 @@ PICTURES_AT_ONCE = 8
 
 
 class Figures(NamedTuple):
-    """mae_deg, highest_deg: mean and largest angular error over all pixels. rank_correlation: Spearman's, between the
-    error that the network expects and the true one; None where it expects none."""
+    """mae_deg, highest_deg: mean and largest angular error over all pixels. rank_correlation: Spearman's, between
+    expected and true error; None if the network predicts no error."""
 
     mae_deg: float
     highest_deg: float
@@ -35,13 +35,13 @@ class Figures(NamedTuple):
 def validate(network: Network, photographer: Photographer, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
     """Errors over all windows on all scales of each held-out sample, photographed once.
 
-    patches_a_picture: how many pixels of each, drawn with a fixed seed, a patch-wise network estimates.
+    patches_a_picture: number of pixels per sample, drawn with a fixed seed, that a patch-wise network estimates.
     """
     network.eval()
     errors, expected = [], []
     for start in range(0, len(photographer.samples), PICTURES_AT_ONCE):
         scales = photographer.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
-        for scale in scales:  # the last batch is filled up with samples that were counted already
+        for scale in scales:  # the last batch repeats samples that were counted already; ignore them
             scale.weights[scale.examples >= len(photographer.samples) - start] = 0
         if network.kind == "patch":
             batch = joined(scales, with_previous(network, network.inputs, scales))
@@ -59,9 +59,9 @@ def validate(network: Network, photographer: Photographer, patches_a_picture: in
 def measured(
     answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
 ) -> list[tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
-    """For each scale angular errors in degrees, over the pixels that count, and the expected errors in radians.
+    """For each scale: angular errors in degrees of the pixels that count, and their expected errors in radians.
 
-    answer, names: as of :func:`mpsnet_core.learning.training.inputs.with_previous`.
+    answer, names: as in :func:`mpsnet_core.learning.training.inputs.with_previous`.
     """
     return [
         _errors(answer(*seen), joined([scale], [seen]))
@@ -78,7 +78,7 @@ def _errors(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], 
 
 
 def _patches(network: Network, batch: Batch, count: int, seed: int) -> list[Batch]:
-    """`count` patches of each picture, part by part, because the maps of many patches take much memory."""
+    """`count` patches of each image, in several batches, because the maps of many patches take much memory."""
     generator = torch.Generator().manual_seed(seed)
     most = PATCHES_AT_ONCE // PICTURES_AT_ONCE
     return [patches_of(batch, network, min(most, count - done), generator) for done in range(0, count, most)]

@@ -1,1 +1,1 @@
-"""Many processes, on this machine or on a Dask cluster, that make a job's samples, each once."""
+"""Make a job's samples in parallel, by processes on this machine or on a Dask cluster."""

@@ -1,4 +1,4 @@
-"""Addresses of Dask schedulers: whom a client may listen to, as it unpickles, and so runs, what it is sent."""
+"""Addresses of Dask schedulers: which to trust. A client unpickles messages, so the sender can run any code."""
 
 import re
 
@@ -8,12 +8,12 @@ _LOOPBACK = re.compile(r"(?:[a-z]+://)?(?:localhost|127(?:\.\d+){3}|\[::1\])(?::
 
 
 def is_loopback(address: str) -> bool:
-    """Whether the address is this machine's own, and by its spelling nobody else's."""
+    """Whether the address, by its spelling alone, can only be this machine's."""
     return _LOOPBACK.fullmatch(address) is not None
 
 
 def check_address(address: str, *, trusted: bool) -> None:
-    """Raises SettingsError where nothing proves who answers at the address, and the network is not trusted."""
+    """Raise SettingsError if the address is not authenticated and the network is not trusted."""
     if not (trusted or is_loopback(address) or address.startswith("tls://")):
         raise SettingsError(
             f"whoever answers at {address} could run anything here; give a tls:// address, whose certificates prove "

@@ -1,4 +1,4 @@
-"""Cluster: samples made by the workers of a Dask cluster, each with worker processes of its own."""
+"""Make samples on a Dask cluster, whose workers start worker processes of their own."""
 
 import asyncio
 import contextlib
@@ -31,21 +31,21 @@ except ImportError as error:
 CONNECT_SECONDS = 10
 LISTEN_SECONDS = 0.2
 HELD_SECONDS = 0.5
-# The scheduler keeps each submitted task in memory; it needs no more than keep every worker busy.
+# The scheduler keeps submitted tasks in memory; this many keep all workers busy.
 TASKS_AHEAD = 2000
-# The client may be gone without notice: processes that get no request end.
+# Worker processes end after this time without a request, because the client may disappear without notice.
 IDLE_SECONDS = 60.0
 
 
 def answers_from_cluster(
     address: str, command: Sequence[str], folder: Path, numbers: Sequence[int], *, trusted: bool = False
 ) -> Answers:
-    """What the workers of the Dask scheduler at `address` answer to `numbers`: a task a sample.
+    """Answers of the Dask workers at the scheduler `address` to `numbers`, with one task per sample.
 
-    trusted: whether all of the network is; without it an address elsewhere has to be tls://, see :func:`check_address`.
-    The certificates are those of Dask's own configuration (``distributed.comm.tls``).
+    trusted: whether the whole network is trusted. If not, a remote address must be tls://, see :func:`check_address`.
+    Certificates are from Dask's configuration (``distributed.comm.tls``).
 
-    Raises InputError where the cluster cannot be reached or believed, is lost, or its workers cannot make the job's
+    Raises InputError if the cluster cannot be reached or authenticated, is lost, or its workers cannot make the job's
     samples.
     """
     check_address(address, trusted=trusted)
@@ -89,7 +89,7 @@ def _put(finished: "queue.SimpleQueue[tuple[int, Future]]", number: int, task: F
 
 
 def _answer(task: Future, number: int, address: str) -> Answer | None:
-    """None where the answer died with its worker before it reached us, and the scheduler is still there."""
+    """The answer of a task; None if it was lost with its worker while the scheduler is still there."""
     try:
         if task.status == "finished":
             return task.result()
@@ -108,7 +108,7 @@ def _answer(task: Future, number: int, address: str) -> Answer | None:
 
 async def _reach(address: str, security: Security) -> None:
     connecting = connect(address, timeout=CONNECT_SECONDS, **security.get_connection_args("client"))
-    try:  # which waits for ever for a word from a port that is open
+    try:  # an open port that never answers would block connect() forever
         comm = await asyncio.wait_for(connecting, CONNECT_SECONDS + 1)
     except TimeoutError:
         raise OSError("it says nothing") from None
@@ -116,7 +116,7 @@ async def _reach(address: str, security: Security) -> None:
 
 
 def _security(address: str) -> Security:
-    """The certificates of Dask's configuration, which prove who is who; at a tls:// address nothing goes without."""
+    """TLS security from Dask's configuration. A tls:// address requires certificates."""
     if not address.startswith("tls://"):
         return Security()
     try:
@@ -138,7 +138,7 @@ def _security(address: str) -> Security:
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
     security = _security(address)
-    # Dask logs what is reported here in a sentence.
+    # Silence Dask's logs of errors that we report in a sentence.
     logs = [logging.getLogger(name) for name in ("distributed", "distributed.client", "distributed.comm")]
     levels = [log.level for log in logs]
     for log in logs:
@@ -147,12 +147,12 @@ def _client(address: str) -> Iterator[Client]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                # A Client that cannot connect stays half open, and closes as it is collected as garbage: where that
-                # falls into the start of the next one, both wait for one lock for ever. So there is none before this.
-                with ThreadPoolExecutor(1) as elsewhere:  # this thread may have an event loop already
+                # A Client that cannot connect stays half open until it is garbage collected. If that happens while the
+                # next one starts, they deadlock. So test the connection before creating a Client.
+                with ThreadPoolExecutor(1) as elsewhere:  # this thread may already run an event loop
                     elsewhere.submit(asyncio.run, _reach(address, security)).result()
                 client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False, security=security)
-            except Exception as error:  # noqa: BLE001 - whatever comes of bytes that no scheduler sent
+            except Exception as error:  # noqa: BLE001 - bytes that are not from a scheduler can cause any exception
                 reason = " ".join(str(error).split()) or type(error).__name__
                 raise InputError(
                     f"no Dask scheduler answers at {address} ({reason}); give an address like tcp://host:8786"
@@ -174,7 +174,7 @@ def _client(address: str) -> Iterator[Client]:
 
 @contextlib.contextmanager
 def _sample_workers(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]:
-    """A :class:`_SampleWorkers` on each of the cluster's workers, present and to come, under a name of its own."""
+    """Install :class:`_SampleWorkers` on all present and future workers of the cluster, under a unique name."""
     name = f"mpsnet-{uuid.uuid4()}"
     try:
         client.register_plugin(_SampleWorkers(command, folder), name=name)
@@ -193,10 +193,10 @@ def _make(plugin: str, number: int) -> Answer:
 
 
 class _SampleWorkers(WorkerPlugin):
-    """On each Dask worker: processes that make samples, as many as it runs tasks at once, started when needed."""
+    """Plugin of each Dask worker that starts sample processes on demand, one per concurrent task."""
 
     def __init__(self, command: Sequence[str], folder: Path) -> None:
-        # A path of this Python need not be one where it arrives.
+        # Not a Path: the worker's operating system may have other paths.
         self.command, self.folder, self.version = tuple(command), str(folder), __version__
 
     def setup(self, worker: object) -> None:
@@ -204,7 +204,7 @@ class _SampleWorkers(WorkerPlugin):
         self.idle: deque[tuple[Worker, threading.Timer]] = deque()
 
     def make(self, number: int) -> Answer:
-        """Raises InputError where this machine cannot make samples of the job."""
+        """Make a sample. Raises InputError if this machine cannot make samples of the job."""
         where = get_worker().address
         if self.version != __version__:
             raise InputError(f"the cluster's worker {where} has mpsnet {__version__}, not {self.version}; update it")
@@ -232,7 +232,7 @@ class _SampleWorkers(WorkerPlugin):
             if entry[0] is worker:
                 try:
                     self.idle.remove(entry)
-                except ValueError:  # it got a request just now
+                except ValueError:  # it has just got a request
                     return
                 worker.close()
                 self.all.discard(worker)

@@ -1,4 +1,4 @@
-"""Farm: many workers, on this machine or on a Dask cluster, who make a job's samples."""
+"""The farm: make a job's samples by many workers, on this machine or on a Dask cluster."""
 
 import itertools
 import logging
@@ -36,20 +36,20 @@ from mpsnet_core.synthesis.job import (
 log = logging.getLogger(__name__)
 
 SYNTHESIS_COMMAND = (THIS_PYTHON, "-m", "mpsnet_core", "work")
-# So many failures with nothing made between them, and the rest would fail as well.
+# After this many consecutive failures, stop: the rest would fail, too.
 FAILURES_IN_A_ROW = 20
 
 LISTEN_SECONDS = 0.2
 HELD_SECONDS = 0.3
 SHEET_SECONDS = 5.0
-# The growing contact sheet may take this share of the time.
+# Largest share of the time to spend on updating the contact sheet.
 SHEET_SHARE = 0.05
 
 
 @dataclass
 class JobOutcome:
-    """What a run brought. made: samples made by it. there: samples that were there already, or made by another run.
-    failed: the sentence of each sample that could not be made."""
+    """The result of a run. made: number of samples it made. there: number of samples that existed, or were made by
+    another run. failed: error sentences by sample number."""
 
     made: int = 0
     there: int = 0
@@ -57,15 +57,15 @@ class JobOutcome:
 
 
 def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
-    """What starts a worker that renders: the Blender program `blender`, or else this Python's own bpy.
+    """Command of a rendering worker: the Blender program `blender`, by default this Python's bpy.
 
-    addon: module of the extension in that Blender, which is enabled where the saved preferences do not do so.
+    addon: module of the extension in that Blender, to enable it if the saved preferences do not.
     """
     if blender:
         found = shutil.which(blender)
         if (
             found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
-        ):  # Windows looks there
+        ):  # Windows searches the current folder
             raise SettingsError(f"{blender} is in this folder, which may hold files of others; give its path in full")
         return blender, "-b", *(("--addons", addon) if addon else ()), "--command", "mpsnet", "work"
     return THIS_PYTHON, "-m", "blender_addon", "work"
@@ -81,18 +81,18 @@ def make_samples(
     cluster_trusted: bool = False,
     progress: Progress = silent,
 ) -> JobOutcome:
-    """Make the samples of `job` that `folder` does not hold yet, and keep its contact sheet growing.
+    """Make the samples of `job` that are missing in `folder`, and update its contact sheet.
 
-    command: starts a worker (:mod:`mpsnet_core.synthesis.farm.work`). processes: workers on this machine, 0 for as many
-    as there are cores. cluster: address of a Dask scheduler, whose workers do it instead; they must reach the folder by
-    the same path. cluster_trusted: whether an address elsewhere than here may do without TLS, as all of the network is
-    trusted; whoever answers there can run anything here.
+    command: of a worker (:mod:`mpsnet_core.synthesis.farm.work`). processes: workers on this machine, 0 for one per
+    core. cluster: address of a Dask scheduler whose workers do it instead; they must reach the folder by the same path.
+    cluster_trusted: allow a remote address without TLS, because the whole network is trusted; whoever answers there can
+    run any code here.
 
-    However it ends, the samples that are there are whole, and the same call goes on from them. Runs of several
-    processes that share a folder share the work.
+    However it ends, existing samples are complete, and the same call continues. Several runs can share a folder, and
+    share the work.
 
-    Raises InputError where the folder holds another job, no worker can be started, 20 samples in a row cannot be made
-    or the cluster cannot be used.
+    Raises InputError if the folder has another job, no worker can be started, 20 consecutive samples cannot be made, or
+    the cluster cannot be used.
     """
     folder = resolved(folder)
     place_job(folder, job)
@@ -140,8 +140,8 @@ def _answers_from_here(command: Sequence[str], folder: Path, numbers: Sequence[i
     if not processes:
         return
     job = read_job(folder)
-    # Neighbours that show the same shape go to one worker, who builds it once; but none shall be left with many of them
-    # while the others have nothing to do.
+    # Consecutive samples with the same shape go to one worker, which builds it once. Limit their number to balance the
+    # load at the end.
     longest = max(1, len(numbers) // (4 * processes))
     runs = itertools.groupby(numbers, lambda number: (number // job.views, number % job.views // longest))
     waiting = deque(tuple(run) for _, run in runs)
@@ -178,7 +178,7 @@ def _drive(
     put: Callable[[Answer | Exception], None],
     stop: threading.Event,
 ) -> None:
-    """Have one worker make run after run, and at the end look again at what other processes held."""
+    """Let one worker make batch after batch, and at the end retry samples that other processes held."""
     held: deque[tuple[float, int]] = deque()
     try:
         while not stop.is_set():
@@ -196,9 +196,9 @@ def _drive(
                     held.append((time.monotonic() + HELD_SECONDS, number))
                 else:
                     put(answer)
-    except ChildEnded:  # by `end`, while it worked
+    except ChildEnded:  # `end` ended it during work
         return
-    except Exception as error:  # noqa: BLE001 - it is raised again where the answers are read
+    except Exception as error:  # noqa: BLE001 - raised again where the answers are read
         put(error)
     finally:
         worker.close()
@@ -208,7 +208,7 @@ def _drive(
 
 
 class _Tally:
-    """Counts answers, and reports how far the job is."""
+    """Counts answers and reports progress."""
 
     def __init__(self, count: int, there: int, progress: Progress) -> None:
         self.outcome = JobOutcome(there=there)
@@ -217,7 +217,7 @@ class _Tally:
         self._failures_in_a_row = 0
 
     def add(self, answer: Answer) -> None:
-        """Raises InputError where nothing but failures comes."""
+        """Count an answer. Raises InputError after too many consecutive failures."""
         if answer.state == "failed":
             self.outcome.failed[answer.number] = answer.error
             self._failures_in_a_row += 1
@@ -245,7 +245,7 @@ class _Tally:
 
 
 def duration(seconds: float) -> str:
-    """A duration in words of a few letters: "40 s", "12 min", "3 h 20 min"."""
+    """A duration as short text: "40 s", "12 min", "3 h 20 min"."""
     if seconds < 99.5:
         return f"{max(1, round(seconds))} s"
     minutes = round(seconds / 60)
@@ -253,14 +253,14 @@ def duration(seconds: float) -> str:
 
 
 class _GrowingSheet:
-    """The folder's contact sheet, drawn anew now and then."""
+    """The folder's contact sheet, redrawn from time to time."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._shown, self._next = 0, 0.0
 
     def grow(self, made: int) -> None:
-        """Draw it where there is something new to see and the last one was some time ago."""
+        """Redraw it if there are new samples and enough time has passed."""
         if made > self._shown and time.monotonic() >= self._next:
             start = time.monotonic()
             self._shown = made
@@ -269,21 +269,21 @@ class _GrowingSheet:
             self._next = now + max(SHEET_SECONDS, (now - start) / SHEET_SHARE)
 
     def draw(self) -> None:
-        """Draw it where it shows other samples than there are, whoever made them."""
+        """Redraw it if it is out of date, no matter who made the samples."""
         try:
             self._write()
-        except InputError as error:  # a viewer that keeps it open shall not end the run
+        except InputError as error:  # a viewer that has the file open must not end the run
             log.info("the contact sheet is not up to date: %s", error)
 
     def _write(self) -> None:
         files = [sample_path(self._folder, number) for number in sorted(samples_there(self._folder))]
-        line = sheet_line(files)  # before they are read: one that changes meanwhile makes the sheet out of date
+        line = sheet_line(files)  # computed before reading: a sample that changes meanwhile makes the sheet out of date
         if is_up_to_date(self._folder / CONTACT_SHEET, line):
             return
         picture = sheet_of_samples(files)
         if picture is None:
             return
         with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
-            if ours:  # another run that writes one shows the same samples
+            if ours:  # else another run is writing the same sheet
                 check_no_link(self._folder / CONTACT_SHEET)
                 write_sheet(self._folder / CONTACT_SHEET, picture, line)

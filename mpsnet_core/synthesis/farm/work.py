@@ -1,16 +1,16 @@
-"""Work: a process that makes the samples that are requested of it, from within (`serve`) and from without (`Worker`).
+"""Workers: processes that make samples on request (`serve`), and their handles in the parent (`Worker`).
 
 A worker is started with the job's folder. Its protocol is that of :mod:`mpsnet_core.io.child_process`::
 
     {"ready": true}                                        first, or {"error": "a sentence"}, and it ends
     {"number": 7}                                          a request
-    {"result": {"number": 7, "state": "made"}}             written whole
-    {"result": {"number": 7, "state": "there"}}            it was there already
+    {"result": {"number": 7, "state": "made"}}             written completely
+    {"result": {"number": 7, "state": "there"}}            it existed already
     {"result": {"number": 7, "state": "held"}}             another process is making it
     {"result": {"number": 7, "state": "failed", "error": "a sentence"}}
 
-It ends at the end of its input, so that no worker outlives its parent. A sample that a worker was making when it died
-is nobody's: its claim is gone with the process, and :func:`clear_unfinished` clears what it left.
+A worker ends when its input ends, so it does not outlive its parent. If a worker dies, its claim on the current sample
+ends with the process, and :func:`clear_unfinished` removes the unfinished file.
 """
 
 import contextlib
@@ -29,9 +29,9 @@ from mpsnet_core.io.files import check_no_link, remove_abandoned
 from mpsnet_core.io.image_writing import is_whole
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
-# In a worker's command: the Python that starts it, which on another machine stands elsewhere.
+# Placeholder in a worker's command for the Python that starts it, whose path differs between machines.
 THIS_PYTHON = "{python}"
-# How many threads a worker's renderer may use.
+# Environment variable with the number of threads of a worker's renderer.
 THREADS_VARIABLE = "MPSNET_THREADS"
 
 START_SECONDS = 300.0
@@ -41,14 +41,14 @@ State = Literal["made", "there", "held", "failed"]
 
 @dataclass(frozen=True)
 class Answer:
-    """What became of a sample. error: a sentence, where it failed."""
+    """The outcome of a request for a sample. error: a sentence, if it failed."""
 
     number: int
     state: State
     error: str = ""
 
 
-# What workers answer, as it comes, and None where nothing came for a moment. Closing it ends the workers.
+# Answers of workers as they arrive, and None if nothing arrives for a moment. Closing the generator ends the workers.
 Answers = Generator[Answer | None, None, None]
 
 
@@ -56,12 +56,12 @@ Answers = Generator[Answer | None, None, None]
 
 
 def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path], None]) -> None:
-    """Make samples of the job in `folder` as they are requested, until the input ends or nobody reads the answers.
+    """Make samples of the job in `folder` on request, until the input ends or nobody reads the answers.
 
-    From here on stdout is stderr for everybody else: the answers have it for themselves.
+    Redirects stdout to stderr for all other code: the real stdout is for answers only.
 
-    make: writes the sample of a number to a path, whole (:func:`mpsnet_core.io.files.written_whole`) or not at all. An
-        InputError that it raises is that sample's failure, and the next one is made.
+    make: writes the sample with a number to a path, atomically (:func:`mpsnet_core.io.files.written_whole`). If it
+        raises InputError, that sample has failed, and work continues.
     """
     parent = Parent()
     with contextlib.suppress(ParentGone):
@@ -102,9 +102,9 @@ def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
 
 
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
-    """Remove what processes that were killed left in `folder`, and nothing that another process is writing."""
+    """Remove the unfinished files of killed processes from `folder`, but none that another process is writing."""
     remove_abandoned(folder)
-    # What is left may be another host's. Whoever writes a sample, anywhere, holds its claim.
+    # Files may be from another host. A process that writes a sample, on any host, holds its claim.
     found = [(sample_number(path.name), path) for path in Path(folder).glob(".*.unfinished*") if path.is_file()]
     left = [(number, path) for number, path in found if number is not None]
     if not left:
@@ -120,10 +120,10 @@ def clear_unfinished(folder: str | os.PathLike[str]) -> None:
 
 
 class Worker:
-    """A worker process, started when it is first needed and anew after it died. One thread has it make samples.
+    """A worker process, started on first use and again after it died. Only one thread may call :meth:`make`.
 
-    command: what starts it; the folder is added at the end. threads: how many it may use. seconds: how long it may take
-    for a sample.
+    command: of the process; the folder is appended. threads: number of threads it may use. seconds: time limit for a
+    sample.
     """
 
     def __init__(
@@ -135,9 +135,9 @@ class Worker:
         self._lock, self._ended = threading.Lock(), False
 
     def make(self, number: int) -> Answer:
-        """Have a sample made. One that the worker dies of, or does not answer to, is tried once more by a new one.
+        """Make a sample. If the worker dies or does not answer, a new one tries once more.
 
-        Raises InputError where the worker cannot be started or is none of ours, ChildEnded where :meth:`end` ended it.
+        Raises InputError if the worker cannot be started or is not one of ours, ChildEnded if :meth:`end` ended it.
         """
         for attempt in (1, 2):
             try:
@@ -148,20 +148,20 @@ class Worker:
                 if self._ended:
                     raise
                 if is_whole(sample_path(self._folder, number)):
-                    return Answer(number, "made")  # it died between writing and answering
+                    return Answer(number, "made")  # it died after writing, before answering
                 if attempt == 2:
                     return Answer(number, "failed", f"the worker died of it twice ({death})")
         raise AssertionError
 
     def end(self) -> None:
-        """End the process at once, from any thread; what it left unfinished is for :func:`clear_unfinished`."""
+        """Kill the process, from any thread. :func:`clear_unfinished` removes its unfinished file."""
         with self._lock:
             self._ended = True
         if self._child is not None:
             self._child.kill()
 
     def close(self) -> None:
-        """End the process gently, where it has not ended: it is idle. Called by the thread that has it make samples."""
+        """End the idle process gently, if it still runs. Called by the thread that calls :meth:`make`."""
         if self._child is not None:
             self._child.close()
 
@@ -192,7 +192,7 @@ class Worker:
         return Answer(number, state, error)
 
     def _refusal(self, message: Mapping[str, Any]) -> InputError:
-        """What to raise where a worker does not answer a request."""
+        """The error to raise if a worker does not answer a request."""
         if "error" in message:
             return InputError(message["error"])
         words = " ".join(self._command)
@@ -200,7 +200,7 @@ class Worker:
 
 
 def _threads(count: int) -> dict[str, str]:
-    """One thread for each library: the workers themselves fill the cores, and sums come out the same everywhere."""
+    """Environment that gives each library one thread: the workers fill the cores, and sums are reproducible."""
     libraries = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR")
     single = {f"{name}_NUM_THREADS": "1" for name in libraries}
     return {**single, "OPENIMAGEIO_THREADS": "1", THREADS_VARIABLE: str(count)}

@@ -1,7 +1,4 @@
-"""Reflectance: how much of the light from one direction a surface sends into another.
-
-Principled materials, measured ones (MERL) and fits to measured ones. Arrays in, arrays out.
-"""
+"""Reflectance (BRDFs): principled materials, measured ones (MERL), and fits to measured ones."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -18,25 +15,25 @@ from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
 
 __all__ = ["MerlFit", "MerlTable", "PrincipledBsdf", "Reflectance", "load_reflectance", "material_names"]
 
-_table = lru_cache(maxsize=16)(read_merl)  # of 17 MB each
+_table = lru_cache(maxsize=16)(read_merl)  # 17 MB each
 _fits = lru_cache(maxsize=2)(read_fits)
 
 
 class Reflectance(Protocol):
-    """A BRDF: a function of N points' directions.
+    """A BRDF, evaluated at N points.
 
     Parameters
     ----------
     normals, lights, views : (N, 3)
-        Unit vectors from the surface: its normals, to the lights, to the viewer.
+        Unit vectors: surface normals, directions to the lights, directions to the viewer.
     paint : (N, 3), optional
         Factors of the base colour (principled) or of the reflectance (measured).
 
     Returns
     -------
     (N, 3) float32
-        The BRDF without the cosine, in 1/sr for linear R, G and B; at least 0 and finite, 0 where the light or the
-        viewer is not above the surface.
+        The BRDF without the cosine, in 1/sr for linear R, G and B. Finite and not negative; 0 where light or viewer are
+        below the surface.
     """
 
     def __call__(
@@ -49,14 +46,14 @@ class Reflectance(Protocol):
 
 
 def load_reflectance(material: Material, merl: str = "") -> Reflectance:
-    """Load the reflectance of a material; files are read once and kept for later calls.
+    """Load the reflectance of a material. Files are cached.
 
     Parameters
     ----------
     material
         Principled, or measured.
     merl
-        The folder of ``.binary`` files or the ``.npz`` of fits that a measured material comes from.
+        The folder of ``.binary`` files, or the ``.npz`` of fits, of a measured material.
 
     Returns
     -------
@@ -66,9 +63,9 @@ def load_reflectance(material: Material, merl: str = "") -> Reflectance:
     Raises
     ------
     SettingsError
-        Where the material is measured and `merl` is empty, or its numbers are not finite.
+        If the material is measured and `merl` is empty, or a parameter is not finite.
     FileError, FormatError
-        Where a file is missing or damaged, or lacks the material.
+        If a file is missing or damaged, or lacks the material.
 
     Examples
     --------
@@ -100,9 +97,9 @@ def material_names(merl: str) -> list[tuple[Literal["merl", "fit"], str]]:
     Raises
     ------
     FileError
-        Where there is no such folder or file, or the folder holds none.
+        If there is no such folder or file, or the folder is empty.
     FormatError
-        Where the file is no file of fits.
+        If the file is no file of fits.
     """
     path = Path(merl)
     if not path.is_dir():

@@ -1,4 +1,4 @@
-"""How far equation 2 of the MPS-Net paper is off on a material: by its colour, and by what is not matt about it."""
+"""The error of equation 2 of the MPS-Net paper on a material, caused by its colour and its gloss."""
 
 from functools import lru_cache
 
@@ -10,9 +10,9 @@ from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import Reflectance, load_reflectance, material_names
 
-# Of the paper's images: a channel is 5/9 its own colour and 2/9 each of the other two.
+# The paper's images: a channel is 5/9 of its own colour and 2/9 of each of the other two.
 PUBLISHED_MIXING = np.full((3, 3), 2 / 9) + np.eye(3) * (5 / 9 - 2 / 9)
-SIDE = 41  # of a grid over a sphere
+SIDE = 41  # pixels of the image of a sphere
 
 
 def equation_2_error(reflectance: Reflectance) -> float:
@@ -33,7 +33,7 @@ def equation_2_error(reflectance: Reflectance) -> float:
 
 @lru_cache(maxsize=8)
 def measured_errors(merl: str) -> dict[str, float]:
-    """The error of equation 2 on each measured material of a folder or file, as `load_reflectance` takes it."""
+    """The error of equation 2 on each measured material. merl: as in `load_reflectance`."""
     return {
         source: equation_2_error(load_reflectance(Material(kind=kind, source=source), merl))
         for kind, source in material_names(merl)

@@ -1,4 +1,4 @@
-"""Fits to MERL: a small network for each material of the database, all in one ``.npz`` file.
+"""Neural fits to MERL: a small network for each material of the database, in one ``.npz`` file.
 
 Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importance Sampling", Computer Graphics Forum
 2021. These are fits to MERL, not MERL.
@@ -18,7 +18,7 @@ from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
 _LAYERS = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
 _MAX_BYTES = 64 << 20
-# exp(11) / sr is far above any material of the database and below the largest half float.
+# exp(11) / sr is far above any material of the database, and below the largest half float.
 _MAX_EXPONENT = 11.0
 
 
@@ -28,8 +28,8 @@ class MerlFit(AboveSurface):
     Parameters
     ----------
     *layers
-        Weights and biases of three layers in turn: half vector and difference vector (azimuth of the half vector 0) to
-        21, to 21, to RGB; rectified between, and exp(x) - 1 at the end, at least 0.
+        Weights and biases of three layers in turn, from half vector and difference vector (azimuth of the half vector
+        0) to 21, 21 and RGB. ReLU between layers; the output is exp(x) - 1, at least 0.
 
     Notes
     -----
@@ -57,11 +57,11 @@ class MerlFit(AboveSurface):
 
 
 def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
-    """Read a file of fits to MERL: material names, in the file's order, and their reflectance.
+    """Read a file of fits to MERL: reflectance by material name, in the file's order.
 
     The file is an ``.npz`` with "names" (M,) and, for each material, "fc1" (M, 6, 21), "b1" (M, 21), "fc2" (M, 21, 21),
-    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises FileError where it is missing, FormatError where it is
-    damaged or another file.
+    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises FileError if it is missing, FormatError if it is damaged or
+    no such file.
     """
     path = existing_file(path, "file of fits to MERL")
     try:

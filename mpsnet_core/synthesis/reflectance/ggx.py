@@ -1,10 +1,10 @@
-"""GGX: the microfacet reflection of Cycles' Principled BSDF, and how much light it reflects in all.
+"""GGX: the microfacet reflection of Cycles' Principled BSDF, and its directional albedo.
 
-Roughness is the artist's; the distribution's own width alpha is its square.
+Roughness is the perceptual one; alpha of the distribution is its square.
 
 Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007; Heitz, "Understanding the
-Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 2014; light scattered more than once: Kulla and Conty,
-"Revisiting Physically Based Shading at Imageworks", SIGGRAPH course 2017.
+Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 2014. Multiple scattering: Kulla and Conty, "Revisiting
+Physically Based Shading at Imageworks", SIGGRAPH course 2017.
 """
 
 from functools import lru_cache
@@ -15,24 +15,24 @@ from numpy.typing import NDArray
 
 Share = TypeVar("Share", float, NDArray[np.float32])
 
-# Below this alpha a highlight under a point light is narrower than float32 resolves directions.
+# Below this alpha, a point light's highlight is narrower than the resolution of directions in float32.
 _MIN_ALPHA = 1e-4
 _MIN_COSINE = 1e-6
 
-# Nodes of the albedo tables, those of Cycles, which interpolates between them linearly as is done here.
+# Nodes of the albedo tables and linear interpolation between them are those of Cycles.
 _ALBEDO_NODES = 32
 _FRESNEL_NODES = 16
-# Facets that a table's node is the mean of; 512 yield it to about 0.1%.
+# Facets to average for each node of a table; 512 give about 0.1% error.
 _RAYS = 512
 
 
 def ggx(
     alpha: float, sine_squared: NDArray[np.float32], cos_light: NDArray[np.float32], cos_view: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Reflectance (N,) in 1/sr of mirror-like facets, without Fresnel: D G / (4 cos cos).
+    """Reflectance (N,) in 1/sr of mirror facets, without Fresnel: D G / (4 cos cos). Reciprocal.
 
-    sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to
-    resolve narrow highlights. Reciprocal.
+    sine_squared: (N,) of the angle between normal and half vector. Its cosine would be too close to 1 to resolve narrow
+    highlights.
     """
     squared = np.float32(max(alpha, _MIN_ALPHA) ** 2)
     cos_light, cos_view = np.maximum(cos_light, _MIN_COSINE), np.maximum(cos_view, _MIN_COSINE)
@@ -46,7 +46,7 @@ def ggx(
 def fresnel_dielectric(
     cosine: NDArray[np.floating[Any]], ior: NDArray[np.floating[Any]] | float
 ) -> NDArray[np.floating[Any]]:
-    """Share of unpolarised light that a smooth boundary of relative index `ior` reflects, 1 at total reflection."""
+    """Fresnel reflectance for unpolarised light at a boundary of relative index `ior`, 1 at total reflection."""
     inside = ior * ior - 1 + cosine * cosine
     g = np.sqrt(np.maximum(inside, 0))
     a = (g - cosine) / np.maximum(g + cosine, 1e-12)
@@ -55,13 +55,13 @@ def fresnel_dielectric(
 
 
 def reflectance_of_ior(ior: float) -> float:
-    """Reflected share at normal incidence."""
+    """Fresnel reflectance at normal incidence (f0)."""
     ior = max(ior, 1e-5)
     return ((ior - 1) / (ior + 1)) ** 2
 
 
 def ior_of_reflectance(f0: float) -> float:
-    """The index above 1 with the reflected share f0 at normal incidence (up to 0.99)."""
+    """The index above 1 with reflectance f0 at normal incidence (up to 0.99)."""
     root: float = min(max(f0, 0.0), 0.99) ** 0.5
     return (1 + root) / (1 - root)
 
@@ -73,9 +73,9 @@ def fresnel_average(ior: float) -> float:
 
 
 def albedo(roughness: float, cosines: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Share of light from everywhere that mirror facets let go after one reflection, by the view's cosine.
+    """Directional albedo of mirror facets with single scattering.
 
-    Returns the share for view cosines (K,), and its mean over all views.
+    Returns the albedo at view cosines (K,), and its mean over all views.
     """
     single, average, _ = _tables()
     at_roughness = _between(single, roughness)
@@ -83,21 +83,22 @@ def albedo(roughness: float, cosines: NDArray[np.float64]) -> tuple[NDArray[np.f
 
 
 def further_reflections(facets: Share, average: float) -> Share:
-    """Share that more reflections let go of the light that the first does not, over the facets' own reflectance.
+    """Kulla and Conty's estimate of multiple scattering: share of the light not reflected by single scattering that
+    leaves after further reflections, divided by the facets' reflectance.
 
-    facets: mean reflectance of the facets. average: mean albedo of mirror facets. Kulla and Conty's estimate.
+    facets: mean reflectance of the facets. average: mean albedo of mirror facets.
     """
     return facets * average / (1 - facets * (1 - average))
 
 
 def fresnel_share(roughness: float, ior: float, cosines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far (0 to 1) the mean Fresnel reflection over the visible facets lies from normal incidence to 1: (K,)."""
+    """(K,) mean Fresnel reflectance over the visible facets, rescaled from f0 to 1 onto 0 to 1."""
     table = _between(_between(_tables()[2], abs(reflectance_of_ior(ior)) ** 0.25), roughness)
     return np.interp(cosines, np.linspace(0, 1, _FRESNEL_NODES), table)
 
 
 def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]:
-    # The table at a position from 0 to 1 along its first axis.
+    # Interpolates the table at a position from 0 to 1 along its first axis.
     place = min(max(position, 0.0), 1.0) * (len(table) - 1)
     below = min(int(place), len(table) - 2)
     value: NDArray[np.float64] = table[below] + (place - below) * (table[below + 1] - table[below])
@@ -106,8 +107,8 @@ def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]
 
 @lru_cache(maxsize=1)
 def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    # (roughness, view) and (roughness,) albedos of mirror facets; (ior, roughness, view) Fresnel shares, where the
-    # index goes by the fourth root of its f0.
+    # Albedos of mirror facets (roughness, view) and (roughness,); Fresnel shares (ior, roughness, view), where ior is
+    # parametrised by the fourth root of f0.
     nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
     _, weight = _reflected(nodes[:, None, None], nodes[:, None])
     single = weight.mean(axis=-1)
@@ -127,9 +128,9 @@ def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.floa
 def _reflected(
     roughness: NDArray[np.float64], cosine: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    # Of facets seen from a view, equally often: the cosine on the facet, and the share of its light that gets away.
-    # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-section lattice over half of the
-    # disk: the other half mirrors it. The view lies in the plane y = 0.
+    # For facets sampled by visible normals: the cosine at the facet, and the unmasked share of its reflection. Heitz,
+    # "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-ratio lattice over half of the disc;
+    # the other half is symmetric. The view is in the plane y = 0.
     alpha = np.maximum(roughness**2, _MIN_ALPHA)
     points = np.arange(_RAYS)
     radius = np.sqrt((points + 0.5) / _RAYS)

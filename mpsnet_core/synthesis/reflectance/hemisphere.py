@@ -1,4 +1,4 @@
-"""Where a reflectance is evaluated: pairs of directions above the surface, a block of them at a time."""
+"""Evaluate a reflectance for pairs of directions above the surface, in blocks."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import dot
 
-# Points worked on at once: what they need stays in a core's own cache, which is worth a factor of two.
+# Points processed at a time: their data stays in a core's cache, which is twice as fast.
 BLOCK = 1 << 14
 
 Floats = NDArray[np.float32]
 
 
 class AboveSurface(ABC):
-    """A ``Reflectance`` that is 0 unless both light and viewer are above the surface."""
+    """A ``Reflectance`` that is 0 unless light and viewer are above the surface."""
 
     def __call__(
         self,
@@ -26,7 +26,7 @@ class AboveSurface(ABC):
     ) -> NDArray[np.float32]:
         """(N, 3) reflectance where light and viewer are both above the surface, and 0 elsewhere.
 
-        normals, lights, views, paint: (N, 3); a vector that is zero or not a number counts as below.
+        normals, lights, views, paint: (N, 3). Zero or NaN vectors count as below the surface.
         """
         result = np.zeros((len(normals), 3), np.float32)
         for start in range(0, len(normals), BLOCK):

@@ -14,7 +14,7 @@ from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 
-# Half angle (by its square root: fine near the highlight), difference angle, difference azimuth (0 to pi).
+# Half angle (spaced by its square root, dense near the highlight), difference angle, difference azimuth (0 to pi).
 BINS = (90, 90, 180)
 SCALE = np.array([1.00, 1.15, 1.66]) / 1500
 _HEADER_BYTES = 12
@@ -31,12 +31,12 @@ class MerlTable(AboveSurface):
 
     Notes
     -----
-    Interpolated linearly between the centres in all three; reciprocal by construction, since the file holds half of the
-    azimuths and light and viewer swap in the other half. Paint multiplies the reflectance.
+    Trilinear interpolation between bin centres. Reciprocal by construction: the file has half of the azimuths, and in
+    the other half light and viewer are swapped. Paint multiplies the reflectance.
     """
 
     def __init__(self, values: NDArray[np.float32]) -> None:
-        # The azimuth is periodic: a bin more at either end, so that neighbours are always one step apart.
+        # The azimuth is periodic: pad one bin at either end, so neighbours are always one step apart.
         self._rows = np.concatenate([values[:, :, -1:], values, values[:, :, :1]], axis=2).reshape(-1, 3)
 
     def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
@@ -59,19 +59,19 @@ class MerlTable(AboveSurface):
 
 
 def _between(position: NDArray[np.floating[Any]], count: int) -> tuple[NDArray[np.intp], NDArray[np.floating[Any]]]:
-    # The bin below a position and the share of the next one; outside the centres the outermost bins go on.
+    # The bin below a position, and the weight of the next one. The outermost bins extend beyond their centres.
     position = np.clip(position, 0, count - 1)
     below = np.minimum(position.astype(np.intp), count - 2)
     return below, position - below
 
 
 def read_merl(path: str | os.PathLike[str]) -> MerlTable:
-    """Read a ``.binary`` file of the MERL database, 17 MB of memory.
+    """Read a ``.binary`` file of the MERL database. It takes 17 MB of memory.
 
-    Negative samples mark directions that were not measured, most of them below the surface: each takes the value of
-    the nearest smaller difference angle that was, so that lookups beside them stay sound.
+    Negative values mark directions that were not measured, most of them below the surface. They get the value of the
+    nearest smaller difference angle that was measured, because interpolation at their neighbours uses them.
 
-    Raises FileError where the file is missing, FormatError where it is of another size or kind, or holds no sample.
+    Raises FileError if the file is missing, FormatError if it has another size or type, or no measured value.
     """
     path = existing_file(path, "MERL file")
     size = path.stat().st_size
@@ -92,7 +92,7 @@ def read_merl(path: str | os.PathLike[str]) -> MerlTable:
 
 
 def _filled(values: NDArray[np.float32], measured: NDArray[np.bool_]) -> NDArray[np.float32]:
-    # Along the difference angle; where nothing was measured at a half angle and azimuth, from the smaller half angle.
+    # Fill along the difference angle. A half angle and azimuth without measurements takes the smaller half angle's.
     for axis in (1, 0):
         steps = np.arange(BINS[axis]).reshape([-1 if a == axis else 1 for a in range(3)])
         last = np.maximum.accumulate(np.where(measured, steps, 0), axis=axis)

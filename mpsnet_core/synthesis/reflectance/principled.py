@@ -1,11 +1,11 @@
-"""Principled: the reflectance of Blender's Principled BSDF, from the same numbers.
+"""The reflectance of Blender's Principled BSDF, with the same parameters.
 
 The layers are those of Cycles since Blender 4.0, from top to bottom: sheen, coat, then metal mixed with a dielectric
-(specular over diffuse). What a layer reflects is missing below it; that share goes by the view, so that only the lobes
-by themselves are reciprocal. Light that facets pass on to each other is included (distribution "Multiscatter GGX").
+(specular over diffuse). A layer attenuates those below by its albedo, which depends on the view only. So individual
+lobes are reciprocal, but their sum is not. Multiple scattering between facets is included ("Multiscatter GGX").
 
-Not the same as there: subsurface scattering is diffuse light that leaves where it enters; sheen is a fit to the tables
-that Cycles holds; the base colour times paint is held at 1. Neither transmission nor anisotropy nor tint.
+Differences from Cycles: subsurface scattering is diffuse reflection at the point of entry; sheen is a fit to the tables
+of Cycles; base colour times paint is clamped to 1; there is no transmission, anisotropy or tint.
 """
 
 from dataclasses import fields
@@ -30,7 +30,7 @@ from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
 from mpsnet_core.synthesis.reflectance.sheen import sheen, sheen_lobe
 
 COAT_IOR = 1.5
-# What goes by the view's cosine is tabulated; Cycles' own tables have 15 and 31 steps, and 465 is a multiple of both.
+# Steps of tables over the view's cosine. Those of Cycles have 15 and 31 steps, and 465 is a multiple of both.
 _STEPS = 465
 
 
@@ -40,12 +40,12 @@ class PrincipledBsdf(AboveSurface):
     Parameters
     ----------
     material : Material
-        Its numbers, each clamped to Blender's own range; paint multiplies the base colour.
+        Its parameters, clamped to Blender's ranges. Paint multiplies the base colour.
 
     Raises
     ------
     SettingsError
-        Where a number is not finite.
+        If a parameter is not finite.
     """
 
     def __init__(self, material: Material) -> None:
@@ -61,7 +61,7 @@ class PrincipledBsdf(AboveSurface):
         self._ior = ior_of_reflectance(f0) if material.ior >= 1 else 1 / ior_of_reflectance(f0)
         self._specular = f0 > 0 and self._metallic < 1
 
-        # From top to bottom; `left` is what the layers above leave of the light, by the view.
+        # From top to bottom; `left` is the share of light that the layers above transmit, by view.
         cosines = np.linspace(0, 1, _STEPS + 1)
         fibres = sheen(material.sheen_roughness, cosines)
         sheen_scale = self._sheen * fibres.albedo
@@ -110,7 +110,7 @@ class PrincipledBsdf(AboveSurface):
             gloss += sheen * sheen_lobe(spread, shear, cos_light, cos_view, cos_between)
         result += gloss[:, None]
         if self._metallic:
-            # Schlick's Fresnel, whose mean over a hemisphere lies 1/21 of the way from normal incidence to 1.
+            # Schlick's Fresnel, whose hemispherical mean is f0 + (1 - f0) / 21.
             grazing = ((1 - cos_difference) ** 5)[:, None]
             energy = 1 + missing[:, None] * further_reflections(base + (1 - base) / 21, self._average)
             result += (metal * facets)[:, None] * (base + (1 - base) * grazing) * energy
@@ -124,8 +124,8 @@ def _share(value: float) -> float:
 def _dielectric(
     roughness: float, ior: float, cosines: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    # What a dielectric's lobe is multiplied by for the light of further reflections, and its albedo: both (K,). The
-    # albedo is estimated as in Cycles: the mean Fresnel share times what is left of mirror facets' light.
+    # Factor of a dielectric's lobe for multiple scattering, and its albedo, both (K,). The albedo is estimated as in
+    # Cycles: the mean Fresnel reflectance times the albedo of mirror facets.
     single, average = albedo(roughness, cosines)
     further = further_reflections(fresnel_average(ior), average)
     f0 = reflectance_of_ior(ior)

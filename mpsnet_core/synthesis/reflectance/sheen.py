@@ -1,7 +1,7 @@
 """Sheen: light scattered by a layer of fine fibres on the surface, as on cloth and dust.
 
 Zeltner, Burley and Chiang, "Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines", SIGGRAPH 2022
-talks. Cycles looks the transform up in the authors' tables; here it is MaterialX's closed form, fitted to them.
+talks. Cycles uses the authors' tables of the transform; this is MaterialX's closed form, which is fitted to them.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Sheen:
-    """Sheen at a roughness for K view cosines: a cosine lobe stretched by `spread` and sheared by `shear`, scaled.
+    """Sheen of one roughness at K view cosines: a cosine lobe, stretched by `spread`, sheared by `shear` and scaled.
 
     albedo, spread, shear: (K,).
     """
@@ -24,7 +24,7 @@ class Sheen:
 
 def sheen(roughness: float, cosines: NDArray[np.float64]) -> Sheen:
     """The sheen layer of a roughness from 0 to 1, seen at `cosines` (K,)."""
-    # The fits do not hold for fibres smoother than this.
+    # The fits are not valid for smaller roughness.
     x, y = cosines, min(max(roughness, 0.01), 1.0)
     width = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
     middle = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)

@@ -1,1 +1,1 @@
-"""Shading: what a camera sees of a shape under each of three lights, by rays and reflectance, without Blender."""
+"""The synthesis renderer: images of a shape under each of three lights, by ray casting, without Blender."""

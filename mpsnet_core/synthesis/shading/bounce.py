@@ -1,4 +1,4 @@
-"""Light between surfaces: diffuse bounces, gathered at every second pixel and smoothed along the surface."""
+"""Indirect light: diffuse bounces, gathered at every second pixel and smoothed along the surface."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,11 +13,11 @@ from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints
 RAYS = 8
 STRIDE = 2
 _TILE = 4
-_BLOCK = 1 << 11  # points whose paths are followed at once
-# Smoothing reaches this many gathering pixels each way, and ends where normals or the surface's planes part.
+_BLOCK = 1 << 11  # points whose paths are traced at a time
+# Radius of the smoothing in gathering pixels. Weights fall where normals or tangent planes differ.
 REACH = 2
 _PLANE_REACH = 3.0  # gathering pixels
-_SQUARINGS = 5  # of the cosine between normals
+_SQUARINGS = 5  # weights are the cosine between normals to the power 2^5
 
 Albedo = Callable[[SurfacePoints], NDArray[np.float32]]
 
@@ -33,11 +33,11 @@ def indirect(
     albedo: Albedo,
     bounces: int = 1,
 ) -> NDArray[np.float32]:
-    """(N, lights, 3) radiance that a white matt surface at the points would have from light off other surfaces.
+    """(N, lights, 3) radiance of a white matt surface at the points by light from other surfaces.
 
-    pixels: (N,) which pixels of an image of `shape` show the points. stride: light is gathered at every `stride`-th
-    pixel. footprint: size of a pixel on the surface. albedo: returns the (M, 3) diffuse colour of points that rays hit.
-    bounces: how many surfaces light may meet on its way to the points.
+    pixels: (N,) indices of the points' pixels in an image of `shape`. stride: light is gathered at every `stride`-th
+    pixel. footprint: size of a pixel on the surface. albedo: returns the diffuse colour (M, 3) of points that rays hit.
+    bounces: maximum number of surfaces on the way to the points.
     """
     row, column = np.divmod(pixels, shape[1])
     chosen = np.flatnonzero((row % stride == stride // 2) & (column % stride == stride // 2))
@@ -58,18 +58,18 @@ def _gathered(
     albedo: Albedo,
     bounces: int,
 ) -> NDArray[np.float32]:
-    """(N, 3 lights) mean radiance that comes in along a few cosine-distributed paths."""
+    """(N, 3 lights) mean incoming radiance along a few cosine-distributed paths."""
     total = np.zeros((len(points), len(lights), 3), np.float32)
     places = disc(RAYS, _TILE**2).astype(np.float32)
     for start in range(0, len(points), _BLOCK):
-        # A point's paths follow one another: near it they meet the same triangles, which are in the cache then.
+        # Trace a point's paths consecutively: they hit the same triangles nearby, which are then in the cache.
         first = np.repeat(np.arange(start, min(start + _BLOCK, len(points))), RAYS)
         brought = np.zeros((len(first), len(lights), 3), np.float32)
         path, here, colour = np.arange(len(first)), points.chosen(first), np.ones((len(first), 3), np.float32)
         for bounce in range(bounces):
             owner, ray = first[path], path % RAYS
-            # A ray's number determines how steep it is, and steep rays leave a hollow for good. Over a tile each
-            # number is followed by each equally often, or else some ways through a hollow would count for others.
+            # A ray's number determines its elevation, and steep rays leave a hollow. Within a tile, each number is
+            # followed by each other number equally often; otherwise paths through a hollow would be biased.
             chosen = (2 * bounce + 1) * tile[owner] + bounce
             of_bounce = ray + bounce * (bounce + 1) // 2 * tile[owner]
             place = places[chosen % _TILE**2, of_bounce % RAYS]
@@ -92,7 +92,7 @@ def _gathered(
 
 
 def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> NDArray[np.float32]:
-    """(N, 3) directions above the points, from places (N, 2) on the unit disc (Malley's method)."""
+    """(N, 3) cosine-distributed directions above the points, from points (N, 2) on the unit disc (Malley's method)."""
     first, second = frames(points.smooth)
     x, y = places.T[..., None]
     heading: NDArray[np.float32] = x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
@@ -100,10 +100,10 @@ def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> N
 
 
 class _Grid:
-    """What was gathered at a regular grid of pixels, with the surface that it belongs to.
+    """Values gathered on a regular grid of pixels, with the surface there.
 
-    shape: of the grid. at: (N,) the points' numbers in it, row by row. values: (N, K). step: from one point of the grid
-    to the next, on the surface.
+    shape: of the grid. at: (N,) indices of the points in the grid, in row-major order. values: (N, K). step: distance
+    between neighbouring grid points on the surface.
     """
 
     def __init__(
@@ -115,8 +115,7 @@ class _Grid:
         values: NDArray[np.float32],
         step: float,
     ) -> None:
-        # A border, as wide as smoothing reaches, spares the image's edge a special case; normals are 0 where there is
-        # no surface.
+        # A border as wide as the smoothing radius avoids special cases. Normals are 0 where there is no surface.
         row, column = np.divmod(at, shape[1])
         self.width = shape[1] + 2 * REACH
         self.numbers = (row + REACH) * self.width + column + REACH
@@ -127,7 +126,7 @@ class _Grid:
             layer[self.numbers] = given
 
     def smooth(self) -> None:
-        """Replace every value by a mean around it, along the surface."""
+        """Replace every value by a mean of its neighbourhood on the surface."""
         normals, positions, values = self.layers
         here = normals[self.numbers], positions[self.numbers]
         total, weights = np.zeros_like(values[self.numbers]), np.zeros((len(self.numbers), 1), np.float32)
@@ -138,12 +137,12 @@ class _Grid:
             weight = (near * self._alike(*here, normals[other], positions[other]))[:, None]
             total += weight * values[other]
             weights += weight
-        values[self.numbers] = total / weights  # each point is like itself
+        values[self.numbers] = total / weights  # a point's own weight is 1, so the sum is above 0
 
     def sampled(
         self, row: NDArray[np.float64], column: NDArray[np.float64], points: SurfacePoints
     ) -> NDArray[np.float32]:
-        """(N, K) values at points that lie at rows and columns (N,) of the grid, from the nearest four of it."""
+        """(N, K) values at points at rows and columns (N,) of the grid, interpolated from the nearest four."""
         normals, positions, values = self.layers
         top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
         down, right = (row - top).astype(np.float32), (column - left).astype(np.float32)
@@ -157,7 +156,7 @@ class _Grid:
         ):
             number = corner + step
             alike = self._alike(points.smooth, points.position, normals[number], positions[number])
-            # Where no neighbour is alike, as at thin parts, any is better than none.
+            # If no neighbour is similar, as on thin parts, use any of them.
             present = normals[number].any(axis=1)
             weight = ((near + np.float32(1e-3)) * (alike + np.float32(1e-3) * present))[:, None]
             total += weight * values[number]
@@ -172,7 +171,7 @@ class _Grid:
         other_normals: NDArray[np.float32],
         other_positions: NDArray[np.float32],
     ) -> NDArray[np.float32]:
-        """(N,) how much two pieces of surface belong together, 0 to 1."""
+        """(N,) similarity of two surface elements, 0 to 1."""
         alike: NDArray[np.float32] = np.maximum(dot(normals, other_normals), 0)
         for _ in range(_SQUARINGS):
             alike *= alike

@@ -1,7 +1,7 @@
-"""Directions: frames around unit vectors, points spread evenly over a disc, and rotations from pixel to pixel.
+"""Sampling of directions: orthonormal frames, evenly spread points on a disc, and dithering between pixels.
 
-Directions on a small disc around a light, and cosine-distributed ones above a surface, both are points of the unit
-disc: the first in the plane that touches the sphere, the second lifted onto the hemisphere (Malley's method).
+Points on the unit disc give both directions to a light, on a small disc tangent to the sphere, and cosine-distributed
+directions above a surface, projected onto the hemisphere (Malley's method).
 """
 
 from typing import TypeVar
@@ -14,7 +14,7 @@ GOLDEN_RATIO = (np.sqrt(5) - 1) / 2
 
 
 def frames(axes: NDArray[Floats]) -> tuple[NDArray[Floats], NDArray[Floats]]:
-    """Two unit vectors each (N, 3) at right angles to one another and to the unit `axes` (N, 3) (Duff et al. 2017)."""
+    """Two unit vectors (N, 3) each that complete the unit `axes` (N, 3) to orthonormal frames (Duff et al. 2017)."""
     x, y, z = axes.T
     sign = np.copysign(axes.dtype.type(1), z)
     a = -1 / (sign + z)
@@ -24,9 +24,9 @@ def frames(axes: NDArray[Floats]) -> tuple[NDArray[Floats], NDArray[Floats]]:
 
 
 def disc(count: int, turns: int = 1) -> NDArray[np.float64]:
-    """(turns, count, 2) points spread evenly over the unit disc, as in a sunflower (Vogel 1979).
+    """(turns, count, 2) evenly spread points on the unit disc, by Vogel's sunflower spiral (1979).
 
-    Each of the `turns` sets fills gaps that the others leave.
+    The `turns` rotated sets fill each other's gaps.
     """
     turn, number = np.mgrid[:turns, :count]
     radius = np.sqrt((number + (turn * GOLDEN_RATIO + 0.5) % 1) / count)
@@ -35,7 +35,7 @@ def disc(count: int, turns: int = 1) -> NDArray[np.float64]:
 
 
 def tiled(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
-    """(H, W) numbers 0 to side² - 1 in tiles of side x side (a power of 2), neighbours far apart (Bayer's matrix)."""
+    """(H, W) tiled Bayer matrix: numbers 0 to side² - 1, far apart for neighbours. side: of a tile, a power of 2."""
     matrix = np.zeros((1, 1), np.int64)
     while len(matrix) < side:
         matrix = np.block([[4 * matrix, 4 * matrix + 2], [4 * matrix + 3, 4 * matrix + 1]])

@@ -1,6 +1,6 @@
-"""Light reflected to the viewer: reflectance averaged over a light's disc, so that large lights broaden highlights.
+"""Reflected direct light: reflectance averaged over a light's disc, because large lights widen highlights.
 
-A few numbers, measured on each reflectance, decide where that average needs more than the light's middle.
+The albedo and highlight width of each reflectance decide where the average needs more than the light's centre.
 """
 
 from collections.abc import Iterator
@@ -15,27 +15,27 @@ from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import TURNS, Light
 
-# Lights up to this share of the width of a reflectance's highlight count as their middle ...
+# Lights up to this share of the highlight's width are evaluated at their centre ...
 POINT_LIKE = 0.35
-# ... and up to this one as three points, which average any quadratic function over a disc exactly.
+# ... and up to this one at three points, which average any quadratic function over a disc exactly.
 SMALL = 1.0
-# Larger ones as this many points spread over the light, and as many about the mirror direction.
+# Larger lights use this many samples on the light's disc, and in the lobe about the mirror direction.
 DISC_POINTS, LOBE_POINTS = 12, 12
-# Further than this many widths from the mirror direction the middle does again, in either case.
+# Beyond this many widths from the mirror direction, the centre is sufficient for small and for large lights.
 SMALL_REACH, REACH = 3.0, 6.0
-# The direction to a light whose middle is just below the horizon is lifted to this cosine.
+# The direction to a light whose centre is just below the horizon is lifted to this cosine.
 MIN_COSINE = 0.02
-# Angles from the normal at which reflectance is measured, closer together at the highlight's peak.
+# Angles from the normal at which reflectance is measured, denser at the highlight's peak.
 _ANGLES = (np.arange(96) + 0.5) / 96
 _ANGLES, _STEPS = np.pi / 2 * _ANGLES**3, np.pi / 2 * 3 * _ANGLES**2 / 96
 
 
 @dataclass(frozen=True)
 class Lobe:
-    """A reflectance at normal incidence, seen from all around.
+    """Properties of a reflectance at normal incidence.
 
-    albedo: (3,) share of the light that it reflects. width: angle in radians at which its highlight falls to a half,
-    infinite where it has none.
+    albedo: (3,) directional albedo. width: angle in radians at which the highlight falls to a half, infinite if there
+    is none.
     """
 
     albedo: NDArray[np.float32]
@@ -43,7 +43,7 @@ class Lobe:
 
 
 def lobe(reflectance: Reflectance) -> Lobe:
-    """Measure a reflectance."""
+    """Measure the albedo and highlight width of a reflectance."""
     up = np.tile(np.array([0, 0, 1], np.float32), (len(_ANGLES), 1))
     around = np.stack([np.sin(_ANGLES), 0 * _ANGLES, np.cos(_ANGLES)], axis=1).astype(np.float32)
     profile = reflectance(up, around, up, None).astype(np.float64)
@@ -65,10 +65,10 @@ def reflected(
     paint: NDArray[np.float32] | None,
     turns: NDArray[np.integer[Any]],
 ) -> NDArray[np.float32]:
-    """(N, 3) radiance of points in a light that nothing hides, for each unit of irradiance; 1 for a white matt surface.
+    """(N, 3) radiance of points under an unoccluded light, divided by irradiance; 1 for a white matt surface.
 
-    normals, views: (N, 3) unit vectors. paint: (N, 3) or None. width: of the reflectance's lobe. turns: (N,) numbers
-    below TURNS.
+    normals, views: (N, 3) unit vectors. paint: (N, 3) or None. width: of the reflectance's lobe. turns: (N,) integers
+    below TURNS that rotate the samples.
     """
     middle = light.direction.astype(np.float32)
     cosine = normals @ middle
@@ -78,7 +78,7 @@ def reflected(
         return result
     mirrored = (2 * dot(normals, views))[:, None] * normals - views
     along = mirrored @ middle
-    # Where the mirror direction meets the disc's plane, in units of the disc.
+    # Intersection of the mirror direction with the disc's plane, in units of its radius.
     mirror = mirrored @ (light.axes.T / radius).astype(np.float32)
     mirror /= np.maximum(along, 0.1)[:, None]
     small, spread = radius <= SMALL * width, width / radius
@@ -105,7 +105,7 @@ def reflected(
 def _above(
     normals: NDArray[np.float32], middle: NDArray[np.float32], cosine: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """(N, 3) directions to the light's middle, lifted above the horizon where they are below."""
+    """(N, 3) directions to the light's centre, lifted above the horizon."""
     towards = np.broadcast_to(middle, normals.shape)
     below = np.flatnonzero(cosine < MIN_COSINE)
     if len(below):
@@ -126,9 +126,9 @@ def _three(turns: NDArray[np.integer[Any]]) -> Places:
 
 
 def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
-    """Points spread over the disc, and points about the mirror direction, with the balance heuristic (Veach 1997).
+    """Samples of the disc and of the lobe, combined by the balance heuristic (Veach 1997).
 
-    mirror: (N, 2) where the mirror direction meets the disc's plane. spread: width of the lobe about it.
+    mirror: (N, 2) intersection of the mirror direction with the disc's plane. spread: width of the lobe there.
     """
 
     def weights(places: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -138,11 +138,11 @@ def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.int
         return heuristic
 
     farthest = np.hypot(*mirror.T) + 1
-    within = farthest**2 / (farthest**2 + spread**2)  # the share of the lobe that reaches to the disc's farthest point
+    within = farthest**2 / (farthest**2 + spread**2)  # share of the lobe within reach of the disc's farthest point
     for places in disc(DISC_POINTS, TURNS).astype(np.float32).swapaxes(0, 1):
         yield places[turns], weights(places[turns])
     for places in disc(LOBE_POINTS, TURNS).swapaxes(0, 1):
-        # The shape of a GGX highlight: a share t of it lies within the width times sqrt(t / (1 - t)).
+        # Sample a GGX-like highlight: a share t of it is within the width times sqrt(t / (1 - t)).
         radius = np.hypot(*places.T)
         outwards, share = (places / radius[:, None]).astype(np.float32), (radius**2).astype(np.float32)
         share = np.minimum(share[turns], 1) * within

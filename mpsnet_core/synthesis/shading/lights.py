@@ -1,4 +1,4 @@
-"""How much of a distant light reaches points of the surface: cast and attached shadows, with penumbrae."""
+"""Visibility of distant area lights: attached and cast shadows, with penumbrae."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,13 +10,13 @@ from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
 from mpsnet_core.synthesis.shading.surface_points import SurfacePoints
 
-# Everywhere one ray goes to a place near the light's rim, another one from pixel to pixel. Where all of them agree in a
-# pixel's neighbourhood they are enough, elsewhere there is a penumbra and so many more are cast.
+# Cast one ray per pixel to a point near the light's rim, which differs between pixels. If all rays in a neighbourhood
+# agree, they are sufficient; elsewhere there is a penumbra, and this many more are cast.
 PENUMBRA_RAYS, FIRST_RAYS = 16, 5
 TURNS = 64
 RIM = 0.9
 _TILE = 4
-# Points worked on at once: what they need stays in a core's own cache.
+# Points processed at a time: their data stays in a core's cache.
 _BLOCK = 1 << 12
 _FREE, _HIDDEN = np.uint8(1), np.uint8(2)
 
@@ -25,7 +25,7 @@ _FREE, _HIDDEN = np.uint8(1), np.uint8(2)
 class Light:
     """A distant white light of irradiance pi.
 
-    direction: (3,) unit vector from the origin to its middle. size: angular diameter in degrees.
+    direction: (3,) unit vector from the origin to its centre. size: angular diameter in degrees.
     """
 
     direction: NDArray[np.float64]
@@ -33,26 +33,26 @@ class Light:
 
     @property
     def radius(self) -> float:
-        """Of the disc that the light is at the distance 1."""
+        """Radius of the light's disc at distance 1."""
         return float(np.tan(np.radians(self.size / 2)))
 
     @property
     def axes(self) -> NDArray[np.float64]:
-        """(2, 3) two unit vectors along the disc."""
+        """(2, 3) two orthogonal unit vectors in the plane of the disc."""
         return np.concatenate(frames(self.direction[None]))
 
     def towards(self, places: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(..., 3) from the origin to places (..., 2) on the light, whose rim is the unit circle. Not of unit length:
-        their mean is the light's direction."""
+        """(..., 3) vectors to positions (..., 2) on the light, whose rim is the unit circle. Not normalised: their mean
+        is the light's direction."""
         return (self.direction + self.radius * places @ self.axes).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class Arrival:
-    """What reaches N points from a light.
+    """Light that arrives at N points.
 
-    irradiance: (N,) float32, 1 on a surface that faces the light freely. lit: (N,) float32, the share of the light's
-    disc above the shading normal's horizon that nothing hides.
+    irradiance: (N,) float32, 1 on an unoccluded surface facing the light. lit: (N,) float32, visible share of the
+    light's disc above the horizon of the shading normal.
     """
 
     irradiance: NDArray[np.float32]
@@ -67,9 +67,9 @@ def arrival(
     shape: tuple[int, int],
     turns: NDArray[np.integer[Any]],
 ) -> Arrival:
-    """What reaches the points, which pixels (N,) of an image of `shape` show.
+    """Light that arrives at the points, which are at pixels (N,) of an image of `shape`.
 
-    turns: (N,) numbers below TURNS, random, that turn the rays of each point.
+    turns: (N,) random integers below TURNS that rotate the rays of each point.
     """
     direction = light.direction.astype(np.float32)
     cosine, above = points.normal @ direction, points.smooth @ direction
@@ -89,7 +89,7 @@ def arrival(
     found = np.zeros(shape, np.uint8)
     found.ravel()[pixels[facing]] = np.where(free, _FREE, _HIDDEN)
     unsure = _around(found).ravel()[pixels[facing]] == _FREE | _HIDDEN
-    unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon cuts the light
+    unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon may cut the light's disc
     sure = facing[~unsure]
     lit[sure] = free[~unsure]
     irradiance[sure] = cosine[sure] * lit[sure]
@@ -99,7 +99,7 @@ def arrival(
 
 
 def _around(bits: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The bits (H, W) of each pixel and the eight around it together."""
+    """Bitwise OR of each pixel (H, W) with its eight neighbours."""
     for axis in (0, 1):
         lines, joined = bits.swapaxes(0, axis), bits.copy()
         there = joined.swapaxes(0, axis)
@@ -118,7 +118,7 @@ def _cast_many(
     irradiance: NDArray[np.float32],
     lit: NDArray[np.float32],
 ) -> None:
-    """Fill in what reaches the chosen points, from rays to many places on the light; fewer where the first agree."""
+    """Compute the light at the chosen points by rays to many positions on the light; fewer if the first ones agree."""
     places = disc(PENUMBRA_RAYS, TURNS)
     places -= places.mean(axis=1, keepdims=True)
     towards = light.towards(places)[:, ::-1]  # from the rim inwards
@@ -143,9 +143,9 @@ def _cast(
     irradiance: NDArray[np.float32],
     lit: NDArray[np.float32],
 ) -> None:
-    """Add what rays bring along `towards` (TURNS, K, 3) to the chosen points, and how many of them arrive.
+    """Cast rays along `towards` (TURNS, K, 3), and add their irradiance and visibility to the chosen points.
 
-    A point's rays follow one another: they meet the same triangles, which are in the cache then.
+    A point's rays are consecutive: they hit the same triangles, which are then in the cache.
     """
     turn = turns[chosen]
     x, y, z = (table[turn] for table in np.moveaxis(towards, 2, 0))

@@ -1,7 +1,4 @@
-"""What varies over a surface: which material lies where, its paint, its dirt and its fine relief.
-
-Everything is a function of the position in the object's own space, so that it stays on the object as that turns.
-"""
+"""Procedural textures of a surface: material weights, paint, dirt and bump, as functions of object space."""
 
 from statistics import NormalDist
 from typing import Any
@@ -14,7 +11,7 @@ from mpsnet_core.synthesis.noise import Points, fractal_noise, gradient_noise, v
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.shading.directions import frames
 
-# The noise's values are spread nearly as the normal distribution's, with this standard deviation.
+# The noise is nearly normally distributed, with this standard deviation.
 NOISE = NormalDist(0, 0.306)
 _LEVELS = np.linspace(-1, 1, 129)
 _SHARES = np.array([NOISE.cdf(level) for level in _LEVELS])
@@ -22,11 +19,11 @@ _SHARES = np.array([NOISE.cdf(level) for level in _LEVELS])
 PAINT_OCTAVES, DIRT_OCTAVES = 1, 2
 DARKEST_PAINT = 0.05
 DIRT_EDGE = 0.15  # half the width of dirt's soft edges, in units of its noise
-BUMP_STEP = 0.01  # of the length of a bump
+BUMP_STEP = 0.01  # step of the finite differences, as a share of a bump's length
 
 
 def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]) -> NDArray[np.float32]:
-    """(N, count) share of each material at points (N, 3) in object space, which lie on parts (N,); rows sum to 1."""
+    """(N, count) weights of the materials at points (N, 3) in object space on parts (N,); rows sum to 1."""
     weights = np.zeros((len(points), count), np.float32)
     if count == 1:
         weights[:] = 1
@@ -36,7 +33,7 @@ def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArra
     if not pattern.softness:
         weights[every, own] = 1
         return weights
-    # Half of each at the border; nothing of the neighbour at half the softness from it.
+    # The neighbour's weight is 1/2 at the border, and 0 at half the softness from it.
     share = np.maximum(0.5 - border / pattern.softness, 0).astype(np.float32)
     weights[every, own] = 1 - share
     weights[every, neighbour] += share
@@ -46,7 +43,7 @@ def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArra
 def _zones(
     pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]
 ) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]], NDArray[np.floating[Any]]]:
-    """(N,) the material at each point, that across the nearest border, and the distance there in widths of a zone."""
+    """(N,) material of each point, material beyond the nearest border, and distance to the border in zone widths."""
     if pattern.kind == "parts":
         own = parts % count
         return own, own, np.ones(len(points))
@@ -57,7 +54,7 @@ def _zones(
     if pattern.kind == "voronoi":
         cell, across, border = voronoi(places, pattern.seed)
         return cell % count, across % count, border
-    if pattern.kind == "noise":  # bands of equal area: by how much of the noise lies below a value
+    if pattern.kind == "noise":  # the cumulative distribution gives bands of equal area
         level = np.interp(gradient_noise(places, pattern.seed), _LEVELS, count * _SHARES)
     else:
         level = places @ np.asarray(pattern.direction, points.dtype)
@@ -70,7 +67,7 @@ def _zones(
 
 
 def paint_factors(paint: Paint, points: Points) -> NDArray[np.float32] | None:
-    """(N, 3) factors above 0 for the materials' colours at points (N, 3) in object space; None where there is none."""
+    """(N, 3) factors above 0 of the materials' colours at points (N, 3) in object space; None without paint."""
     if not paint.amount:
         return None
     places = points * paint.scale
@@ -82,7 +79,7 @@ def paint_factors(paint: Paint, points: Points) -> NDArray[np.float32] | None:
 
 
 def dirt_weight(dirt: Dirt, points: Points) -> NDArray[np.float32] | None:
-    """(N,) share of the surface that dirt hides at points (N, 3) in object space; None where there is none."""
+    """(N,) opacity of dirt at points (N, 3) in object space; None without dirt."""
     if not dirt.amount:
         return None
     level = fractal_noise(points * dirt.scale, dirt.seed, DIRT_OCTAVES)
@@ -93,9 +90,9 @@ def dirt_weight(dirt: Dirt, points: Points) -> NDArray[np.float32] | None:
 
 
 def bumped(bump: Bump, points: Points, normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Unit `normals` (N, 3), turned by the relief at points (N, 3), both in object space.
+    """Unit `normals` (N, 3), perturbed by the bump at points (N, 3), both in object space.
 
-    The normal of a surface that a height h raises is n - grad h, with the gradient along the surface (Blinn 1978).
+    The normal of a surface displaced by a height h is n - grad h, with the gradient along the surface (Blinn 1978).
     """
     if not bump.height:
         return normals

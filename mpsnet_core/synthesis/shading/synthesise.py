@@ -1,4 +1,4 @@
-"""Shading: a sample from a recipe, without Blender."""
+"""Render a sample from a recipe, without Blender."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,8 +26,8 @@ RENDERER = "synthesis"
 class _Colouring:
     """The materials of N points.
 
-    weights: (N, K) share of each material. paint: (N, 3) factors of their colours, or None. dirt: (N,) how much of them
-    a matt layer hides, or None.
+    weights: (N, K) of the materials. paint: (N, 3) factors of their colours, or None. dirt: (N,) opacity of a matt
+    layer over them, or None.
     """
 
     weights: NDArray[np.float32]
@@ -35,7 +35,7 @@ class _Colouring:
     dirt: NDArray[np.float32] | None
 
     def albedo(self, recipe: Recipe, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
-        """(N, 3) share of the light that the points reflect, as if they were matt."""
+        """(N, 3) diffuse albedo of the points, as if they were matt."""
         colour: NDArray[np.float32] = self.weights @ np.array([lobe.albedo for lobe in lobes])
         if self.paint is not None:
             colour = colour * self.paint
@@ -45,14 +45,13 @@ class _Colouring:
 
 
 def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance], supersampling: int = 1) -> Sample:
-    """What the recipe's camera sees of the shape, under each of its lights alone.
+    """Render the shape with the recipe's camera, under each of its lights alone.
 
-    reflectances: one for each of the recipe's materials. supersampling: rays a pixel's side; radiance, coverage, depth
-    and normals are their means (a box filter).
+    reflectances: one for each of the recipe's materials. supersampling: rays along a pixel's side; radiance, coverage,
+    depth and normals are their means (a box filter).
 
-    Light comes straight from the lights, past whatever hides them, and, where the recipe has bounces, so often off
-    other surfaces: all surfaces send it on as matt ones of their albedo at normal incidence, and receive it so. The
-    same recipe gives the same bytes.
+    Direct light is shadowed. Indirect light, up to the recipe's number of bounces, is diffuse only: surfaces send and
+    receive it as matt ones with their albedo at normal incidence. The same recipe gives the same bytes.
     """
     camera = recipe.camera.resized(recipe.camera.width * supersampling, recipe.camera.height * supersampling)
     grid = (camera.height, camera.width)
@@ -124,7 +123,7 @@ def _direct(
     irradiance: NDArray[np.float32],
     turns: NDArray[np.integer[Any]],
 ) -> NDArray[np.float32]:
-    """(N, 3) radiance that the points send to the viewer, straight from the light."""
+    """(N, 3) radiance of the points towards the viewer by direct light."""
     radiance = np.zeros((len(points), 3), np.float32)
     for number, (reflectance, one) in enumerate(zip(reflectances, lobes, strict=True)):
         weights = colouring.weights[:, number]
@@ -141,16 +140,16 @@ def _direct(
 
 
 class _Image:
-    """Brings values at points to pixels, of which each covers `times` x `times` of a finer grid.
+    """Averages values at points over pixels, each of which covers `times` x `times` cells of a finer grid.
 
-    pixels: (N,) the points' numbers in that grid, row by row.
+    pixels: (N,) indices of the points in that grid, in row-major order.
     """
 
     def __init__(self, grid: tuple[int, int], times: int, pixels: NDArray[np.int64]) -> None:
         self.grid, self.times, self.pixels = grid, times, pixels
 
     def share(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(H, W, ...) mean over the whole pixel, with zero where no point is."""
+        """(H, W, ...) mean over the whole pixel, counting zero where there is no point."""
         fine = np.zeros((self.grid[0] * self.grid[1], *values.shape[1:]), np.float32)
         fine[self.pixels] = values
         times, (height, width) = self.times, self.grid
@@ -158,7 +157,7 @@ class _Image:
         return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3), dtype=np.float32)
 
     def mean(self, values: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(H, W) mean over the part of the pixel that the points cover."""
+        """(H, W) mean over the covered part of the pixel."""
         mean = self.share(values)
         mean /= np.maximum(alpha, 1e-6)
         return mean

@@ -1,7 +1,7 @@
-"""Shapes: closed surfaces drawn from a seed, and meshes from files, brought to one size.
+"""Shapes: procedural closed surfaces, and meshes from files, normalised in size.
 
-A shape is drawn as a small description of plain JSON, which names a character and holds a seed, and is built from that
-when it is needed: the same description gives the same shape.
+Drawing a shape gives a small JSON description with a character and a seed. The shape is built from it when needed: the
+same description gives the same shape.
 """
 
 import os
@@ -23,7 +23,7 @@ from mpsnet_core.synthesis.shapes.surfaces import bent
 __all__ = ["KINDS", "Shape", "build_shape", "draw_shape", "mesh_files"]
 
 KINDS = ("blobs", "drapery", "reliefs", "groups", "meshes")
-# Cells of the grid along the longest side of a body, alone and as one of several.
+# Grid cells along the longest side of a body, alone and in a group.
 CELLS, CELLS_IN_GROUP = 72, 44
 
 
@@ -33,7 +33,7 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     Parameters
     ----------
     rng
-        What the description is drawn from.
+        Random generator.
     kind
         One of KINDS.
     meshes
@@ -42,13 +42,13 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     Returns
     -------
     dict
-        Plain JSON for :func:`build_shape`. Its "pose" states how the shape may be turned: "any"; "upright": z up, seen
-        from the side to above, the front at -y; "front": +z to the camera, within some 40 degrees.
+        Plain JSON for :func:`build_shape`. Its "pose" states which rotations suit the shape: "any"; "upright": z up,
+        seen from the side to above, the front at -y; "front": +z towards the camera, within about 40 degrees.
 
     Raises
     ------
     SettingsError
-        Where the kind is unknown, or is "meshes" and there are none.
+        If the kind is unknown, or is "meshes" and there are none.
 
     Examples
     --------
@@ -76,30 +76,30 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
 
 
 def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = "") -> Shape:
-    """Build the shape that a description states.
+    """Build a shape from its description.
 
     Parameters
     ----------
     description
         From :func:`draw_shape`.
     meshes
-        The folder that its mesh files lie in.
+        The folder of mesh files.
 
     Returns
     -------
     Shape
-        Centred at the origin, its bounding sphere of radius 1.
+        Centred at the origin, with a bounding sphere of radius 1.
 
     Raises
     ------
     SettingsError
-        Where the kind is unknown.
+        If the kind is unknown.
     FormatError
-        Where the description is incomplete, or a mesh file is damaged.
+        If the description is incomplete, or a mesh file is damaged.
     FileError
-        Where a mesh file is missing.
+        If a mesh file is missing.
     GeometryError
-        Where a mesh file has no surface.
+        If a mesh file has no surface.
 
     Examples
     --------
@@ -129,7 +129,7 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
 
 
 def _deformed(shape: Shape, rng: np.random.Generator) -> Shape:
-    """The shape swollen, pressed and bent a little."""
+    """The shape, slightly inflated, compressed and bent."""
     seed, scale, amount = new_seed(rng), between(rng, 0.8, 2.0), between(rng, 0.05, 0.2)
     stretch = np.array([between(rng, 0.8, 1.1) for _ in range(3)])
 

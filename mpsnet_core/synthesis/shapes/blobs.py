@@ -1,4 +1,4 @@
-"""Blobs: closed bodies without parts: smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
+"""Blobs: closed bodies of one part, smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +20,7 @@ CHARACTERS = ("smooth", "hollowed", "folded", "ridged", "wrinkled", "faceted")
 
 
 def build_blob(character: str, rng: np.random.Generator, cells: int) -> Shape:
-    """A blob of the character, about 2 wide; those of several lumps on a grid of `cells` cells."""
+    """A blob of this character, about 2 wide. cells: resolution of the grid for implicit surfaces."""
     if character == "faceted":
         return _faceted(rng)
     if character == "smooth":
@@ -40,7 +40,7 @@ def _ball(cells: int) -> Shape:
 
 
 def _body(rng: np.random.Generator, cells: int) -> Shape:
-    """Lumps that flow into each other, or a ball pushed in and out."""
+    """Blended lumps, or a ball with bumps and dents."""
     if chance(rng, 0.5):
         soft = between(rng, 0.1, 0.6)
         solids = []
@@ -67,7 +67,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
 
 
 def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
-    """A few lumps with deep bowls, holes and gaps, which one light reaches and bounces fill; they open towards +z."""
+    """A few lumps with deep bowls, holes and gaps open towards +z, where few lights reach and bounces matter."""
     soft = between(rng, 0.05, 0.4)
     solids = [ellipsoid((0, 0, 0), [between(rng, 0.6, 1.0) for _ in range(3)], rotation(rng), blend=soft)]
     for _ in range(count(rng, 0, 4)):
@@ -88,7 +88,7 @@ def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
 
 
 def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
-    """Deep folds: bulges parted by creases, bent by noise."""
+    """Deep folds: bulges separated by creases, distorted by noise."""
     seed, scale = new_seed(rng), between(rng, 1.3, 2.6)
     depth, warp, push = between(rng, 0.5, 1.0), between(rng, 0.1, 0.5), between(rng, 0.1, 0.4)
     stretch = np.array([between(rng, 0.35, 1.2) for _ in range(3)])
@@ -106,7 +106,7 @@ def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
 
 
 def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
-    """Sharp crests on smooth valleys."""
+    """Sharp ridges between smooth valleys."""
     seed, scale, amount = new_seed(rng), between(rng, 1.3, 2.8), between(rng, 0.05, 0.12)
     sharp, warp = between(rng, 0.002, 0.01), between(rng, 0.0, 0.3)
 
@@ -121,7 +121,7 @@ def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
 
 
 def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[np.floating[Any]]]:
-    """Fine relief: creases, grain, or rows like those of a thumb or a brain."""
+    """Fine relief: creases, grain, or ridges like those of a fingerprint or a brain."""
     kind = picked(rng, ("creases", "grain", "rows"))
     seed = new_seed(rng)
     stretch = np.array([between(rng, 0.25, 1.0) for _ in range(3)])
@@ -148,7 +148,7 @@ def _faceted(rng: np.random.Generator) -> Shape:
         vertices, triangles = sphere(6)
         faces = normalised(rng.normal(size=(count(rng, 9, 40), 3)) * [between(rng, 0.6, 1.4) for _ in range(3)])
         away = np.array([between(rng, 0.75, 1.1) for _ in faces])
-        # The planes' convex body, plus six far planes so that it is bounded.
+        # The convex body of the planes, with six distant planes that keep it bounded.
         faces = np.concatenate([faces, np.eye(3), -np.eye(3)])
         away = np.concatenate([away, np.full(6, 1.3)])
         return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles)
@@ -157,7 +157,7 @@ def _faceted(rng: np.random.Generator) -> Shape:
 
 
 def _crystal(rng: np.random.Generator) -> Shape:
-    """A pointed prism that grows from the origin."""
+    """A pointed prism that starts at the origin."""
     sides, wide, long = count(rng, 4, 6), between(rng, 0.12, 0.32), between(rng, 0.5, 1.2)
     turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     outline = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(sides)]) * wide

@@ -1,4 +1,4 @@
-"""Drapery: cloth that hangs from pins, in pleats, over hidden objects, or lies crumpled."""
+"""Drapery: cloth hanging from pins, in pleats, draped over hidden objects, or crumpled."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,17 @@ from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
 Array = NDArray[np.float64]
 
 CHARACTERS = ("draped", "pinned", "pleated", "crumpled")
-# Nodes a side of the simulated cloth, coarse to fine, and the steps at each.
+# Nodes along a side of the simulated cloth, coarse to fine, and number of steps at each level.
 _LEVELS = ((15, 60), (29, 40), (57, 18))
 _REPEATS = 4
 _REFINED = 2
-# Fall a step, small enough that no step goes through a solid.
+# Acceleration per step squared, small enough that no step passes through a solid.
 _GRAVITY = 0.0035
 _THICKNESS = 0.02
 
 
 def build_drapery(character: str, rng: np.random.Generator) -> Shape:
-    """Cloth of the character, about 2 wide: draped with z up, the others facing +z."""
+    """Cloth of this character, about 2 wide: "draped" has z up, the others face +z."""
     if character == "pleated":
         return _pleated(rng)
     if character == "crumpled":
@@ -42,12 +42,12 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
 
 
 def _turned(rng: np.random.Generator) -> Array:
-    """Axes turned about z by a random angle."""
+    """Axes rotated about z by a random angle."""
     return turn_about((0, 0, 1), between(rng, 0, 360))
 
 
 def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
-    """What the cloth lies over, standing on z = 0, and the cloth's size."""
+    """Solids under the cloth, standing on z = 0, and the cloth's size."""
     solids: list[Solid] = []
     for _ in range(count(rng, 1, 4)):
         x, y = (between(rng, -0.5, 0.5) * (len(solids) > 0) for _ in range(2))
@@ -67,7 +67,7 @@ def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
 
 
 def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int, int], Array]]:
-    """A cloth in the x, z plane, its first row on top, gathered at a few pins."""
+    """A cloth in the x, z plane, with its first row on top, and the pins that gather it."""
     nodes = _LEVELS[0][0]
     flat = _flat(nodes, size)
     start = np.stack([flat[..., 0], np.zeros((nodes, nodes)), flat[..., 1]], axis=-1)
@@ -77,30 +77,30 @@ def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int,
     for place in places:
         x, _, z = start[0, place]
         pins[0, place] = np.array([x * gather, between(rng, -0.15, 0.15), z + between(rng, -0.3, 0.1)])
-    if chance(rng, 0.3):  # one hand's grip in the middle
+    if chance(rng, 0.3):  # held in the middle, as by a hand
         pins[nodes // 2, nodes // 2] = np.array([between(rng, -0.2, 0.2), -0.3, size * between(rng, 0.1, 0.35)])
     start[..., 0] *= gather
     return start, pins
 
 
 def _flat(nodes: int, size: float) -> Array:
-    """A square grid (nodes, nodes, 3) in the x, y plane that faces +z; rows go down in y."""
+    """A square grid (nodes, nodes, 3) in the x, y plane, facing +z; rows are in descending order of y."""
     steps = np.linspace(-size / 2, size / 2, nodes)
     x, y = np.meshgrid(steps, -steps)
     return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
 def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[int, int], Array], seed: int) -> Array:
-    """The cloth (M, M, 3) after its fall: position-based dynamics (Müller et al. 2007), on ever finer grids.
+    """The settled cloth (M, M, 3), by position-based dynamics (Müller et al. 2007) on successively finer grids.
 
-    Edges, diagonals and, weakly, every second node keep their distances, and no node gets farther from a pin than the
-    cloth between them is long (Kim et al. 2012); solids and the ground at z = 0 are not entered.
+    Distance constraints: edges, diagonals and, weakly, every second node. Long-range attachments limit the distance of
+    nodes from pins (Kim et al. 2012). The cloth collides with solids and with the ground at z = 0.
     """
     grid = start
     for nodes, steps in _LEVELS:
         grid = _resampled(grid, nodes)
         rest = size / (nodes - 1)
-        # A little unrest lets it buckle.
+        # A small perturbation lets it buckle.
         unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
         cloth: Array = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
@@ -111,7 +111,7 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
         for _ in range(steps):
             before, cloth = cloth, _fallen(cloth, before)
             for _ in range(_REPEATS):
-                _keeplengths(cloth, rest)
+                _constrain_lengths(cloth, rest)
                 for row, column, at in held:
                     cloth[:, row, column] = at[:, 0, 0]
             for (_, _, at), reach in zip(held, reaches, strict=True):
@@ -129,8 +129,8 @@ def _fallen(cloth: Array, before: Array) -> Array:
     return moved
 
 
-def _keeplengths(cloth: Array, rest: float) -> None:
-    # Every other pair at a time, so that no node is moved twice at once.
+def _constrain_lengths(cloth: Array, rest: float) -> None:
+    # Alternate pairs, so no node is moved twice at a time.
     for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):
             end = (grid.shape[1] - odd) // 2 * 2 + odd
@@ -149,7 +149,7 @@ def _pull(a: Array, b: Array, rest: float, share: float) -> None:
 
 
 def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
-    """Points (3, N) that entered a solid or the ground put back on it; touching, they hardly slide."""
+    """Project points (3, N) inside a solid or the ground onto its surface, in place, with strong friction."""
 
     def distance(places: Array) -> Array:
         total: Array = places[2]
@@ -167,7 +167,7 @@ def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
 
 
 def _resampled(grid: Array, nodes: int) -> Array:
-    """A grid (M, M, 3) on `nodes` nodes a side, by cubic interpolation along each side."""
+    """A grid (M, M, 3) resampled to `nodes` nodes along a side, by cubic interpolation."""
     if len(grid) == nodes:
         return grid
     for axis in (0, 1):
@@ -176,7 +176,7 @@ def _resampled(grid: Array, nodes: int) -> Array:
 
 
 def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
-    """The cloth refined, finely creased, and given a back."""
+    """The cloth as a closed shape: refined, with fine creases and a back."""
     front = _resampled(cloth, _REFINED * (len(cloth) - 1) + 1)
     normals = _grid_normals(front)
     if chance(rng, 0.5):
@@ -194,7 +194,7 @@ def _grid_normals(grid: Array) -> Array:
 
 
 def _pleated(rng: np.random.Generator) -> Shape:
-    """A curtain: pleats that wander, sag, overhang, and merge on their way down; faces +z."""
+    """A curtain facing +z, with pleats that wander, sag, overhang and merge on their way down."""
     nodes, tall = 180, between(rng, 0.7, 1.4)
     x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
     seed, down = new_seed(rng), (1 - y) / 2
@@ -225,7 +225,7 @@ def _pleated(rng: np.random.Generator) -> Shape:
 
 
 def _crumpled(rng: np.random.Generator) -> Shape:
-    """A sheet folded along many straight creases of all sizes, bent by noise; faces +z."""
+    """A sheet facing +z, with many straight creases of all sizes, distorted by noise."""
     nodes = 150
     x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
     seed = new_seed(rng)
@@ -237,7 +237,7 @@ def _crumpled(rng: np.random.Generator) -> Shape:
         size = between(rng, 0.15, 1.0)
         angle, shift = between(rng, 0, 2 * np.pi), between(rng, -1, 1)
         across = np.cos(angle) * bent[:, 0] + np.sin(angle) * bent[:, 1] - shift
-        # A crease ends where its own noise fades.
+        # Noise fades each crease out.
         weight = np.clip(0.5 + 1.5 * gradient_noise(flat * (1.2 / size), seed + 20 + k), 0, 1)
         fold = np.sqrt(across**2 + (sharp * size) ** 2)
         height += weight * picked(rng, (-1, 1)) * between(rng, 0.15, 0.45) * np.minimum(fold, 0.4 * size)

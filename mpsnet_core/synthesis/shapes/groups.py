@@ -1,4 +1,4 @@
-"""Groups: several objects beside each other on a ground."""
+"""Groups: several objects next to each other on a ground."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ def build_group(rng: np.random.Generator, cells: int) -> Shape:
 
 
 def on_ground(objects: Sequence[Shape], rng: np.random.Generator) -> Shape:
-    """Objects of radius 1, randomly turned about z and scaled, close to each other on a ground; each is a part."""
+    """Objects of radius 1, randomly rotated about z and scaled, close together on a ground; each is a part."""
     spots: list[tuple[float, float, float]] = []
     pieces = []
     for item in objects:
@@ -36,7 +36,7 @@ def on_ground(objects: Sequence[Shape], rng: np.random.Generator) -> Shape:
 
 
 def _free_spot(rng: np.random.Generator, spots: list[tuple[float, float, float]], radius: float) -> tuple[float, float]:
-    """Where a disc touches none of the others and lies as near to the middle as a few tries find."""
+    """A position where a disc hardly overlaps the others: the closest to the centre of some random tries."""
     if not spots:
         return 0.0, 0.0
     best, nearest = (0.0, 0.0), np.inf
@@ -51,7 +51,7 @@ def _free_spot(rng: np.random.Generator, spots: list[tuple[float, float, float]]
 
 
 def _ground(rng: np.random.Generator, footprint: Array) -> Shape:
-    """A plate, a disc or an uneven floor under a footprint (N, 2), its upper side at about z = 0."""
+    """A plate, a disc or an uneven floor under a footprint (N, 2), with its top at about z = 0."""
     low, high = footprint.min(axis=0), footprint.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2
     spread = half * between(rng, 0.9, 1.2) + 0.05

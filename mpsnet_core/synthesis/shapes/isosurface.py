@@ -1,4 +1,4 @@
-"""Isosurface: a triangle mesh of blended solids, by surface nets."""
+"""Isosurfaces: triangle meshes of blended solids, by surface nets."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -11,24 +11,24 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended
 
-# Points evaluated at once: their temporaries stay in the processor's cache.
+# Points evaluated at a time: temporary arrays stay in the processor's cache.
 _CHUNK = 1 << 13
 _FAR = 1e3
-# Step of the central differences that yield normals.
+# Step of the central differences for normals.
 _STEP = 2e-4
 
 
 def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
-    """The surface of solids, joined and carved in their order, on a grid of cells of this size.
+    """The surface of solids, joined and carved in order. cell: size of the grid cells.
 
-    Naive surface nets (Gibson 1998, "Constrained elastic surface nets"): a vertex in every cell that the surface
-    crosses, a quad for every edge of the grid that it crosses. The vertices are then moved onto the surface itself, and
-    have its exact normals, so that the grid does not show. Every edge has two triangles: where inside and outside meet
-    as on a chessboard, the gap is filled first.
+    Naive surface nets (Gibson 1998, "Constrained elastic surface nets"): a vertex in every cell, and a quad for every
+    grid edge, that the surface crosses. Vertices are then projected onto the surface and get its normals, which hides
+    the grid. The mesh is manifold: ambiguous faces, where inside and outside alternate as on a chessboard, are filled
+    first.
     """
     whole = [solid for solid in solids if not solid.carve]
     extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
-    # Blending swells a joint by at most a sixth of its width for each solid in it.
+    # Blending inflates a joint by at most a sixth of the blend width per solid.
     margin = 3 * cell + max(solid.blend for solid in solids) / 3
     low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0) - margin
     high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0) + margin
@@ -52,7 +52,7 @@ def _normals(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np
 
 
 def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) distances of points (3, N) from the solids' common surface, below 0 inside."""
+    """(N,) signed distances of points (3, N) from the combined surface of the solids, below 0 inside."""
     total = np.full(points.shape[1], _FAR)
     for start in range(0, len(total), _CHUNK):
         chunk = slice(start, start + _CHUNK)
@@ -66,9 +66,9 @@ def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[
 
 
 def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices (3, V) in grid units, and quads (Q, 4), counter-clockwise from outside, of where values change sign.
+    """Vertices (3, V) in grid units, and quads (Q, 4), counter-clockwise from outside, of the zero level set.
 
-    values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled.
+    values: (X, Y, Z), below 0 inside, above 0 at the border; modified where ambiguous faces are filled.
     """
     sizes = np.array(values.shape)
     corners = list(product((0, 1), repeat=3))
@@ -80,12 +80,12 @@ def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64]
             total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
         cells = np.flatnonzero((total > 0) & (total < 8))
         points = strides @ np.stack(np.unravel_index(cells, total.shape)) + (np.array(corners) @ strides)[:, None]
-        boards = _chessboards(values.reshape(-1)[points])
+        boards = _ambiguous_faces(values.reshape(-1)[points])
         if not len(boards):
             break
         values.reshape(-1)[points[boards[:, 0], boards[:, 1]]] = -1e-6
 
-    # A vertex is the mean of where the surface crosses its cell's edges.
+    # A vertex is the mean of the surface's intersections with the edges of its cell.
     number = np.full(total.size, -1, np.int32)
     number[cells] = np.arange(len(cells))
     steps = np.array([(sizes[1] - 1) * (sizes[2] - 1), sizes[2] - 1, 1])  # from cell to cell
@@ -103,10 +103,11 @@ def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64]
     return summed / crossings, np.concatenate(quads)
 
 
-def _chessboards(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
-    """(N, 2) corner and cell to fill where a cell's face has inside only across; at: (8, cells) values at the corners.
+def _ambiguous_faces(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    """(N, 2) corner and cell to fill, for faces whose inside corners are diagonal. at: (8, cells) corner values.
 
-    Of the two outside corners the nearer one. Only faces at a cell's low side: the others belong to its neighbours.
+    Of the two outside corners, the one closer to the surface is filled. Only faces at the low sides of cells are
+    checked; the others belong to neighbours.
     """
     found = []
     for a, b, c, d in ((0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6)):
@@ -120,7 +121,7 @@ def _chessboards(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
 
 
 def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Triangles of quads, parted along the shorter diagonal."""
+    """Triangles of quads, split along the shorter diagonal."""
     a, b, c, d = (points[quads[:, k]] for k in range(4))
     short = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
     one = np.where(short[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])

@@ -1,4 +1,4 @@
-"""Meshes from files: read, merged, wound outwards, closed and given normals."""
+"""Meshes from files: read and repaired (merged, oriented, closed), with normals."""
 
 import os
 from collections.abc import Iterator
@@ -22,9 +22,9 @@ Faces = NDArray[np.int64]
 FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
 MAX_BYTES = 256 << 20
 MAX_FACES = 2_000_000
-# Faces that meet at less than this look smooth, as Blender's shading by angle does.
+# Edges below this angle in degrees are shaded smooth, as in Blender's Shade Smooth by Angle.
 CREASE = 40.0
-# Of a mesh of size 1: corners that agree to so many digits are one vertex, and smaller faces have no area.
+# For a mesh of size 1: decimal places by which vertices are merged, and the area of degenerate faces.
 _DIGITS, _NO_AREA = 6, 5e-15
 
 
@@ -34,17 +34,17 @@ def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
     Parameters
     ----------
     folder
-        A folder with files of FORMATS, by their suffixes; others are left out.
+        A folder. Files with suffixes other than FORMATS are ignored.
 
     Returns
     -------
     list of str
-        Their names, sorted.
+        File names, sorted.
 
     Raises
     ------
     FileError
-        Where there is no such folder, or no mesh in it.
+        If there is no such folder, or no mesh in it.
     """
     path = Path(folder)
     if not path.is_dir():
@@ -64,13 +64,13 @@ def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
 
 @lru_cache(maxsize=32)
 def load_mesh(path: str) -> Shape:
-    """A mesh file as a shape with z up, taking the file's y as up as its formats do; part 0.
+    """A mesh file as a shape of one part with z up. The file's up axis is y, the convention of these formats.
 
-    Broken meshes are repaired: corners at one place become one vertex, faces without area or twice the same go,
-    neighbours are wound alike and outwards, holes are filled. Normals are smooth up to an angle between faces.
+    Meshes are repaired: coincident vertices are merged, degenerate and duplicate faces removed, faces oriented
+    consistently and outwards, holes filled. Normals are smooth up to a crease angle.
 
-    Raises FileError where the file is missing, FormatError where it is too large or damaged, GeometryError where it has
-    no faces.
+    Raises FileError if the file is missing, FormatError if it is too large or damaged, GeometryError if it has no
+    faces.
     """
     file = existing_file(path, "mesh file")
     if file.suffix.lower() not in FORMATS:
@@ -91,12 +91,12 @@ def load_mesh(path: str) -> Shape:
     triangles = faces.astype(np.int32)
     shape = fitted(Shape(vertices, triangles, creased_normals(vertices, triangles), np.zeros(len(triangles), np.int32)))
     for array in (shape.vertices, shape.triangles, shape.corner_normals, shape.parts):
-        array.flags.writeable = False  # cached
+        array.flags.writeable = False  # the shape is cached
     return shape
 
 
 def _read(path: Path) -> tuple[Array, Faces]:
-    if path.suffix.lower() == ".ply":  # trimesh reads no binary file of triangles and quads
+    if path.suffix.lower() == ".ply":  # trimesh cannot read binary files that mix triangles and quads
         mesh = read_mesh(path, shape_only=True)
         return mesh.vertices, mesh.triangles.astype(np.int64)
     try:
@@ -123,7 +123,7 @@ def _read(path: Path) -> tuple[Array, Faces]:
 
 
 def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """One vertex a place; without faces that have no area or that are there twice."""
+    """Merge coincident vertices, and remove degenerate and duplicate faces."""
     used = vertices[np.unique(faces)]
     size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
     mesh = trimesh.Trimesh((vertices - used.min(axis=0)) / size, faces, process=False)
@@ -134,18 +134,18 @@ def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 
 
 def wound(vertices: Array, faces: Faces) -> Faces:
-    """Faces turned so that those on either side of an edge agree, each connected patch with its volume outside in."""
+    """Flip faces so that neighbours are oriented consistently."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
     key = np.sort(edges, axis=1) @ np.array([len(vertices), 1])
     order = np.argsort(key, kind="stable")
     new = np.flatnonzero(np.diff(key[order], prepend=-1))
-    shared = new[np.diff(new, append=len(order)) == 2]  # an edge of three faces decides nothing
+    shared = new[np.diff(new, append=len(order)) == 2]  # edges with three or more faces are ambiguous
     one, two = order[shared], order[shared + 1]
     agree = edges[one, 0] != edges[two, 0]
     if agree.all():
         return faces
-    # Union-find with parity: whether a face is turned against the root of its patch.
+    # Union-find with parity: whether a face is flipped relative to the root of its patch.
     root, turned = list(range(len(faces))), [False] * len(faces)
 
     def find(face: int) -> tuple[int, bool]:
@@ -168,7 +168,7 @@ def wound(vertices: Array, faces: Faces) -> Faces:
 
 
 def thickened(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """A flat mesh as a plate a fortieth as thick as it is wide; any other as it is."""
+    """Thicken a flat mesh to a plate of 1/40 of its width; return any other mesh unchanged."""
     centred = vertices - vertices.mean(axis=0)
     _, extents, axes = np.linalg.svd(centred.T @ centred)
     if extents[2] > 1e-6 * extents[0]:
@@ -188,7 +188,7 @@ def thickened(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 
 
 def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """Every hole filled with a fan of triangles from its middle."""
+    """Fill every hole with a triangle fan around its centre."""
     onward: dict[int, list[int]] = {}
     for start, end in _open_edges(vertices, faces).tolist():
         onward.setdefault(end, []).append(start)
@@ -206,7 +206,7 @@ def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 
 
 def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
-    """Loops that pass no vertex twice, from where each vertex leads; `onward` is used up."""
+    """Simple loops of a directed graph. onward: successors of each vertex; consumed."""
     for start in list(onward):
         path, places = [start], {start: 0}
         while onward[path[-1]]:
@@ -222,7 +222,7 @@ def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
 
 
 def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
-    """(N, 2) edges, in the direction of their faces, that go one way more often than the other; they form loops."""
+    """(N, 2) boundary edges, which occur more often in one direction than in the other; they form loops."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     keys, index = np.unique(np.sort(edges, axis=1) @ np.array([len(vertices), 1]), return_inverse=True)
     net = np.bincount(index.reshape(-1), np.where(edges[:, 0] < edges[:, 1], 1, -1), len(keys)).astype(np.int64)
@@ -232,9 +232,9 @@ def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
 
 
 def outward(vertices: Array, faces: Faces) -> Faces:
-    """Faces of each patch of neighbours turned so that it encloses a volume above 0."""
+    """Flip connected patches of faces with negative volume."""
     label = np.arange(len(vertices))
-    while True:  # each vertex takes the least label around it, until nothing changes
+    while True:  # label propagation: each vertex takes the least label of its neighbours
         least = label.copy()
         lowest = label[faces].min(axis=1)
         np.minimum.at(least, faces.ravel(), np.repeat(lowest, 3))
@@ -249,7 +249,7 @@ def outward(vertices: Array, faces: Faces) -> Faces:
 
 
 def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
-    """(T, 3, 3) normals: at each corner of those faces around its vertex that meet its own below the crease angle."""
+    """(T, 3, 3) corner normals, from the faces at the vertex within the crease angle of the corner's own face."""
     area = triangle_normals(vertices[triangles])
     flat = normalised(area)
     order = np.argsort(triangles.ravel(), kind="stable")

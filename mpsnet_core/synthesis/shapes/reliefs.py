@@ -1,4 +1,4 @@
-"""Reliefs: plates with raised letters, figures, ornaments, hills and coins' heads."""
+"""Reliefs: plates with letters, figures, ornaments, hills or a head, as on a coin."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -13,22 +13,22 @@ from mpsnet_core.synthesis.shapes.solids import blended
 from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
 
 Array = NDArray[np.float64]
-# A motif: height, 0 to about 1, at points x, y (N,) of a field about 2 wide.
+# A motif: a height field, 0 to about 1, of x, y (N,), about 2 wide.
 Motif = Callable[[Array, Array], Array]
 
 _NODES = 160
 
 
 def build_relief(character: str, rng: np.random.Generator) -> Shape:
-    """A relief of the character that faces +z, about 2 wide."""
+    """A relief of this character, facing +z, about 2 wide."""
     x, y = np.meshgrid(np.linspace(-1, 1, _NODES), np.linspace(1, -1, _NODES))
     disc = character == "coin" or chance(rng, 0.25)
-    if disc:  # the square drawn into a disc, smoothly
+    if disc:  # smooth map from the square to a disc
         x, y = x * np.sqrt(1 - y * y / 2), y * np.sqrt(1 - x * x / 2)
     u, v = x.ravel(), y.ravel()
     seed = new_seed(rng)
     flat: Array = np.column_stack([u, v, np.zeros_like(u)])
-    # Bent a little, so that no stroke is quite straight.
+    # A slight distortion: no stroke is perfectly straight.
     bend = between(rng, 0.0, 0.04)
     places = (axis + bend * gradient_noise(flat * 2, seed + k) for k, axis in enumerate((u, v)))
     height = between(rng, 0.1, 0.3) * _MOTIFS[character](rng)(*places)
@@ -45,7 +45,7 @@ def build_relief(character: str, rng: np.random.Generator) -> Shape:
 
 
 def _softened(height: Array) -> Array:
-    """Heights without steps that the grid cannot show."""
+    """Smooth steps that the grid cannot resolve."""
     for _ in range(2):
         for axis in (0, 1):
             rows = np.pad(np.moveaxis(height, axis, 0), ((1, 1), (0, 0)), mode="edge")
@@ -54,7 +54,7 @@ def _softened(height: Array) -> Array:
 
 
 def _coin(rng: np.random.Generator) -> Motif:
-    """A head in profile or from the front, with a legend of short strokes around it."""
+    """A head in profile or from the front, with an inscription of short strokes around it."""
     turn = picked(rng, (-1, 1))
     lumps = [
         (0.0, 0.12, 0.36, 0.42, 0.9),  # skull
@@ -97,7 +97,7 @@ def _coin(rng: np.random.Generator) -> Motif:
 
 
 def _letters(rng: np.random.Generator) -> Motif:
-    """Rows of signs, each of a few strokes, raised or sunk, round or chiselled."""
+    """Rows of glyphs, each with a few strokes, raised or engraved, round or chiselled."""
     rows = count(rng, 1, 4)
     columns = rows + count(rng, 1, 4)
     thick = between(rng, 0.09, 0.16)
@@ -125,7 +125,7 @@ def _letters(rng: np.random.Generator) -> Motif:
 
 
 def _ornament(rng: np.random.Generator) -> Motif:
-    """A rosette or a rapport: leaves, petals, spirals and beads, repeated around or across."""
+    """A rosette or a repeating pattern of leaves, petals, spirals and beads."""
     turns = count(rng, 3, 10)
     parts = []
     for _ in range(count(rng, 3, 7)):
@@ -172,14 +172,14 @@ def _ornament(rng: np.random.Generator) -> Motif:
 
 
 def _figures(rng: np.random.Generator) -> Motif:
-    """Animals and people of rounded limbs, one before the other."""
+    """Animals and people with rounded limbs, overlapping."""
     limbs = []
     for k in range(count(rng, 2, 5)):
         size = between(rng, 0.5, 0.85)
         x, y = between(rng, -0.55, 0.55), between(rng, -0.25, 0.15)
         tall = between(rng, 0.6, 1.1)
         turn = picked(rng, (-1, 1))
-        if chance(rng, 0.5):  # a beast from the side
+        if chance(rng, 0.5):  # an animal from the side
             bones = [((-0.6, 0.1), (0.5, 0.15), 0.3), ((0.5, 0.2), (0.8, 0.65), 0.18), ((0.8, 0.65), (1.1, 0.55), 0.16)]
             bones += [((s, 0.0), (s + between(rng, -0.2, 0.2), -0.85), 0.1) for s in (-0.6, -0.4, 0.35, 0.55)]
             bones += [((-0.7, 0.2), (-1.1, between(rng, -0.3, 0.6)), 0.06), ((0.75, 0.75), (0.65, 1.05), 0.07)]
@@ -226,23 +226,23 @@ def _smooth(t: Array) -> Array:
 
 
 def _step(distance: Array, width: float) -> Array:
-    """0 below 0 to 1 above `width`, smoothly."""
+    """Smooth step from 0 at 0 to 1 at `width`."""
     return _smooth(np.clip(distance / width, 0, 1))
 
 
 def _bump(distance: Array, width: float) -> Array:
-    """A round rib, 1 at 0 and 0 beyond `width`."""
+    """A round ridge, 1 at 0 and 0 beyond `width`."""
     return _smooth(np.clip(1 - np.abs(distance) / width, 0, 1))
 
 
 def _lens(x: Array, y: Array, rim: float) -> Array:
-    """A pillow over the unit disc: steep over `rim` of it, then domed."""
+    """A pillow over the unit disc: a steep rim of width `rim`, then domed."""
     away: Array = np.sqrt(x * x + y * y)
     return _step(1.0 - away, rim) * (1 - 0.35 * np.minimum(away, 1) ** 2)
 
 
 def _stroke(u: Array, v: Array, path: Array, width: float) -> Array:
-    """A round rib along a path (M, 2)."""
+    """A round ridge along a path (M, 2)."""
     low, high = path.min(axis=0) - width, path.max(axis=0) + width
     near = np.flatnonzero((u > low[0]) & (u < high[0]) & (v > low[1]) & (v < high[1]))
     x, y = u[near], v[near]

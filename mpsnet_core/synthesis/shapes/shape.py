@@ -1,4 +1,4 @@
-"""Shape: a closed triangle mesh with shading normals and numbered parts; placing, joining and fitting shapes."""
+"""The shape: a closed triangle mesh with shading normals and numbered parts; transform, join and normalise shapes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from mpsnet_core.scene.mesh import triangle_normals
 
 @dataclass(frozen=True)
 class Shape:
-    """A triangle mesh in its own space: centred at the origin, z up, bounding sphere of radius 1.
+    """A triangle mesh in object space: centred at the origin, z up, bounding sphere of radius 1.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ def smooth_shape(
     triangles: NDArray[np.int32],
     normals: NDArray[np.floating[Any]] | None = None,
 ) -> Shape:
-    """A shape of one part with a normal (V, 3) a vertex: those of its triangles, weighted by area, unless given."""
+    """A shape of one part with normals (V, 3) per vertex, by default those of its triangles, weighted by area."""
     if normals is None:
         faces = triangle_normals(vertices[triangles])
         summed = [np.bincount(triangles.ravel(), np.repeat(faces[:, axis], 3), len(vertices)) for axis in range(3)]
@@ -46,20 +46,20 @@ def smooth_shape(
 
 
 def faceted_shape(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> Shape:
-    """A shape whose triangles look flat; all of one part."""
+    """A flat-shaded shape of one part."""
     faces = normalised(triangle_normals(vertices[triangles])).astype(np.float32)
     return Shape(vertices, triangles, np.repeat(faces[:, None], 3, axis=1), np.zeros(len(triangles), np.int32))
 
 
 def vertex_normals(shape: Shape) -> NDArray[np.float64]:
-    """(V, 3) normals of a shape that has one normal a vertex."""
+    """(V, 3) normals of a shape with one normal per vertex."""
     normals = np.zeros_like(shape.vertices)
     normals[shape.triangles.ravel()] = shape.corner_normals.reshape(-1, 3)
     return normals
 
 
 def joined(shapes: Sequence[Shape]) -> Shape:
-    """Shapes beside or through each other as one, each of them a part of its own."""
+    """Join shapes, which may intersect, into one; each becomes a part."""
     starts = np.cumsum([0] + [len(shape.vertices) for shape in shapes[:-1]])
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),
@@ -70,7 +70,7 @@ def joined(shapes: Sequence[Shape]) -> Shape:
 
 
 def placed(shape: Shape, axes: ArrayLike | None = None, scale: float = 1.0, offset: ArrayLike = (0, 0, 0)) -> Shape:
-    """The shape turned so that its x, y and z axes become the rows of `axes`, scaled, then moved by `offset`."""
+    """Rotate a shape so that its x, y and z axes become the rows of `axes`, scale it, then move it by `offset`."""
     turn = np.eye(3) if axes is None else np.asarray(axes, np.float64)
     return replace(
         shape,
@@ -80,19 +80,19 @@ def placed(shape: Shape, axes: ArrayLike | None = None, scale: float = 1.0, offs
 
 
 def standing(shape: Shape) -> Shape:
-    """The shape moved so that its lowest point has z = 0."""
+    """Move a shape so that its lowest point is at z = 0."""
     return placed(shape, offset=(0, 0, -shape.vertices[:, 2].min()))
 
 
 def fitted(shape: Shape) -> Shape:
-    """The shape moved and scaled to a bounding sphere of radius 1 about the middle of its bounding box."""
+    """Move and scale a shape to a bounding sphere of radius 1 around the centre of its bounding box."""
     vertices = shape.vertices - (shape.vertices.min(axis=0) + shape.vertices.max(axis=0)) / 2
     vertices /= np.sqrt((vertices**2).sum(axis=1).max())
     return replace(shape, vertices=vertices)
 
 
 def turn_about(axis: ArrayLike, degrees: float) -> NDArray[np.float64]:
-    """Axes for :func:`placed` that turn a shape by `degrees` about `axis`, counter-clockwise seen from its tip."""
+    """Axes for :func:`placed` that rotate a shape by `degrees` about `axis`, counter-clockwise seen from its tip."""
     x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

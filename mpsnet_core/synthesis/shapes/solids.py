@@ -1,4 +1,4 @@
-"""Solids: implicit forms given by their signed distance, blended smoothly or cut out of each other.
+"""Solids: implicit surfaces by signed distance functions, blended smoothly or subtracted from each other.
 
 Distances and blends after Inigo Quilez, "Distance functions" and "Smooth minimum" (iquilezles.org, 2008 to 2024).
 """
@@ -15,11 +15,11 @@ WORLD: Array = np.eye(3)
 
 @dataclass(frozen=True)
 class Solid:
-    """One form in its place.
+    """A positioned solid.
 
-    distance: local points (3, N) to (N,) signed distances, below 0 inside; exact near the surface, elsewhere within a
-        third. axes: (3, 3), rows are the local axes. half: (3,) half the size of a local box around it.
-    blend: width over which it flows into what came before it, 0 for a sharp joint. carve: cut it out instead.
+    distance: maps local points (3, N) to signed distances (N,), below 0 inside; exact near the surface, elsewhere
+        within a third. axes: (3, 3), rows are the local axes. half: (3,) half the size of its local bounding box.
+    blend: width of the blend with the solids before it, 0 for a sharp joint. carve: subtract it instead.
     """
 
     distance: Callable[[Array], Array]
@@ -34,7 +34,7 @@ class Solid:
         return self.distance(self.local(points))
 
     def local(self, points: Array) -> Array:
-        """Points (3, N) in the solid's own axes."""
+        """Points (3, N) in the solid's local space."""
         x, y, z = (points[axis] - self.centre[axis] for axis in range(3))
         if self.axes is WORLD:
             return np.stack([x, y, z])
@@ -42,7 +42,7 @@ class Solid:
 
 
 def limb(start: ArrayLike, end: ArrayLike, r1: float, r2: float, *, blend: float = 0.0, carve: bool = False) -> Solid:
-    """A round-ended cone from `start` (radius r1) to `end` (radius r2); a ball where they meet."""
+    """A round cone from `start` (radius r1) to `end` (radius r2); a ball if they coincide."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     along = b - a
     square = max(float(along @ along), 1e-12)
@@ -71,7 +71,7 @@ def ellipsoid(
 
 
 def box(centre: ArrayLike, half: ArrayLike, rounding: float, axes: ArrayLike = WORLD) -> Solid:
-    """A box with rounded edges; `half` its half sizes with the rounding."""
+    """A box with rounded edges. half: half of its size, including the rounding."""
     full = np.asarray(half, np.float64)
 
     def distance(p: Array) -> Array:
@@ -91,7 +91,7 @@ def cylinder(centre: ArrayLike, radius: float, half_height: float, rounding: flo
 
 
 def _rounded(outside: Array, rounding: float) -> Array:
-    """(N,) distances of a rounded form from how far points (D, N) lie beyond its core along each axis."""
+    """(N,) distances from a rounded form. outside: (D, N) distances of points beyond its core along each axis."""
     distance: Array = lengths(np.maximum(outside, 0)) + np.minimum(outside.max(axis=0), 0) - rounding
     return distance
 

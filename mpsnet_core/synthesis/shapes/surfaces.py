@@ -1,4 +1,4 @@
-"""Surfaces: closed meshes from rings and grids, curves, and maps of space that move a mesh with its normals."""
+"""Parametric surfaces: closed meshes from rings and grids, curves, and deformations of meshes with their normals."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,12 +14,12 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape, vertex_normals
 
 Array = NDArray[np.float64]
-# Step of the differences along the surface that tilt the normals of displaced vertices.
+# Step of the finite differences along the surface for normals of displaced vertices.
 _STEP = 1e-3
 
 
 def stacked(rings: Array) -> Shape:
-    """A closed surface through a stack of rings (M, N, 3), each counter-clockwise seen from the last one's side."""
+    """A closed surface through a stack of rings (M, N, 3), counter-clockwise seen from the side of the last one."""
     layers, around = rings.shape[:2]
     ends = np.stack([rings[0].mean(axis=0), rings[-1].mean(axis=0)])
     here = np.arange(around, dtype=np.int32)
@@ -35,9 +35,9 @@ def stacked(rings: Array) -> Shape:
 
 
 def slab(outline: Array, height: float, bevel: float) -> Shape:
-    """A star-shaped outline (N, 2) about the origin, counter-clockwise, as a plate from z = 0 to `height`.
+    """A bevelled plate from z = 0 to `height`. outline: (N, 2), counter-clockwise, star-shaped about the origin.
 
-    Its corners must be rounder than the bevel.
+    The radius of its corners must be larger than the bevel.
     """
     ahead = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
     outward = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1)
@@ -47,7 +47,7 @@ def slab(outline: Array, height: float, bevel: float) -> Shape:
     low = [(i, bevel * (1 - np.cos(t))) for i, t in zip(inset, turns, strict=True)]
     steps = [*low, *((i, height - z) for i, z in reversed(low))]
     rings = [np.column_stack([outline - i * outward, np.full(len(outline), z)]) for i, z in steps]
-    # Rings inside the two faces, close to their bevels, keep the faces' shading flat.
+    # Rings inside both faces, close to the bevels, keep the faces' shading flat.
     rings = [rings[0] * (0.9, 0.9, 1), *rings, rings[-1] * (0.9, 0.9, 1)]
     return stacked(np.stack(rings))
 
@@ -55,7 +55,7 @@ def slab(outline: Array, height: float, bevel: float) -> Shape:
 def sheet(front: Array, back: Array) -> Shape:
     """A closed sheet between two grids (M, N, 3), with a round hem.
 
-    Seen from the front, the first index runs down and the second to the right.
+    Seen from the front, rows run down and columns to the right.
     """
     rows, columns = front.shape[:2]
     number = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
@@ -80,9 +80,9 @@ def sheet(front: Array, back: Array) -> Shape:
 
 
 def displaced(shape: Shape, height: Callable[[Array], NDArray[np.floating[Any]]]) -> Shape:
-    """A smooth shape of one part moved along its normals by a height field in space: points (N, 3) to (N,) heights.
+    """Displace a smooth shape of one part along its normals by a height field in space, (N, 3) to (N,).
 
-    The normals tilt with the gradient of the field along the surface.
+    Normals follow the gradient of the field along the surface.
     """
     normals = vertex_normals(shape)
     side = normalised(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
@@ -97,17 +97,17 @@ def displaced(shape: Shape, height: Callable[[Array], NDArray[np.floating[Any]]]
 
 
 def bent(shape: Shape, bend: Callable[[Array], Array]) -> Shape:
-    """A shape whose every point is moved by a smooth map of space, (N, 3) to (N, 3), and its normals with it."""
+    """Deform a shape and its normals by a smooth map of space, (N, 3) to (N, 3)."""
     moved = bend(shape.vertices)
     x, y, z = ((bend(shape.vertices + step) - moved) / _STEP for step in _STEP * np.eye(3))
-    # Normals go with the cofactors of the map's derivative.
+    # Normals transform by the cofactor matrix of the map's Jacobian.
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1).astype(np.float32)
     normals = normalised(np.einsum("tck,tcki->tci", shape.corner_normals, cofactors[shape.triangles]))
     return replace(shape, vertices=moved, corner_normals=normals)
 
 
 def catmull_rom(knots: Array, nodes: int) -> Array:
-    """(nodes, ...) points evenly spread over the curve through all knots (M, ...) (Catmull and Rom 1974)."""
+    """(nodes, ...) points, evenly spaced in parameter, on the Catmull-Rom spline (1974) through knots (M, ...)."""
     place = np.linspace(0, len(knots) - 1, nodes)
     start = np.minimum(place.astype(np.int64), len(knots) - 2)
     t = (place - start).reshape(-1, *[1] * (knots.ndim - 1))
@@ -119,6 +119,6 @@ def catmull_rom(knots: Array, nodes: int) -> Array:
 
 @lru_cache(maxsize=4)
 def sphere(level: int) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices and triangles of the unit sphere: an icosahedron, each triangle in 4 to the power of `level`."""
+    """Vertices and triangles of the unit sphere: an icosahedron subdivided `level` times."""
     ball = icosphere(level)
     return np.array(ball.vertices), ball.faces.astype(np.int32)

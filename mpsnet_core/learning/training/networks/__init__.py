@@ -21,19 +21,19 @@ NETWORKS: dict[str, type[Network]] = {
 
 
 def build_network(name: str, options: dict[str, Any] | None = None) -> Network:
-    """A network of fresh weights.
+    """A network with initial weights.
 
     Parameters
     ----------
     name : str
         A key of :data:`NETWORKS`.
     options : dict, optional
-        The network's own, such as the `width` factor.
+        Constructor arguments of the network, such as the `width` factor.
 
     Raises
     ------
     SettingsError
-        Where there is no such network or it does not take the options.
+        If there is no such network, or it does not take the options.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Demultiplexer: Ju et al., "Demultiplexing colored images for multispectral photometric stereo via deep neural
-networks" (IEEE Access 6, 2018): a network turns the mixed pixel into three intensities, then equation 2.
+networks" (IEEE Access 6, 2018): a network separates a mixed pixel into three intensities, then equation 2.
 
-Layers and widths are our choice, and so are two things that the paper does not have: the light directions are an input,
-because our rigs differ from photo to photo, and the network learns through equation 2, from the normals alone.
+Layers and widths are our choice. Two more differences from the paper: the light directions are an input, because our
+rigs differ from photo to photo, and the loss is on the normals, with gradients through equation 2.
 """
 
 from torch import Tensor, nn
@@ -19,7 +19,7 @@ from mpsnet_core.learning.training.networks.network import (
 
 
 class Demultiplexer(Network):
-    """Every pixel on its own, by layers of side 1. width: factor of the numbers of maps (64, 128, 128, 64)."""
+    """A network of 1 x 1 convolutions. width: factor of the numbers of maps (64, 128, 128, 64)."""
 
     inputs = {"photo": ("photo",), "lights": ("lights",)}
 
@@ -41,6 +41,6 @@ class Demultiplexer(Network):
 
     def forward(self, *inputs: Tensor) -> Prediction:
         photo, lights = inputs
-        # What the network adds; at first the three intensities are the pixel's own.
+        # The network predicts a residual: before training, the three intensities are the pixel's channels.
         intensities = photo + self.layers(self.photo(photo) + self.lights(lights))
         return Prediction(unit(multiplied(inverse(lights), intensities)))

@@ -1,23 +1,23 @@
 """MPS-Net: Ju et al., "MPS-Net: Learning to recover surface normal for multispectral photometric stereo" (2019).
 
-Section 3 and figure 3 leave open what is chosen here:
+Section 3 and figure 3 of the paper leave some details open. Our choices:
 
-* *Image and normal features concatenated*: conv2's maps and the three components of the initial normals themselves; the
-  only layer on the initial normals beside that is the shortcut conv8.
-* *Permutation of conv2's maps*: one that stays the same, which changes nothing, as the maps are learned: so none. Drawn
-  anew for each training step, it would hide from all later layers which light a map is of: without initial normals, on
-  samples of one rig, 250 steps then end at 39 degrees in place of 17.
-* *Dropout* has rate 0.1, and falls on single values, not on whole maps: a cast shadow takes away a place.
-* *Batch norm* comes before ELU and stands after conv3 to conv7 and conv9 ("except on the first two"; conv8 is added as
-  it is, conv10 is the answer).
+* *Image and normal features concatenated*: conv2's maps and the three components of the initial normals. The only other
+  layer that sees the initial normals is the shortcut conv8.
+* *Permutation of conv2's maps*: none. A fixed permutation changes nothing, because the maps are learned. A new one in
+  each training step would hide from all later layers which light a map belongs to: without initial normals, on samples
+  of one rig, 250 steps then end at 39 degrees instead of 17.
+* *Dropout* has rate 0.1 and acts on single values, not on whole maps, because a cast shadow hides single places.
+* *Batch norm* comes before ELU, after conv3 to conv7 and conv9 ("except on the first two"; conv8 is only added, conv10
+  is the output).
 * *Shortcut added* to conv7's maps, after their ELU.
 
-In the patch-wise form every one of the 5 x 5 places has a zero border of its own: SAME padding inside a patch sees
-zeros where its neighbours would be. Shared exactly between overlapping patches are therefore only the layers of side 1
-(conv1, conv2, conv8) and conv3, which has nine variants, one for each way in which the patch's edge cuts its 3 x 3
-window. From conv4 on all 25 places differ. That is 0.03 of 0.72 thousand million multiply-adds a patch: sharing gains
-4%, so patches run as patches. :class:`MpsNetDense` is another network: the same layers over the whole picture, with
-neighbours in place of zeros, and conv9's stride as conv10's dilation.
+In the patch-wise form, SAME padding sees zeros beyond each patch, where overlapping patches would see neighbours. So
+overlapping patches share only the 1 x 1 layers (conv1, conv2, conv8) and conv3, which has nine variants, one for each
+way in which the patch's edge cuts its 3 x 3 window. From conv4 on, the values at all 25 places differ. Sharing would
+save 0.03 of 0.72 × 10⁹ multiply-adds per patch, or 4%, so patches are computed one by one. :class:`MpsNetDense` is a
+different network: the same layers over the whole image, with neighbours in place of zeros, and conv9's stride as
+conv10's dilation.
 """
 
 import torch
@@ -29,7 +29,7 @@ DROPOUT = 0.1
 
 
 class _Layers(Network):
-    """conv1 to conv8, which both forms have; `width` scales all numbers of maps (1: as published)."""
+    """conv1 to conv8, common to both forms. width: factor of all published numbers of maps."""
 
     inputs = {"photo": ("photo",), "initial_normals": ("initial_normals",)}
 
@@ -65,8 +65,8 @@ class MpsNet(_Layers):
     """The patch-wise form, as published: one normal for the middle of each patch.
 
     width: factor of the published numbers of maps. patch: side of a patch, 5 as published; 1, 3, 7 and 9 for the
-    paper's table 1, where conv9 halves the side, rounded up, and conv10 is as large as what is left. normals: False
-    leaves the initial normals and their shortcut out (table 1).
+    paper's table 1, where conv9 halves the side, rounded up, and conv10 covers the result. normals: False omits the
+    initial normals and their shortcut (table 1).
     """
 
     kind = "patch"
@@ -77,7 +77,7 @@ class MpsNet(_Layers):
             raise ValueError(f"patch {patch!r} is not an odd number from 1 to 15")
         self.patch = patch
         middle, large = self.maps
-        # A single pixel is what it is with either stride; oneDNN's bfloat16 gradients of stride 2 on it are not finite.
+        # On a single pixel the stride does not matter, but oneDNN's bfloat16 gradients of stride 2 are not finite.
         self.conv9 = _normed(large, middle, stride=2 if patch > 1 else 1)
         self.conv10 = convolution(middle, 3, (patch + 1) // 2, padding=0)
 
@@ -87,10 +87,10 @@ class MpsNet(_Layers):
 
 
 class MpsNetDense(_Layers):
-    """The dense-trained form: the layers run over the whole picture, which is why it is quick; not the paper's network.
+    """The dense form, which runs over whole images and is fast; not the paper's network.
 
-    conv9 runs at every pixel and conv10 takes every second of its values, so both see the same places of a patch as in
-    the patch-wise form; SAME padding happens at the picture's border only. It sees 17 x 17 pixels.
+    conv9 runs at every pixel and conv10 takes every second of its values: both see the same places of a patch as in the
+    patch-wise form. SAME padding happens at the image border only. The receptive field is 17 x 17 pixels.
     """
 
     halo = 8

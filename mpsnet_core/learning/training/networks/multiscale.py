@@ -1,24 +1,24 @@
-"""Multiscale: our own network, the default. One network for every scale of a photo, coarse to fine.
+"""Multiscale: our own network and the default. One network for all scales of a photo, coarse to fine.
 
-First it sees the whole object, small; then, at each doubling of the resolution, the photo there and its own answer on
-the scale before (after the multi-scale networks of Ikehata, "Scalable, detailed and mask-free universal photometric
-stereo", CVPR 2023, and Hardy et al., "MS-PS", 2023). So every pixel knows the whole object, however large the photo is.
-On each scale it is a U-Net over five resolutions. What it stands on:
+It first sees the whole object at low resolution. At each doubling of the resolution, it sees the photo and its own
+output on the previous scale, like the multi-scale networks of Ikehata ("Scalable, detailed and mask-free universal
+photometric stereo", CVPR 2023) and Hardy et al. ("MS-PS", 2023). So every pixel has the context of the whole object,
+however large the photo is. On each scale the network is a U-Net over five resolutions. Its design:
 
-* *Canonical frame*: the picture is turned by quarters, before the network sees it, so that the first light stands
-  nearly straight up and the lights run counter-clockwise. The network learns one arrangement instead of all.
-* *Two views of the photo*: each channel divided by its own mean (grey world), where exposure, the lights' strengths and
-  the object's overall colour cannot change the answer; and the photo as it was calibrated, where equation 2 is exact
-  on anything grey. An input says whether a white photo made it so.
-* *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
-* *The formula inside*: the network's own normals explain a part of each channel's brightness, and what they leave, over
-  some 48 pixels, is the surface's colour. Equation 2 on the calibrated photo, divided by that
-  colour as far as the network wants, and times gains that it predicts, keeps the finest relief. The answer is a
-  mean of this and of its own normals, by a weight that it learns from which of the two is better.
-* *Exact rigs*: an input says whether the rig is known exactly, as that of a render is; equation 2 is the better then.
-* *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
-* *Expected error*: a further output, learned as the mean of the angular error (squared loss).
-* *Which lights reach* a pixel: learned beside, in training alone.
+* *Canonical frame*: the image is rotated by quarter turns until the first light is nearly straight up, and the lights
+  are ordered counter-clockwise. The network learns one arrangement instead of all.
+* *Two versions of the photo*: with each channel divided by its own mean (grey world), which removes exposure, the
+  lights' strengths and the object's overall colour; and as calibrated, where equation 2 is exact on anything grey. An
+  input says whether a white photo made the surface grey.
+* *Logarithms*: a surface's colour is a factor of the image, and an offset of its logarithm, which convolutions remove.
+* *Equation 2 inside*: the network's own normals predict each channel's shading. The ratio of photo and shading, over
+  some 48 pixels, is the surface's colour. The calibrated photo is divided by a learned share of that colour and
+  multiplied by predicted gains; equation 2 on it keeps the finest relief. The output is a weighted mean of these
+  normals and the network's own. The weight is learned from which of the two is better.
+* *Exact rigs*: an input says whether the rig is known exactly, as for a render. Equation 2 is more accurate then.
+* *Light directions* scale and shift the maps at the start of each resolution (Perez et al., "FiLM", AAAI 2018).
+* *Expected error*: another output, trained by squared loss to predict the mean angular error.
+* *Which lights reach* a pixel: an auxiliary output, in training only.
 """
 
 from collections.abc import Sequence
@@ -37,28 +37,28 @@ from mpsnet_core.learning.training.networks.network import (
     unit,
 )
 
-# Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
+# Offset before logarithms: shadows darker than 1/30 of the mean are as good as black.
 DARKEST = 0.03
-SEEN = 18  # maps that are made of the inputs
+SEEN = 18  # feature maps computed from the inputs
 FINE_MAPS, JOINED = 8, 16
 ANSWER = 9  # normals, expected error, gains, weight of the formula, share of the local colour
-MAX_GAIN = 2.0  # of the gains' logarithms
-RIG = 15  # light directions, channel means, whether there is a coarser scale, a white photo, and an exact rig
-CELL = 4  # pixels, and again as many: how finely the local colour is measured, and how smooth it is
-LEAST_EVIDENCE = 0.0003  # of the local colour, below which it counts as grey
-SURE = 0.15  # radians of expected error, above which an answer tells little about the colour
-BRIGHT = 0.25  # of what a white surface would show: darker pixels may lie in shadow
+MAX_GAIN = 2.0  # limit of the log gains
+RIG = 15  # light directions, channel means, flags: coarser scale available, white photo, exact rig
+CELL = 4  # factor of both steps of averaging: pixels to measure the local colour on, then cells to smooth it over
+LEAST_EVIDENCE = 0.0003  # with less evidence the local colour counts as grey
+SURE = 0.15  # radians; normals with a larger expected error count little for the colour
+BRIGHT = 0.25  # brightness relative to a white surface; darker pixels may be in shadow
 
 
 class Multiscale(Network):
-    """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
+    """The multiscale network. widths: numbers of maps at 1/2, 1/4, 1/8 and 1/16 of the resolution."""
 
     inputs = {"pixels": ("photo", "mask", "previous"), "rig": ("lights", "channel_means", "given", "exact")}
     kind = "pyramid"
     frame = "canonical"
     multiple = 16
-    magnified = 1.68  # the best for its time on held-out samples
-    halo = 112  # what lies further, up to 133, moves trained answers by less than 0.01 degrees
+    magnified = 1.68  # the best trade-off of accuracy and time on held-out samples
+    halo = 112  # pixels beyond, up to 133, change the output of trained networks by less than 0.01 degrees
 
     def __init__(self, widths: Sequence[int] = (32, 64, 128, 152)) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ class Multiscale(Network):
         self.answer = convolution(JOINED, ANSWER)
         self.lit = convolution(JOINED, 3, 1)
         with torch.no_grad():
-            self.answer.get_parameter("bias")[3] = -2.0  # 7 degrees by softplus: of the right size from the start
+            self.answer.get_parameter("bias")[3] = -2.0  # softplus makes it 7 degrees, a good initial expected error
             self.answer.get_parameter("bias")[8] = -2.0
 
     def forward(self, *inputs: Tensor) -> Prediction:
@@ -93,7 +93,7 @@ class Multiscale(Network):
         pseudo = multiplied(solve, photo)
         length = (pseudo * pseudo).sum(dim=1, keepdim=True)
         calibrated = pseudo * torch.rsqrt(length + 1e-12)
-        # Zero outside the mask, as the photo is.
+        # Zero outside the mask, because the photo is.
         grey_world = unit(multiplied(solve / means.flatten(1)[:, None], photo))
         size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
         features = [
@@ -127,11 +127,11 @@ class Multiscale(Network):
 
 
 def _local_colour(photo: Tensor, mask: Tensor, answer: Tensor, lights: Tensor) -> Tensor:
-    """(N, 3, H, W) logarithm of the surface's colour around each pixel, as normals explain the photo.
+    """(N, 3, H, W) logarithm of the surface's colour around each pixel, given normals.
 
-    A least squares fit of each channel's brightness by the normals' shading, over some 48 pixels, weighed by how sure
-    these are; the brightness of all channels together is taken out. Dark pixels count little: a light may not reach
-    them. answer: (N, 4, H, W) normals and expected error, zero outside the mask.
+    A least-squares fit of each channel to the normals' shading, over some 48 pixels, weighted by confidence. The mean
+    over the channels is subtracted. Dark pixels count little: a light may not reach them. answer: (N, 4, H, W) normals
+    and expected error, zero outside the mask.
     """
     photo, mask, answer = (functional.avg_pool2d(values.float(), CELL) for values in (photo, mask, answer))
     photo, answer = (photo / mask.clamp(min=1e-3)).clamp(min=0), answer / mask.clamp(min=1e-3)
@@ -150,7 +150,7 @@ def _logarithm(values: Tensor) -> Tensor:
 
 
 def _softplus(values: Tensor) -> Tensor:
-    # onnxruntime's own Softplus is ten times slower than both of these.
+    # onnxruntime's Softplus is ten times slower than these two operators.
     return -torch.log(torch.sigmoid(-values).clamp(min=1e-30))
 
 
@@ -165,14 +165,14 @@ class _Residual(nn.Module):
 
 
 class _Down(nn.Module):
-    """To half the resolution; the rig scales and shifts what comes out."""
+    """Downsample by 2, then scale and shift the maps by the rig (FiLM)."""
 
     def __init__(self, channels: int, maps: int, side: int = 2, residual: bool = True) -> None:
         super().__init__()
         self.shrink = nn.Sequential(
             convolution(channels, maps, side, stride=2, padding=side // 2 - 1, bias=False), nn.BatchNorm2d(maps)
         )
-        self.told = convolution(64, 2 * maps, 1)  # of the rig; checkpoints have this name
+        self.told = convolution(64, 2 * maps, 1)  # scale and shift from the rig; the name is part of checkpoints
         self.residual = _Residual(maps) if residual else nn.Identity()
 
     def forward(self, maps: Tensor, rig: Tensor) -> Tensor:
@@ -182,7 +182,7 @@ class _Down(nn.Module):
 
 
 class _Up(nn.Module):
-    """To twice the resolution, added to the maps of the way down."""
+    """Upsample by 2 and add the skip connection."""
 
     def __init__(self, channels: int, maps: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Network: what the loop, the validation and the export need of every network."""
+"""The interface of networks, for training, validation and export."""
 
 from abc import ABC, abstractmethod
 from typing import ClassVar, Literal, NamedTuple
@@ -8,16 +8,16 @@ from torch import Tensor, nn
 
 
 class Inside(NamedTuple):
-    """What a network that has equation 2 inside predicts beside, in training.
+    """Intermediate outputs of a network with equation 2 inside, for auxiliary losses.
 
     Attributes
     ----------
     lit : Tensor
         (N, 3, H, W) logits of whether each light reaches a pixel.
     formula, own : Tensor
-        (N, 3, H, W) unit vectors: equation 2 alone, and the network's answer without it.
+        (N, 3, H, W) unit vectors: normals by equation 2 alone, and the network's own without it.
     trust : Tensor
-        (N, 1, H, W) logits of the weight that equation 2 has in the answer.
+        (N, 1, H, W) logits of the weight of equation 2 in the output.
     """
 
     lit: Tensor
@@ -34,9 +34,9 @@ class Prediction(NamedTuple):
     normals : Tensor
         (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
     expected_error : Tensor or None
-        (N, 1, H, W) angular error, in radians, that the network expects of itself; None where it predicts none.
+        (N, 1, H, W) predicted angular error in radians; None if the network predicts none.
     inside : Inside or None
-        In training, where the network has equation 2 inside.
+        In training mode only, of networks with equation 2 inside.
     """
 
     normals: Tensor
@@ -45,12 +45,12 @@ class Prediction(NamedTuple):
 
 
 class Network(nn.Module, ABC):
-    """What all networks have in common.
+    """Abstract class of all networks.
 
     Attributes
     ----------
     inputs : dict of str to tuple of str
-        For each argument of :meth:`forward` the feature maps that are stacked into it
+        The feature maps stacked into each argument of :meth:`forward`
         (:data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`).
     kind, frame, magnified, multiple, halo, patch
         As on the card (:class:`mpsnet_core.estimate.card.ModelCard`).
@@ -66,22 +66,22 @@ class Network(nn.Module, ABC):
 
     @abstractmethod
     def forward(self, *inputs: Tensor) -> Prediction:
-        """Normals from the inputs, in the order of `inputs`; (N, C, H, W) each, "lights" (N, 9, 1, 1)."""
+        """Normals from the inputs, (N, C, H, W) each, in the order of `inputs`. "lights" is (N, 9, 1, 1)."""
 
 
 def unit(vectors: Tensor) -> Tensor:
-    """Vectors along axis 1 at length one; zero stays zero."""
-    # In single precision also where the layers before run in bfloat16.
+    """Normalise vectors along axis 1; zero stays zero."""
+    # In single precision, even if the layers before run in bfloat16.
     vectors = vectors.float()
     return vectors * torch.rsqrt((vectors * vectors).sum(dim=1, keepdim=True) + 1e-12)
 
 
 def inverse(lights: Tensor) -> Tensor:
-    """(N, 3, 3) inverses of light directions (N, 9, 1, 1), by cross products: ONNX has no other."""
+    """(N, 3, 3) inverses of light directions (N, 9, 1, 1), by cross products: ONNX has no matrix inverse."""
     first, second, third = lights.flatten(1).reshape(-1, 3, 3).unbind(dim=1)
     columns = [torch.linalg.cross(*pair) for pair in ((second, third), (third, first), (first, second))]
     volume = (first * columns[0]).sum(dim=1)[:, None, None]
-    # Lights in one plane determine no normal.
+    # Lights in one plane determine no normal; keep the division finite.
     volume = torch.where(volume.abs() < 1e-6, torch.full_like(volume, 1e-6), volume)
     return torch.stack(columns, dim=2) / volume
 
@@ -93,7 +93,7 @@ def multiplied(matrix: Tensor, pixels: Tensor) -> Tensor:
 
 
 def scaled(maps: tuple[int, ...], width: float) -> list[int]:
-    """Published numbers of maps times `width`, one at least. Raises ValueError where the width is none."""
+    """Published numbers of maps times `width`, at least one. Raises ValueError if the width is invalid."""
     if isinstance(width, bool) or not isinstance(width, int | float) or not 0 < width <= 4:
         raise ValueError(f"width {width!r} is not a number above 0 and up to 4")
     return [max(1, round(count * width)) for count in maps]
@@ -109,6 +109,6 @@ def convolution(
     dilation: int = 1,
     bias: bool = True,
 ) -> nn.Conv2d:
-    """A convolution that keeps the size, padded with zeros (the paper's SAME) unless stride or padding differ."""
+    """A convolution, by default zero-padded to keep the size (the paper's SAME)."""
     padding = side // 2 if padding is None else padding
     return nn.Conv2d(channels, maps, side, stride, padding, dilation, bias=bias)

@@ -1,8 +1,8 @@
 """PS-FCN: Chen et al., "PS-FCN: A flexible learning framework for photometric stereo" (ECCV 2018), for three lights.
 
-Layers and widths are the paper's: an extractor with shared weights sees one image and its light's direction, the maps
-of all lights are joined by their maximum, a regressor makes normals of them. An image is here one channel of the photo,
-as the MPS-Net paper compares it; LeakyReLU of slope 0.1, no batch norm, as in the authors' own model.
+Layers and widths are the paper's. An extractor with shared weights sees one image and its light direction, the maps of
+all lights are max-pooled, and a regressor predicts normals. Here an image is one channel of the photo, as in the
+MPS-Net paper's comparison. LeakyReLU has slope 0.1, and there is no batch norm, as in the authors' own model.
 """
 
 import torch
@@ -12,7 +12,7 @@ from mpsnet_core.learning.training.networks.network import Network, Prediction, 
 
 
 class PsFcn(Network):
-    """width: factor of the published numbers of maps."""
+    """PS-FCN. width: factor of the published numbers of maps."""
 
     inputs = {"photo": ("photo",), "lights": ("lights",)}
     multiple = 4
@@ -37,7 +37,7 @@ class PsFcn(Network):
             *_doubled(middle, small),
             convolution(small, 3, bias=False),
         )
-        # Without batch norm PyTorch's own first weights would make the maps fade from layer to layer.
+        # Without batch norm, activations would shrink from layer to layer with PyTorch's default initialisation.
         for layer in self.modules():
             if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d):
                 nn.init.kaiming_normal_(layer.weight, a=0.1, mode="fan_in")
