@@ -61,7 +61,7 @@ INSTEAD = {
     r"^mpsnet (bake|views)\b": r"mpsnet \1 --size 256",
     r"^mpsnet evaluate (materials|rendered|statues|colour)\b": r"mpsnet evaluate \1 --size 96",
     # The search all around the mesh is that of docs/tutorials/one_photo.md, which shows its overlay.
-    r"--mask auto -o camera\.json$": "--mask auto --points pairs.json -o camera.json",
+    r"--rig rig\.json -o camera\.json$": "--rig rig.json --points pairs.json -o camera.json",
     r'\bAlign\(image="photo\.dng"': 'Align(image="photo.dng", points="pairs.json"',
     # Blender has the extension; pip's bpy has to load it.
     r"^import bpy$": "import bpy, blender_addon; blender_addon.register()",
