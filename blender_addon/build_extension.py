@@ -122,7 +122,7 @@ def build_core_wheel(folder: Path) -> Path:
 def resolve(requirements: Sequence[str], target: Target) -> list[str]:
     """All that `requirements` need on `target`, as "name==version", without numpy, which is Blender's own.
 
-    Raises BuildError where there is no such set of wheels, or none that works with Blender's NumPy.
+    Raises BuildError if there is no such set of wheels, or none that works with Blender's NumPy.
     """
     WORK.mkdir(parents=True, exist_ok=True)
     report, constraints = WORK / "report.json", WORK / "constraints.txt"

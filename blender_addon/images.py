@@ -26,7 +26,7 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
 
     is_data: its colours are numbers, not light: no colour space is applied.
 
-    Raises InputError where Blender cannot open it.
+    Raises InputError if Blender cannot open it.
     """
     image = _loaded_from(path)
     if image is None or not path.is_file():
@@ -54,7 +54,7 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
 
     Tiles in a folder that goes when Blender quits are packed, as in :func:`load_image`.
 
-    Raises InputError where Blender cannot read them.
+    Raises InputError if Blender cannot read them.
     """
     image = _loaded_from(pattern)
     if image is None:
@@ -91,7 +91,7 @@ def _pack_or_make_relative(image: bpy.types.Image, path: Path) -> None:
 def load_frames(first: Path, name: str) -> bpy.types.Image:
     """The numbered files that begin with `first` as one image sequence of data.
 
-    Raises InputError where Blender cannot read it.
+    Raises InputError if Blender cannot read it.
     """
     image = load_image(first, name, is_data=True)
     image.source = "SEQUENCE"
@@ -101,7 +101,7 @@ def load_frames(first: Path, name: str) -> bpy.types.Image:
 def load_photo(path: Path, name: str) -> bpy.types.Image:
     """The photo as an image with the rig and camera from beside the file stored in it.
 
-    Raises InputError where Blender cannot read it, or the file of its rig or camera is malformed.
+    Raises InputError if Blender cannot read it, or the file of its rig or camera is malformed.
     """
     known = {what: read_sidecar(path, what) for what in ("rig", "camera")}
     image = load_image(path, name, is_data=False)
@@ -166,7 +166,7 @@ def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
 def frame_pattern(file: Path) -> Path:
     """The pattern of a sequence's files, from one of them: frame_####.png for frame_0012.png.
 
-    Raises InputError where its name has no number.
+    Raises InputError if its name has no number.
     """
     runs = list(re.finditer("[0-9]+", file.stem))
     if not runs:
@@ -179,7 +179,7 @@ def frame_pattern(file: Path) -> Path:
 
 
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
-    """The file an image comes from, for what is packed one with that. Raises InputError where there is no image, it has
+    """The file an image comes from, for what is packed one with that. Raises InputError if there is no image, it has
     no file on disk, or was changed since."""
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")
@@ -197,7 +197,7 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
 
 
 def refuse_unsaved(image: bpy.types.Image, what: str) -> None:
-    """Raises InputError where an image was painted on, which its file does not show."""
+    """Raise InputError if an image was painted on, which its file does not show."""
     if image.is_dirty:
         raise InputError(f'the {what} "{image.name}" has changes that are not in its file; save it first')
 
@@ -205,7 +205,7 @@ def refuse_unsaved(image: bpy.types.Image, what: str) -> None:
 def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
     """The files that a tiled image comes from, as their name with <UDIM> in it.
 
-    Raises InputError where none is on disk, nor packed.
+    Raises InputError if none is on disk, nor packed.
     """
     pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
 

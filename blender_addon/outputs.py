@@ -23,7 +23,7 @@ def output_path(given: str, name: str, file_format: str) -> Path:
 
     given: a file, or a folder for `name`: one that exists, or what ends in a slash, which is made.
 
-    Raises InputError where no file can be put there, the ending is of no format that can be written, or a name that was
+    Raises InputError if no file can be put there, the ending is of no format that can be written, or a name that was
     not given is that of an image of the artist's.
     """
     folder = requested_folder(given)
@@ -44,7 +44,7 @@ def _leave_to_artists(path: Path) -> None:
 
 
 def requested_path(given: str) -> Path:
-    """The requested file or folder. Raises FileError where it is relative to this file, which was never saved.
+    """The requested file or folder. Raises FileError if it is relative to this file, which was never saved.
 
     Blender takes "//" of a file that was never saved for the folder that it was started in.
     """
@@ -77,7 +77,7 @@ def requested_folder(given: str) -> Path | None:
 
     What ends in a slash is a folder, which is made, and so is what exists as one; "" is the output folder.
 
-    Raises InputError where the folder cannot be made, or as :func:`requested_path` does.
+    Raises InputError if the folder cannot be made, or as :func:`requested_path` does.
     """
     if not given:
         return output_folder()
@@ -99,7 +99,7 @@ def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]
 def output_frames(given: str, name: str) -> Path:
     """The folder for a sequence's frames: `given`, or `name` in the output folder.
 
-    Raises InputError where `given` is a picture's name, or where the folder would go with Blender: the frames of a
+    Raises InputError if `given` is a picture's name, or where the folder would go with Blender: the frames of a
     sequence cannot be packed into the .blend file.
     """
     folder = requested_path(given) if given else output_folder() / file_name(name)

@@ -122,7 +122,7 @@ def made_by(image: bpy.types.Image) -> str:
 
 
 def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
-    """Raises InputError where a result of `verb` would be written over a photo or its normals that this file uses.
+    """Raise InputError if a result of `verb` would be written over a photo or its normals that this file uses.
 
     Each may be made anew in its place.
     """

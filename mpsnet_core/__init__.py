@@ -1,6 +1,6 @@
 """Surface normals from one photo under red, green and blue light (multispectral photometric stereo).
 
-The nouns are small frozen dataclasses that hold NumPy arrays, the verbs are functions that take nouns and give nouns::
+Data types are small frozen dataclasses that hold NumPy arrays. Functions take them and return new ones::
 
     from mpsnet_core import estimate_normals, read_capture, read_rig, write_normals
 
@@ -15,14 +15,14 @@ import os
 
 __version__ = "0.2.0"
 
-# From 1.31 on, onnxruntime sends telemetry and keeps a number of the machine and a store of events in the person's
-# folders, unless this is set before its import. Whatever of ours imports it imports this first; children inherit it.
-# (It has no say on Windows; see estimate/onnx_model.py.)
+# From 1.31 on, onnxruntime sends telemetry, and keeps a machine ID and an event store in the user's folders, unless
+# this is set before its import. Every module here that imports onnxruntime imports this package first; child processes
+# inherit the variable. (It has no effect on Windows; see estimate/onnx_model.py.)
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
-# Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh. The stub
-# that type checkers read says where each is: `from MODULE import NAME as NAME`.
-_STUB = __spec__.loader.get_data(f"{__file__}i").decode()  # type: ignore[union-attr]  # of files and of zips
+# Names are loaded on first use: Blender imports the lightweight types without onnxruntime, OpenImageIO or trimesh. The
+# stub that type checkers read lists the module of each name: `from MODULE import NAME as NAME`.
+_STUB = __spec__.loader.get_data(f"{__file__}i").decode()  # type: ignore[union-attr]  # file and zip loaders have get_data
 _HOME = {words[3]: words[1] for words in map(str.split, _STUB.splitlines()) if words[:1] == ["from"]}
 
 __all__ = sorted(_HOME)

@@ -72,7 +72,7 @@ class BakesOnto(RunsCore):
         return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 
     def baked_object(self, context: Any) -> Any:
-        """The object to bake onto. Raises InputError where there is none, or it is another file's."""
+        """The object to bake onto. Raises InputError if there is none, or it is another file's."""
         settings = context.scene.mps.bake
         if self.target:
             settings.target = find_object(context.scene, self.target)
@@ -84,7 +84,7 @@ class BakesOnto(RunsCore):
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
-        """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
+        """The objects to bake onto. Raises InputError if there is none, or one cannot wear a texture."""
         settings = context.scene.mps.bake
         if settings.objects == "ACTIVE":
             return [self.baked_object(context)]

@@ -59,7 +59,7 @@ def base_map_file(
     onto: the same objects, with the UV maps that are baked onto. None where nothing of the part wears a normal map.
     tiles: whether it may be one of UDIM tiles.
 
-    Raises InputError where it wears several, or one that detail cannot be laid onto.
+    Raises InputError if it wears several, or one that detail cannot be laid onto.
     """
     found = _usable_map(targets, onto, part, tiles)
     if found is None:
@@ -94,7 +94,7 @@ def worn_before(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) 
 def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, BaseMapFile]:
     """The map beneath each part's texture; the core reports which parts have none.
 
-    Raises InputError where no part has one, or as :func:`base_map_file` does.
+    Raises InputError if no part has one, or as :func:`base_map_file` does.
     """
     found = {part: base_map_file(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
     return _some(targets, {part: one for part, one in found.items() if one is not None})
@@ -203,7 +203,7 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
 
 
 def _placed_by(texture: Any, rendered: str) -> str:
-    """The UV map that an image texture lies on. Raises InputError where it lies there otherwise than one to one."""
+    """The UV map that an image texture lies on. Raises InputError if it lies there otherwise than one to one."""
     end = texture.inputs["Vector"]
     before = node_before(texture, "Vector")
     if before is not None and before.type == "MAPPING" and _moves_nothing(before):

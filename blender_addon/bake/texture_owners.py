@@ -55,7 +55,7 @@ def _has_faces(onto: BakeTarget, part: Part) -> bool:
 
 
 def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
-    """Raises InputError where a result would be written over a texture or heights that were made for another object.
+    """Raise InputError if a result would be written over a texture or heights that were made for another object.
 
     Names that differ in a space or a dot alone become one in a file's name. Objects that share a mesh share what was
     made for it. What an object wears because it shares a material with the one that it was made for, or is a duplicate
@@ -84,7 +84,7 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
 
 
 def refuse_other_projects(files: Iterable[Path]) -> None:
-    """Raises InputError where a result would be written over one that another .blend file in its folder may have made:
+    """Raise InputError if a result would be written over one that another .blend file in its folder may have made:
     it is there, this session has not written it, and no image of the open file shows it.
 
     files: what will be written, named as for :func:`refuse_anothers`.

@@ -13,7 +13,7 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
     """Save the open file as it is to `path` too, without the preview: nobody sees it, and it takes longer to render
     than all else, the longer the heavier the scene.
 
-    Raises InputError where the copy cannot be written. mend: what to do about that.
+    Raises InputError if the copy cannot be written. mend: what to do about that.
     """
     preferences = bpy.context.preferences
     changed, preview = preferences.is_dirty, preferences.filepaths.file_preview_type

@@ -25,7 +25,7 @@ def missing_links() -> list[str]:
 
 
 def refuse_lost_links(scene: Any, before: list[str]) -> None:
-    """Raises InputError where the scene's photo uses linked data that is missing here and was not `before`."""
+    """Raise InputError if the scene's photo uses linked data that is missing here and was not `before`."""
     lost = [one for one in _used(scene) if one.is_missing and one.library and _key(one) not in before]
     for one in sorted(lost, key=_key):
         library = Path(bpy.path.abspath(one.library.filepath, library=one.library.library)).resolve()

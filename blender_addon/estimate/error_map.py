@@ -54,7 +54,7 @@ class MPS_OT_error_map(RunsCore, bpy.types.Operator):
         return operation, [self._output]
 
     def _check_view(self, image: Any, camera: Path, folder: Path) -> None:
-        """Raises InputError where the true normals are of another view than the photo."""
+        """Raise InputError if the true normals are of another view than the photo."""
         taken_with, true = remembered(image, "camera"), read_camera(camera)
         if taken_with is None:
             return

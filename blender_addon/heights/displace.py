@@ -172,7 +172,7 @@ def _loaded(file: Path, tiles: Sequence[int], name: str) -> Any:
 def _texture_of(target: Any) -> Any:
     """The baked texture that an object wears, None where it wears none.
 
-    Raises InputError where it wears several, or none while others wear those that there are.
+    Raises InputError if it wears several, or none while others wear those that there are.
     """
     worn = _textures(slot.material for slot in target.material_slots)
     if len(worn) > 1:

@@ -130,7 +130,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
 
 def _check_own(folder: Path, photo: str) -> None:
-    """Raises FileError where a folder holds the material of another photo, which has the same name."""
+    """Raise FileError if a folder holds the material of another photo, which has the same name."""
     for image in bpy.data.images:
         if image.users and folder in origin(image).parents and remembered(image, _PHOTO) not in (None, photo):
             raise FileError(f"{folder} holds the material of another photo; name another folder")

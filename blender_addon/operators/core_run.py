@@ -155,7 +155,7 @@ class RunsCore(ReportingOperator):
         return work, outputs
 
     def will_write(self, outputs: Sequence[Path]) -> None:
-        """Raises InputError where that would overwrite what is needed, or what another run of this operator writes."""
+        """Raise InputError if that would overwrite what is needed, or what another run of this operator writes."""
         refuse_to_overwrite(verb_of(self.bl_idname), outputs)
         meant = {resolved(path) for path in outputs}
         for path in self._outputs.intersection(meant):

@@ -59,7 +59,7 @@ class ReportingOperator(bpy.types.Operator):
     def scene(self, result: object) -> Any:
         """The scene that the operator began in, whatever it is called by now, and whichever is open.
 
-        Raises InputError where it was removed. result: what it would have got, and where that is now.
+        Raises InputError if it was removed. result: what it would have got, and where that is now.
         """
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is None:

@@ -157,7 +157,7 @@ def mesh_of_photo(context: Any) -> Any:
 
 
 def _viewport(context: Any) -> Camera:
-    """The 3D viewport's view as a camera. Raises InputError where there is none."""
+    """The 3D viewport's view as a camera. Raises InputError if there is none."""
     view = getattr(context, "region_data", None)
     if view is None or bpy.app.background:
         raise InputError('start "VIEWPORT" needs a 3D viewport to take it from; choose "SEARCH" or "CAMERA"')

@@ -84,7 +84,7 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> d
 
     What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
 
-    Raises InputError where the copy of the file cannot be written, OSError where something else cannot.
+    Raises InputError if the copy of the file cannot be written, OSError where something else cannot.
     """
     painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
     original = Path(bpy.data.filepath or "scene.blend")
@@ -193,7 +193,7 @@ def _cancel(*_: Any) -> None:
 
 
 def _opened(job: RenderJob) -> Any:
-    """The copy's scene, in the window as it was there. Raises InputError where what was linked into it is lost."""
+    """The copy's scene, in the window as it was there. Raises InputError if what was linked into it is lost."""
     _open(job)
     if name_bake_folders(job.bakes):  # they are looked into when the file is opened, and not again
         bpy.ops.wm.save_mainfile()

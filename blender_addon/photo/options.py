@@ -76,7 +76,7 @@ def rig_and_camera_options(
 def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
     """The file of the rig that lit a photo: `rig_file`, else what is stored with the photo, else the scene's rig.
 
-    Raises SettingsError where none is known of a photo that somebody took.
+    Raises SettingsError if none is known of a photo that somebody took.
     """
     if rig_file:
         return Path(bpy.path.abspath(rig_file))
@@ -136,7 +136,7 @@ def network(settings: Any) -> Network:
 
 
 def model_name(settings: Any) -> str:
-    """The model's name for the core. Raises SettingsError where it is a file and none is named."""
+    """The model's name for the core. Raises SettingsError if it is a file and none is named."""
     if settings.model != "FILE":
         return MODELS[settings.model].name
     if not settings.model_file:
@@ -149,7 +149,7 @@ def reading(settings: Any, unmasked: str = "alpha-or-auto", painted: str = "") -
 
     unmasked: the mask unless one is chosen. painted: the file of :func:`painted_mask`, "" where there is none.
 
-    Raises SettingsError where a file is chosen and none is named, or a painted mask and none is painted.
+    Raises SettingsError if a file is chosen and none is named, or a painted mask and none is painted.
     """
     if settings.mask == "PAINTED" and not painted:
         raise SettingsError("no mask is painted for this; press Paint Mask in the step Photo, or choose another mask")

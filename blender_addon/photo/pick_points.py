@@ -387,7 +387,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
 
 
 def _beside_viewport(context: Any) -> Any:
-    """A part of the viewport, as an Image Editor. Raises InputError where there is no viewport, or no room."""
+    """A part of the viewport, as an Image Editor. Raises InputError if there is no viewport, or no room."""
     screen = context.window.screen
     views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]
     if not views:

@@ -65,7 +65,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where
     something else is in its place.
 
-    Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
+    Raises InputError if the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
     """
     render_path(path)
     photo, (camera, _, lights) = scene.mps.photo, rig_parts(scene)
@@ -139,7 +139,7 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
     ``Camera.rotation`` to come to camera space), averaged over each pixel and so a little shorter than 1 at edges;
     ``ViewLayer.Combined.A`` holds the alpha. Blender 4.5 writes one part with these names, 5.x a part for each pass.
 
-    The camera is written beside it. Raises InputError where the rig is incomplete or the file cannot be written.
+    The camera is written beside it. Raises InputError if the rig is incomplete or the file cannot be written.
     """
     render_path(path)
     camera, photo = rig_camera(scene), scene.mps.photo
@@ -280,7 +280,7 @@ def _refuse_other_light(studio: Any) -> None:
 
 
 def refuse_glow(obj: Any, owner: str) -> None:
-    """Raises InputError where one of the object's materials glows. owner: the object's name for people."""
+    """Raise InputError if one of the object's materials glows. owner: the object's name for people."""
     for slot in obj.material_slots:
         if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
             raise InputError(

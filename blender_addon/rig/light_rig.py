@@ -28,7 +28,7 @@ def light_rig(scene: Any) -> LightRig:
     all three are of one such kind they are near lights, which differ from pixel to pixel. The mixing matrix follows
     from the lights' colours and their brightness at the target.
 
-    Raises InputError where a part of the rig is missing, the lights' brightness cannot be compared, or no normal can be
+    Raises InputError if a part of the rig is missing, the lights' brightness cannot be compared, or no normal can be
     told from how they stand.
     """
     view_layer(scene).update()
@@ -65,7 +65,7 @@ def lights_stand(scene: Any) -> Provenance:
 
 
 def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
-    """The rig's camera, target and three lights. Raises InputError where one is missing."""
+    """The rig's camera, target and three lights. Raises InputError if one is missing."""
     settings = scene.mps.rig
     camera = rig_camera(scene)
     in_scene = set(scene.objects)
@@ -83,7 +83,7 @@ def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
 
 
 def rig_camera(scene: Any) -> Any:
-    """The rig's camera. Raises InputError where there is none."""
+    """The rig's camera. Raises InputError if there is none."""
     settings = scene.mps.rig
     if not settings.lights:
         raise InputError("there is no rig in this scene; select the object and add one first")

@@ -82,7 +82,7 @@ class MPS_OT_remove_rig(bpy.types.Operator):
 def add_rig(context: Any) -> None:
     """Build the rig around the selected objects with the scene's settings, in place of an earlier one.
 
-    Raises InputError where nothing with a surface is selected.
+    Raises InputError if nothing with a surface is selected.
     """
     scene, settings = context.scene, context.scene.mps.rig
     refuse_linked_scene(scene)
@@ -153,7 +153,7 @@ def rig_objects(scene: Any) -> Iterable[Any]:
 
 
 def _selected(context: Any) -> list[Any]:
-    """The selected objects that are not the rig's own. Raises InputError where there are none."""
+    """The selected objects that are not the rig's own. Raises InputError if there are none."""
     old, objects = set(rig_objects(context.scene)), context.view_layer.objects
     selected = [obj for obj in objects.selected if obj not in old]
     if not selected:

@@ -203,7 +203,7 @@ def add_rig_ring(context: Any, count: int, elevation: float) -> None:
     """Build rigs around the selected objects, their cameras evenly around the vertical and `elevation` degrees above
     the horizon. The chosen rig is the first of them where it was never built; the last one is chosen then.
 
-    Raises InputError where nothing with a surface is selected.
+    Raises InputError if nothing with a surface is selected.
     """
     scene = context.scene
     bounding_sphere(
@@ -249,7 +249,7 @@ def all_rigs(scene: Any) -> Iterator[Any]:
 def rig_at(scene: Any, place: int, result: object) -> Any:
     """What holds ``rig``, ``photo`` and ``estimate`` at a place in the scene's list of rigs, chosen or not.
 
-    Raises InputError where there is none any more. result: what it would have got, and where that is now.
+    Raises InputError if there is none any more. result: what it would have got, and where that is now.
     """
     rigs = list(all_rigs(scene))
     if place >= len(rigs):

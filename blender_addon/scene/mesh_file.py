@@ -61,7 +61,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
     The normals of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None where only
     the shape counts. turn: brings Blender's world into that of the cameras, where they differ.
 
-    Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
+    Raises InputError if the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
     if obj.type == "EMPTY" and obj.instance_collection is not None:
         raise GeometryError(
@@ -118,7 +118,7 @@ def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
     """Write the surfaces of objects, as modifiers and instances make them in the viewport, as one mesh in the world;
     their shape alone.
 
-    Raises InputError where they have none, or too many triangles to be written while a window waits.
+    Raises InputError if they have none, or too many triangles to be written while a window waits.
     """
     wanted, meshes, count = set(objects), [], 0
     for instance in depsgraph.object_instances:

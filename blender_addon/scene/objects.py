@@ -14,7 +14,7 @@ def by_session_uid(datablocks: Any, session_uid: int) -> Any:
 
 
 def find_object(scene: Any, name: str) -> Any:
-    """The scene's object of that name. Raises InputError where there is none."""
+    """The scene's object of that name. Raises InputError if there is none."""
     target = scene.objects.get(name)
     if target is None:
         raise InputError(f'there is no object "{name}" in the scene; check its name')
@@ -22,19 +22,19 @@ def find_object(scene: Any, name: str) -> Any:
 
 
 def check_in_scene(scene: Any, obj: Any, what: str) -> None:
-    """Raises InputError where an object that a setting names is not in the scene: deleted ones live on in settings."""
+    """Raise InputError if an object that a setting names is not in the scene: deleted ones live on in settings."""
     if scene not in obj.users_scene:
         raise InputError(f'the {what} "{obj.name}" was deleted, or is in another scene; choose one of this scene')
 
 
 def refuse_linked_scene(scene: Any) -> None:
-    """Raises InputError where a scene is another file's, which cannot be given objects."""
+    """Raise InputError if a scene is another file's, which cannot be given objects."""
     if scene.library is not None:
         raise InputError(f'the scene "{scene.name}" is linked from {scene.library.filepath}; make it local first')
 
 
 def refuse_unselectable(obj: Any) -> None:
-    """Raises InputError where Blender does not let an object be selected."""
+    """Raise InputError if Blender does not let an object be selected."""
     if obj.hide_select or not obj.visible_get():
         raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
 

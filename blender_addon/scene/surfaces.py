@@ -21,13 +21,13 @@ def middle_of(obj: Any) -> Vector:
 def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:
     """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
 
-    Raises InputError where none of them has a surface.
+    Raises InputError if none of them has a surface.
     """
     return sphere_around(surface_points(depsgraph, objects), Matrix.Identity(3))
 
 
 def surface_points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64]:
-    """(N, 3) points of all the objects' surfaces, in the world. Raises InputError where there is none."""
+    """(N, 3) points of all the objects' surfaces, in the world. Raises InputError if there is none."""
     clouds = [points for _, points in surfaces(depsgraph, objects)]
     if not clouds:
         raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")

@@ -203,7 +203,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
 
 
 def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
-    """Call one of the add-on's operators. Raises InputError where it fails, with its report."""
+    """Call one of the add-on's operators. Raises InputError if it fails, with its report."""
     try:
         operator(*how, **settings)
     except RuntimeError as error:

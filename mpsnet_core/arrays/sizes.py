@@ -16,7 +16,7 @@ def size(shape: Sequence[int]) -> str:
 def check_same_size(
     name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = SAME_SIZE
 ) -> None:
-    """Raises GeometryError where two arrays differ in shape; `name` and `other` name them in the sentence.
+    """Raise GeometryError if two arrays differ in shape; `name` and `other` name them in the sentence.
 
     >>> check_same_size("the mask", (2, 3, 3), "the photo", (2, 3))
     Traceback (most recent call last):

@@ -65,7 +65,7 @@ def bake_normals(
     size, space, margin, padding, samples, feather, strength, fill
         As for :class:`mpsnet_core.bake.settings.Baking`.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Returns
     -------
@@ -77,11 +77,11 @@ def bake_normals(
     Raises
     ------
     SettingsError
-        Where a number is out of range.
+        If a number is out of range.
     GeometryError
-        Where there is no view, or no texel is seen.
+        If there is no view, or no texel is seen.
     Cancelled
-        Where `progress` raises it.
+        If `progress` raises it.
     """
     baking = Baking(size, space, margin, padding, samples, feather, strength, fill)
     ((_, texture),) = bake_texture_sets([mesh], views, texture_sets([mesh]), baking, progress=progress)
@@ -109,7 +109,7 @@ def bake_texture_sets(
     baking : Baking
         How the textures are baked.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Yields
     ------
@@ -119,7 +119,7 @@ def bake_texture_sets(
     Raises
     ------
     GeometryError
-        Where there is no view, no texel lies on the UVs, or no view sees any of the meshes.
+        If there is no view, no texel lies on the UVs, or no view sees any of the meshes.
     """
     bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.

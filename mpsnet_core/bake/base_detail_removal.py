@@ -56,7 +56,7 @@ class BaseMap:
     Raises
     ------
     SettingsError
-        Where `shown` is none of these words.
+        If `shown` is none of these words.
     """
 
     vectors: NDArray[np.float32]

@@ -39,7 +39,7 @@ def base_map_files(
     .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that is for a texture set's
     object and material is taken. convention: of the image, and of the maps for which the list says none.
 
-    Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no texture set
+    Raises InputError if the list is malformed, the textures are not parted as a name's tokens are, or no texture set
     has a map.
     """
     base_files: list[MapFile | None] = [None] * len(texture_sets)
@@ -71,7 +71,7 @@ def base_map_files(
 def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
     """The one map that goes beneath every texture of a sequence.
 
-    Raises InputError where the file stands for several maps, or cannot be read.
+    Raises InputError if the file stands for several maps, or cannot be read.
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
@@ -87,7 +87,7 @@ class BaseMaps(Sequence[BaseMap]):
 
     beneath: of :func:`base_map_files`, for the texture sets.
 
-    Raises InputError where a map cannot be read.
+    Raises InputError if a map cannot be read.
     """
 
     def __init__(

@@ -41,9 +41,9 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     Raises
     ------
     FileError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it is no normal map, or one in object space.
+        If it is no normal map, or one in object space.
     """
     colours, alpha = read_data(path)
     length = np.empty(colours.shape[:2], np.float32)
@@ -84,7 +84,7 @@ def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
     Raises
     ------
     SettingsError
-        Where the texture is not in tangent space.
+        If the texture is not in tangent space.
 
     Notes
     -----
@@ -102,7 +102,7 @@ def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
 
 
 def check_blending(space: str) -> None:
-    """Raises SettingsError where a texture in that space cannot be laid onto another."""
+    """Raise SettingsError if a texture in that space cannot be laid onto another."""
     if space != "tangent":
         raise SettingsError("only a texture in tangent space can go on top of a present map; bake in tangent space")
 

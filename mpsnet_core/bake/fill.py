@@ -22,7 +22,7 @@ BAND = 4
 
 
 def check_filling(space: str) -> None:
-    """Raises SettingsError where a texture in that space cannot be filled."""
+    """Raise SettingsError if a texture in that space cannot be filled."""
     if space != "tangent":
         raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
 

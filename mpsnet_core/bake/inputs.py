@@ -80,7 +80,7 @@ class ViewReader:
 
         known: these shares, where they have been found before.
 
-        Raises InputError, which names the view, where one cannot be read, or its files differ in size.
+        Raises InputError, which names the view, if one cannot be read, or its files differ in size.
         """
         whole = join_meshes(meshes)
         scene = RayScene.of(whole) if self.level or self.base_maps else None
@@ -116,7 +116,7 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
 
     mesh: a file, or a folder or pattern of numbered ones. views: camera and normal map each, likewise.
 
-    Raises FileError where a pattern means no sequence, or no number is common to all.
+    Raises FileError if a pattern means no sequence, or no number is common to all.
     """
     meshes = _by_number(mesh, "mesh")
     pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]

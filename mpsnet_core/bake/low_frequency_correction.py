@@ -54,7 +54,7 @@ class Levelling:
 
 
 def parse_scale(text: str) -> float:
-    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises SettingsError where none is."""
+    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises SettingsError if none is."""
     if text in ("on", "off"):
         return LEVEL_SCALE if text == "on" else 0.0
     try:
@@ -94,9 +94,9 @@ def correct_low_frequencies(
     Raises
     ------
     SettingsError
-        Where the scale is out of range.
+        If the scale is out of range.
     GeometryError
-        Where the sizes of normals and camera differ.
+        If the sizes of normals and camera differ.
 
     Notes
     -----

@@ -30,7 +30,7 @@ def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
     """Read a list; files that it names without a folder lie beside it.
 
     {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
-    "convention": "directx"}]}, all but the file as needed. Raises FormatError where it is malformed.
+    "convention": "directx"}]}, all but the file as needed. Raises FormatError if it is malformed.
     """
     maps: Any = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
     found = []

@@ -71,14 +71,14 @@ class Photography:
         return [PhotoFolder(folder, "white photos") for folder in self.white]
 
     def white_of(self, view: ViewPhoto) -> list[Path]:
-        """The view's photos under white light, one out of each folder. Raises FileError where a folder has none."""
+        """The view's photos under white light, one out of each folder. Raises FileError if a folder has none."""
         return [_beside(view, folder, "white", "white photo") for folder in self.white_folders]
 
     def mask_of(self, view: ViewPhoto) -> str:
         """What :func:`read_capture` shall take the view's mask from.
 
         In a folder of masks: what lies there as the photo does among the photos, else what is named as the view or the
-        photo. Raises FileError where that folder has none, or several fit.
+        photo. Raises FileError if that folder has none, or several fit.
         """
         if self.mask == "mesh":
             return "none"
@@ -87,7 +87,7 @@ class Photography:
         return os.fspath(_beside(view, self.masks, "mask", "mask"))
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
+        """The view's photo, without its lens. Raises InputError, which names the view, if it cannot be had."""
         with located(f"view {view.name}"):
             capture = self._capture(view, scene)
         note_doubts(capture, f"view {view.name}")
@@ -117,7 +117,7 @@ class Photography:
 
 
 def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
-    """Raises InputError, which names the view, where a photo is no image or not as large as its camera's, as far as
+    """Raise InputError, which names the view, if a photo is no image or not as large as its camera's, as far as
     the files' headers tell: before any is read."""
     for view in views:
         camera, layer = (view.camera.height, view.camera.width), photography.reading.layer
@@ -132,7 +132,7 @@ def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
 
 def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
     """The view's picture in a folder: what lies there as the photo does among the photos, else what is named as the
-    view or the photo, also with _`ending` behind. Raises FileError where there is none, or several fit."""
+    view or the photo, also with _`ending` behind. Raises FileError if there is none, or several fit."""
     photo, top = view.photo, folder.path
     for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
         stems = [stem, f"{stem}_{ending}", f"{stem}{photo.suffix}"]
@@ -198,7 +198,7 @@ class KeptView:
         return all(is_up_to_date(file, source) for file in self.files)
 
     def check_own(self) -> None:
-        """Raises FileError where one of the files is there and not written by us, or retouched since."""
+        """Raise FileError if one of the files is there and not written by us, or retouched since."""
         for file in self.files:
             if file.exists() and not is_result(file, "normals"):
                 raise FileError(
@@ -226,7 +226,7 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
     The mesh counts where masks or depth come from it. recipe: text that changes with every setting that all views are
     estimated by: the model, how photos are read, dark frame and flat field.
 
-    Raises InputError, which names the view, where a mask is missing, two views would share one out of a folder, or a
+    Raises InputError, which names the view, if a mask is missing, two views would share one out of a folder, or a
     light is behind the object.
     """
     shape, whose, sources = _shape(mesh), dict[str, str](), []
@@ -308,7 +308,7 @@ def estimate_views(
 
     sources: of :func:`sources_of`. agreed: receives every view.
 
-    Raises InputError, which names the view, where its photo cannot be had.
+    Raises InputError, which names the view, if its photo cannot be had.
     """
     known = 0
     for number, (view, source) in enumerate(zip(views, sources, strict=True)):

@@ -161,7 +161,7 @@ class LaysOnto(MakesTextures):
     )
 
     def check_onto(self) -> None:
-        """Raises SettingsError where the detail cannot go on top of the present map, or its options lack the map."""
+        """Raise SettingsError if the detail cannot go on top of the present map, or its options lack the map."""
         from mpsnet_core.bake.detail_blending import check_blending
 
         if self.onto:
@@ -172,7 +172,7 @@ class LaysOnto(MakesTextures):
             )
 
     def level_scale(self) -> float:
-        """The levelling's scale as a share of the mesh's size, 0 for none. Raises SettingsError where it is unknown."""
+        """The levelling's scale as a share of the mesh's size, 0 for none. Raises SettingsError if it is unknown."""
         from mpsnet_core.bake.low_frequency_correction import parse_scale
 
         # What is large in the present map is in the photo as well, and shall not be added to it.
@@ -181,7 +181,7 @@ class LaysOnto(MakesTextures):
     def baking(self, feather: float) -> "Baking":
         """How the textures are baked.
 
-        Raises SettingsError where an option is out of range, or a margin is set that the padding does not use.
+        Raises SettingsError if an option is out of range, or a margin is set that the padding does not use.
         """
         from mpsnet_core.bake.settings import Baking
 
@@ -590,7 +590,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         return target
 
     def _files(self, target: "TextureTarget") -> tuple[list[Path], list[str]]:
-        """What is read, but for the photos, and what is written. Raises InputError where one would overwrite another,
+        """What is read, but for the photos, and what is written. Raises InputError if one would overwrite another,
         or has no place."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, writable_path
@@ -625,7 +625,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         return Photography(rig_of, self.mask, self.reading(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
-        """The files that the views are to be kept in. Raises FileError where one is there that is not ours."""
+        """The files that the views are to be kept in. Raises FileError if one is there that is not ours."""
         from mpsnet_core.bake.multi_view import KeptView
 
         kept = [KeptView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []

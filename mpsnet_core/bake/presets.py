@@ -78,7 +78,7 @@ PRESETS = Choices(
 def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:
     """The file to write for an object of that name: `output`, or where that is a folder, the preset's name in it.
 
-    suffix: an ending to take in place of the preset's. Raises SettingsError where the output has another ending.
+    suffix: an ending to take in place of the preset's. Raises SettingsError if the output has another ending.
     """
     suffix = suffix or preset.suffix
     target = Path(output)

@@ -39,7 +39,7 @@ class View:
     Raises
     ------
     GeometryError
-        Where their sizes differ.
+        If their sizes differ.
     """
 
     camera: Camera

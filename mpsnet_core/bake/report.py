@@ -95,7 +95,7 @@ def write_bake_report(
 ) -> None:
     """Write the page: the textures' maps, and a line for each view.
 
-    Raises InputError where no report can be put there.
+    Raises InputError if no report can be put there.
     """
     path = page_path(path)
     with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:

@@ -46,7 +46,7 @@ def bake_sequence(
     frames: by their textures' files, in their order. reader: with one present map at most, which goes beneath each
     texture. recipe: text that changes with every setting that makes other textures.
 
-    Raises InputError where a frame cannot be read or baked; those before it are written.
+    Raises InputError if a frame cannot be read or baked; those before it are written.
     """
     base_map = reader.base_maps[0] if reader.base_maps else None
     mesh_of = lru_cache(maxsize=1)(read_mesh)

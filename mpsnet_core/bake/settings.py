@@ -40,7 +40,7 @@ class Baking:
     Raises
     ------
     SettingsError
-        Where one of them is out of range.
+        If one of them is out of range.
     """
 
     size: int = TEXTURE_SIZE
@@ -66,7 +66,7 @@ class Baking:
 
 
 def check_texture(size: int, space: str, margin: int) -> None:
-    """Raises SettingsError where no texture has that size, space or margin."""
+    """Raise SettingsError if no texture has that size, space or margin."""
     if not 1 <= size <= MAX_TEXTURE_SIZE:
         raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}")
     if not 0 <= margin <= MAX_TEXTURE_SIZE:

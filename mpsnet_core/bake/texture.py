@@ -92,7 +92,7 @@ def write_texture(
     Raises
     ------
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
     """
     height, width, _ = texture.vectors.shape
     write_bands(

@@ -59,7 +59,7 @@ def texture_target(
     ending: the files' format, with or without a dot. sequence: the output is a folder of frames, which have names of
     their own.
 
-    Raises SettingsError where the preset is not known, the options do not fit the output's ending, or a folder is given
+    Raises SettingsError if the preset is not known, the options do not fit the output's ending, or a folder is given
     for what several meshes share, which no preset has a name for.
     """
     suffix = file_suffix(ending) if ending else None
@@ -136,7 +136,7 @@ def planned(
     taken: what no texture may overwrite. onto, onto_convention: as :func:`base_map_files` takes them. onto_shown:
     whether the photos show that map. albedo: whether the views' colours are baked as well. coverage: as a Plan has it.
 
-    Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
+    Raises InputError if a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
     by = split_by(target.output)
     meshes = [read_mesh(file) for file in mesh_files]
@@ -165,7 +165,7 @@ def _named(mesh: Mesh, name: str) -> Mesh:
 def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[Made, Texture]]:
     """Write textures one by one, as they are baked; yields each with its record.
 
-    Raises InputError where one cannot be baked or written.
+    Raises InputError if one cannot be baked or written.
     """
     target = plan.target
     for texture_set, texture in baked:

@@ -55,7 +55,7 @@ def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
 
     Names that become the same that way, on some system at least, are numbered.
 
-    Raises SettingsError where the pattern has other tokens than the texture sets are parted by, or two get one file.
+    Raises SettingsError if the pattern has other tokens than the texture sets are parted by, or two get one file.
     """
     files = map_files(pattern, texture_sets)
     folded = [file.name.casefold() for file in files]
@@ -68,7 +68,7 @@ def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
 
 
 def check_one_texture(file: str | os.PathLike[str]) -> None:
-    """Raises SettingsError where a token in the file's name makes it stand for several textures: one is needed."""
+    """Raise SettingsError if a token in the file's name makes it stand for several textures: one is needed."""
     called = {"tile": "a tile's number", "material": "a material's name", "object": "an object's name"}
     name = "" if Path(file).is_file() else Path(file).name
     for token, what in TOKENS.items():
@@ -81,7 +81,7 @@ def check_one_texture(file: str | os.PathLike[str]) -> None:
 def tile_patterns(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
     """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each texture set.
 
-    Raises SettingsError where the pattern has a token in a folder's name or one that is not known.
+    Raises SettingsError if the pattern has a token in a folder's name or one that is not known.
     """
     return _named(pattern, texture_sets, ["<UDIM>"] * len(texture_sets))
 
@@ -89,7 +89,7 @@ def tile_patterns(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
 def map_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
     """The same for maps that are read, of which several texture sets may share one.
 
-    Raises SettingsError where the pattern has other tokens than the texture sets are parted by.
+    Raises SettingsError if the pattern has other tokens than the texture sets are parted by.
     """
     return _named(pattern, texture_sets, [str(texture_set.tile) for texture_set in texture_sets])
 

@@ -71,7 +71,7 @@ def texture_sets(
 
     Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
 
-    Raises GeometryError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
+    Raises GeometryError if no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
     """
     if not (tiles or materials or objects):
         _note_outside(meshes, "0 to 1", 1, 1)
@@ -177,7 +177,7 @@ def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
 
 
 def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
-    """Log triangles outside of all textures. Raises GeometryError where all are."""
+    """Log triangles outside of all textures. Raises GeometryError if all are."""
     limit = np.array([width, height])
     count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
     bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]

@@ -30,7 +30,7 @@ class Projectors:
     def batches(self) -> Iterator[list[Projector]]:
         """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next.
 
-        Raises InputError where a view that is not held in memory cannot be read again, or only some have colours.
+        Raises InputError if a view that is not held in memory cannot be read again, or only some have colours.
         """
         if self.all:
             yield self.all

@@ -51,7 +51,7 @@ class ChildEnded(Exception):
 class ChildProcess:
     """A child process in a group of its own; one thread at a time sends and receives.
 
-    Attributes `progress` (0 to 1) and `message` say how far it is. Raises FileError where the command cannot be run.
+    Attributes `progress` (0 to 1) and `message` say how far it is. Raises FileError if the command cannot be run.
     """
 
     # A process that is started while another's pipes are made inherits them on Windows, and keeps them open.
@@ -104,7 +104,7 @@ class ChildProcess:
     def receive(self, seconds: float | None = None) -> dict[str, Any]:
         """The next message that is not about progress.
 
-        Raises ChildEnded where the process has ended, or is ended now as no message came in so many seconds.
+        Raises ChildEnded if the process has ended, or is ended now as no message came in so many seconds.
         """
         try:
             message = self._messages.get(timeout=seconds)
@@ -231,7 +231,7 @@ class Parent:
 
 
 def requests() -> Iterator[dict[str, Any]]:
-    """The requests on stdin, until it ends. Raises FormatError where a line is none."""
+    """The requests on stdin, until it ends. Raises FormatError if a line is none."""
     for line in _lines(sys.stdin) if sys.stdin else ():
         request = _parsed(line)
         if not request:
@@ -240,7 +240,7 @@ def requests() -> Iterator[dict[str, Any]]:
 
 
 def only_request() -> dict[str, Any]:
-    """The request of a process that gets one; empty where there is none. Raises FormatError where it is malformed.
+    """The request of a process that gets one; empty where there is none. Raises FormatError if it is malformed.
 
     Where stdin ends afterwards, the parent is gone, and this process stops as by SIGTERM. On Windows it goes on: while
     a thread waits for stdin there, libraries that look at it cannot be loaded.

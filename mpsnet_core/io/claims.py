@@ -41,7 +41,7 @@ class Claims:
     Locks belong to a process: children do not inherit them, threads share them, and on POSIX closing one `Claims` of a
     folder releases those of all others in the process.
 
-    Raises FileError where the lock file cannot be created, or the file system has no locks.
+    Raises FileError if the lock file cannot be created, or the file system has no locks.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:

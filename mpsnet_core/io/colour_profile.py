@@ -48,7 +48,7 @@ def profile_curve(profile: bytes) -> Curve | None:
 def transfer_is_linear(path: Path, transfer: int) -> bool:
     """Whether the values of a picture or video follow no curve; else it is about sRGB's.
 
-    Raises FormatError where it is another one.
+    Raises FormatError if it is another one.
     """
     if transfer in OTHER_TRANSFERS:
         raise FormatError(

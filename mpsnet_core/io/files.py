@@ -83,7 +83,7 @@ def written_together() -> Iterator[None]:
     Until then they have their unfinished names, within the block as well. A nested block is part of the outer one. Only
     a process that is killed while it renames them, in less than a millisecond, leaves some of them new.
 
-    Raises FileError where a file cannot be renamed.
+    Raises FileError if a file cannot be renamed.
     """
     if _block.changes is not None:
         yield
@@ -106,7 +106,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     killed process. The renamed file is flushed to the disk. In a block of :func:`written_together` it is renamed at the
     block's end. Where `path` is a link, all of this is about the file that it leads to.
 
-    Raises FileError where the folder is missing or cannot be written, or the disk is full.
+    Raises FileError if the folder is missing or cannot be written, or the disk is full.
     """
     path = _behind_link(writable_path(path))
     _clear_once(resolved(path.parent))
@@ -234,7 +234,7 @@ def _place() -> str:
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, for checks before long work. Raises FileError where no file can be written there."""
+    """`path` as a Path, for checks before long work. Raises FileError if no file can be written there."""
     path = Path(path)
     if not is_utf8(path):
         raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
@@ -253,7 +253,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
 
 def check_no_link(path: Path) -> None:
-    """Raises FileError where a file would be written through a link: a folder from elsewhere may hold one that leads
+    """Raise FileError if a file would be written through a link: a folder from elsewhere may hold one that leads
     to a file of the person's."""
     if path.is_symlink():
         raise FileError(f"{path} is a link to {path.readlink()}, through which nothing is written; remove the link")
@@ -270,7 +270,7 @@ def file_suffix(kind: str) -> str:
 
 
 def check_ending(output: Path, suffix: str) -> None:
-    """Raises SettingsError where the file ends in something else than --format says."""
+    """Raise SettingsError if the file ends in something else than --format says."""
     if output.suffix.lower() != suffix:
         raise SettingsError(f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out")
 
@@ -278,7 +278,7 @@ def check_ending(output: Path, suffix: str) -> None:
 def checked_bits(path: Path, bits: int | None = None) -> int:
     """Bits per channel to write `path` with: `bits` if the format supports them, its default if None.
 
-    Raises SettingsError where the format is not supported, or does not support these bits.
+    Raises SettingsError if the format is not supported, or does not support these bits.
     """
     choices = WRITABLE_BITS.get(path.suffix.lower())
     if choices is None:
@@ -301,7 +301,7 @@ def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Pat
 
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raises FileError where one of `outputs` is among the files `taken` by inputs, or among the outputs before it."""
+    """Raise FileError if one of `outputs` is among the files `taken` by inputs, or among the outputs before it."""
     needed, made = set(map(_as_compared, taken)), set[Path]()
     for output in outputs:
         file = _as_compared(output)
@@ -370,7 +370,7 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
 
 
 def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a folder for `what`, created where it is missing. Raises FileError where it cannot be."""
+    """`path` as a folder for `what`, created where it is missing. Raises FileError if it cannot be."""
     path = makeable_folder(path, what)
     try:
         path.mkdir(exist_ok=True)
@@ -461,7 +461,7 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
 
 
 def check_small(path: Path, what: str) -> None:
-    """Raises FormatError where a file is larger than any of its kind, and is so `what` it is not."""
+    """Raise FormatError if a file is larger than any of its kind, and is so `what` it is not."""
     if path.stat().st_size > MAX_TEXT_BYTES:
         raise FormatError(f"{path} is larger than 1 MiB and so {what}; check the path")
 

@@ -123,7 +123,7 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     A run of # in a pattern matches as many digits; * and ? as in a shell. Of a photo both as raw and as JPEG, folders
     and patterns match the raw file.
 
-    Raises FileError where a file is missing, or a folder or pattern matches no image.
+    Raises FileError if a file is missing, or a folder or pattern matches no image.
     """
     photos: list[Path] = []
     for given in inputs:
@@ -164,7 +164,7 @@ def is_video(path: str | os.PathLike[str]) -> bool:
 def files_meant(options: Iterable[str | None]) -> list[Path]:
     """The files that options name, those of folders and patterns one by one: what no result may overwrite.
 
-    Raises FileError where a folder or a pattern means none.
+    Raises FileError if a folder or a pattern means none.
     """
     given = [one for one in options if one]
     return [file for one in given for file in (expand_images([one]) if is_several(one) else [Path(one)])]
@@ -173,7 +173,7 @@ def files_meant(options: Iterable[str | None]) -> list[Path]:
 def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
     """The files in a folder, or those that match a pattern, in natural order; see :func:`expand_images`.
 
-    what: their name in messages. Raises FileError where there are none.
+    what: their name in messages. Raises FileError if there are none.
     """
     path = Path(given)
     if path.is_dir():
@@ -197,7 +197,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
 
     kind: of file in a folder, as "png", which it is unless given.
 
-    Raises FileError where two results would share a name, or cannot be written; SettingsError where `output` is a file
+    Raises FileError if two results would share a name, or cannot be written; SettingsError where `output` is a file
     of another kind.
     """
     target, suffix = Path(output), file_suffix(kind or "png")
@@ -222,7 +222,7 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
 
     given: why it must be a folder, for messages. what: its content, if not normals.
 
-    Raises FileError where `output` is a file, or cannot be created.
+    Raises FileError if `output` is a file, or cannot be created.
     """
     target = Path(output)
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):

@@ -27,7 +27,7 @@ _FORMATS = ("png", "jpeg", "tiff", "openexr")
 def open_image(path: Path) -> Any:
     """OpenImageIO's reader of an image, for colours not premultiplied where the format leaves that open.
 
-    Raises FileError where it is missing, FormatError where it is no image.
+    Raises FileError if it is missing, FormatError where it is no image.
     """
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -44,7 +44,7 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
     Files of OpenImageIO's other formats are not opened. :func:`complaint` may return the reason.
 
-    Raises FileError where the file's name is not valid UTF-8, FormatError where a JPEG claims to be larger than what is
+    Raises FileError if the file's name is not valid UTF-8, FormatError where a JPEG claims to be larger than what is
     read: a progressive one is decoded as it is opened.
     """
     try:
@@ -65,7 +65,7 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
 
 def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
-    """Raises FormatError where the frame header of a JPEG claims more than :data:`MAX_PIXELS`."""
+    """Raise FormatError if the frame header of a JPEG claims more than :data:`MAX_PIXELS`."""
     file.seek(0)
     if file.read(2) != b"\xff\xd8":
         return

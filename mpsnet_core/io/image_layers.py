@@ -77,7 +77,7 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
 
 
 def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
-    """The layers of an open file by name. Raises FormatError where it claims to be larger than is read."""
+    """The layers of an open file by name. Raises FormatError if it claims to be larger than is read."""
     layers: dict[str, _Layer] = {}
     subimage = 0
     while source.seek_subimage(subimage, 0):

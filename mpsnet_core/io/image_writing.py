@@ -102,7 +102,7 @@ def write_bands(
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
-    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises FileError where the disk is full."""
+    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises FileError if the disk is full."""
     height, width, channels = pixels.shape
     with temporary_folder() as folder:
         file = folder / "picture.png"

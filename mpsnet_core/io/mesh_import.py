@@ -102,7 +102,7 @@ def _without_pictures(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
 
 
 def _check_size(header: dict[str, Any], most: int) -> None:
-    """Raises FormatError where a GLB file claims more than `most` bytes: trimesh believes what it says of its arrays,
+    """Raise FormatError if a GLB file claims more than `most` bytes: trimesh believes what it says of its arrays,
     and copies one as often as something names it."""
     arrays = [
         _NUMBERS[one["type"]] * _BYTES[one["componentType"]] * abs(one["count"]) for one in header.get("accessors", ())
@@ -116,7 +116,7 @@ def _check_size(header: dict[str, Any], most: int) -> None:
 
 
 def _check_parts(header: dict[str, Any]) -> None:
-    """Raises FormatError where a GLB file has more than :data:`MAX_PARTS`: trimesh follows each node to the root."""
+    """Raise FormatError if a GLB file has more than :data:`MAX_PARTS`: trimesh follows each node to the root."""
     nodes = header.get("nodes", ())
     meshes = [len(mesh["primitives"]) for mesh in header.get("meshes", ())]
     parts = sum(meshes) + sum(meshes[node["mesh"]] for node in nodes if "mesh" in node)
@@ -143,7 +143,7 @@ def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
 
 
 def _check_plain(header: dict[str, Any]) -> None:
-    """Raises FormatError where a GLB file's vertices are stored in a way that trimesh takes for plain numbers, or its
+    """Raise FormatError if a GLB file's vertices are stored in a way that trimesh takes for plain numbers, or its
     triangles or instances in one that it leaves out."""
     packed = PACKED & set(header.get("extensionsRequired", ()))
     if any(INSTANCES in node.get("extensions", {}) for node in header.get("nodes", ())):

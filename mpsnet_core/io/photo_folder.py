@@ -11,7 +11,7 @@ from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES
 class PhotoFolder:
     """A folder of photos or masks, with or without subfolders. Each folder is listed once.
 
-    Raises FileError where it is no folder.
+    Raises FileError if it is no folder.
     """
 
     def __init__(self, path: str | os.PathLike[str], what: str = "photos") -> None:

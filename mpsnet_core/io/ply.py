@@ -52,7 +52,7 @@ NO_LENGTHS = np.empty(0, np.int64)
 
 
 def read_ply(path: Path) -> dict[str, Values]:
-    """The values of a file's elements, such as "vertex" and "face". Raises FormatError where it is damaged."""
+    """The values of a file's elements, such as "vertex" and "face". Raises FormatError if it is damaged."""
     data = path.read_bytes()
     head, end, _ = data[:MAX_HEAD].partition(b"end_header")
     line_end = data.find(b"\n", len(head))
@@ -102,7 +102,7 @@ def _of_text(element: _Element) -> _Element:
 
 
 def _parts(data: bytes, at: int, element: _Element, order: str) -> Iterator[NDArray[np.void]]:
-    """Rows of an element, in runs of those whose lists are as long. Raises ValueError where the file is cut short."""
+    """Rows of an element, in runs of those whose lists are as long. Raises ValueError if the file is cut short."""
     columns = tuple(element.columns)
     left, ahead = element.count if columns else 0, 1
     while left > 0:

@@ -51,7 +51,7 @@ def identity(given: str | os.PathLike[str]) -> str:
 
 
 def content(file: str | os.PathLike[str]) -> str:
-    """Hash of a file's content. Raises FileError where it is missing."""
+    """Hash of a file's content. Raises FileError if it is missing."""
     with existing_file(file, "file").open("rb") as opened:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
@@ -69,7 +69,7 @@ def operation_facts(operation: Operation, *parts: type[Operation], **more: str) 
 
     parts: the classes that the operation is derived from whose options count; without any, all of its options do.
 
-    Raises FileError where a given file is missing.
+    Raises FileError if a given file is missing.
     """
     facts = dict(more)
     for setting in (setting for part in parts or (type(operation),) for setting in settings(part)):

@@ -26,7 +26,7 @@ def read_raw(path: Path) -> Image:
 
     `clipped` marks a channel where its site, or a neighbour that it is interpolated from, is saturated.
 
-    Raises FileError where the file is missing; FormatError where it is damaged, too large, or of a sensor without red,
+    Raises FileError if the file is missing; FormatError where it is damaged, too large, or of a sensor without red,
     green and blue in upright rows; InputError where rawpy is not installed.
     """
     path = existing_file(path, "image")

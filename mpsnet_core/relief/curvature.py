@@ -52,9 +52,9 @@ def curvature(
     Raises
     ------
     GeometryError
-        Where the sizes differ or a depth is missing.
+        If the sizes differ or a depth is missing.
     SettingsError
-        Where the radius is below 0.
+        If the radius is below 0.
 
     Notes
     -----
@@ -92,7 +92,7 @@ def _averaged(
 
 
 def check_curvature(radius: int, limit: float | None = None) -> None:
-    """Raises SettingsError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
+    """Raise SettingsError if curvature cannot be averaged over the radius, or not be shown up to the limit."""
     if radius < 0:
         raise SettingsError(f"a radius of {radius} pixels is none; give 0 or more")
     if limit is not None and not 0 < limit < np.inf:

@@ -115,7 +115,7 @@ class HeightFacts:
 def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
-    Raises FileError where they cannot be written there, or what stands in the place of the scale or of the mask is not
+    Raises FileError if they cannot be written there, or what stands in the place of the scale or of the mask is not
     of heights that were written there before.
     """
     path, scale, mask = height_names(writable_path(path))
@@ -172,7 +172,7 @@ def write_height(
     Raises
     ------
     FileError
-        Where a file cannot be written, or would overwrite another one.
+        If a file cannot be written, or would overwrite another one.
     """
     path, scale_file, mask_file = height_files(path, bits)
     bits = checked_bits(path, bits)
@@ -257,11 +257,11 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     Raises
     ------
     FileError
-        Where a file is missing or cannot be read.
+        If a file is missing or cannot be read.
     FormatError
-        Where a file is damaged, or scale and picture do not belong together.
+        If a file is damaged, or scale and picture do not belong together.
     GeometryError
-        Where the sizes of heights, mask and camera differ.
+        If the sizes of heights, mask and camera differ.
     """
     path = existing_file(path, "height map")
     scale_file = scale_sidecar(path)

@@ -28,7 +28,7 @@ class HeightMap:
     Raises
     ------
     GeometryError
-        Where the sizes differ, the mask is empty or a height inside it is not finite.
+        If the sizes differ, the mask is empty or a height inside it is not finite.
 
     Examples
     --------

@@ -42,7 +42,7 @@ def ambient_occlusion(
     reach : int, optional
         How far occluders count, in pixels; by default the whole object.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Returns
     -------
@@ -52,9 +52,9 @@ def ambient_occlusion(
     Raises
     ------
     GeometryError
-        Where the sizes differ.
+        If the sizes differ.
     SettingsError
-        Where the reach is below 1.
+        If the reach is below 1.
 
     Notes
     -----
@@ -90,7 +90,7 @@ def ambient_occlusion(
 
 
 def check_reach(reach: int | None) -> None:
-    """Raises SettingsError where ambient occlusion cannot look so few pixels far."""
+    """Raise SettingsError if ambient occlusion cannot look so few pixels far."""
     if reach is not None and reach < 1:
         raise SettingsError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
 

@@ -256,7 +256,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         )
 
     def _check_together(self) -> None:
-        """Raises SettingsError where an option is set that the others make meaningless."""
+        """Raise SettingsError if an option is set that the others make meaningless."""
         given = {
             setting.name: setting.flags[-1]
             for setting in settings(type(self))
@@ -298,7 +298,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return SurfaceMade(outputs, surface.unit, **facts, text="\n".join(lines))
 
     def _products(self) -> "dict[str, Product]":
-        """What is requested, by its option. Raises InputError where that is nothing, or cannot be made or written."""
+        """What is requested, by its option. Raises InputError if that is nothing, or cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
         from mpsnet_core.io.files import check_apart
         from mpsnet_core.io.frames import is_several
@@ -555,7 +555,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         )
 
     def _checked_name(self) -> str:
-        """What the files' names begin with. Raises SettingsError where name or folder cannot be meant."""
+        """What the files' names begin with. Raises SettingsError if name or folder cannot be meant."""
         from mpsnet_core.io.files import IMAGE_SUFFIXES
 
         name = Path(self.image).stem if self.name is None else self.name

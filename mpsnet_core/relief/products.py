@@ -96,11 +96,11 @@ class Product(ABC):
 
     @abstractmethod
     def files(self) -> list[Path]:
-        """The files that it is written to. Raises InputError where it cannot be made, or not written there."""
+        """The files that it is written to. Raises InputError if it cannot be made, or not written there."""
 
     @abstractmethod
     def make(self, surface: Surface, progress: Progress) -> Made:
-        """Make and write it. Raises InputError where that fails."""
+        """Make and write it. Raises InputError if that fails."""
 
 
 @dataclass(frozen=True)

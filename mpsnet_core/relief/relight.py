@@ -47,7 +47,7 @@ def relit(
     Raises
     ------
     GeometryError
-        Where the sizes differ, or the direction is 0 or not finite.
+        If the sizes differ, or the direction is 0 or not finite.
 
     Notes
     -----
@@ -73,7 +73,7 @@ def relit(
 
 
 def turntable_tilts(count: int, first: float) -> list[float]:
-    """`count` tilts in degrees, evenly around from `first` on. Raises SettingsError where these are 0 or too many."""
+    """`count` tilts in degrees, evenly around from `first` on. Raises SettingsError if these are 0 or too many."""
     if not 1 <= count <= MAX_TILTS:
         raise SettingsError(f"a turntable has 1 to {MAX_TILTS} lights, not {count}")
     return [(first + 360 * number / count) % 360 for number in range(count)]

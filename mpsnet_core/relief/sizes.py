@@ -11,12 +11,12 @@ MAX_SIZE = 8192
 
 
 def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
-    """Raises GeometryError where `what`, an array of `shape` (H, W, ...), is of another size than the normals."""
+    """Raise GeometryError if `what`, an array of `shape` (H, W, ...), is of another size than the normals."""
     check_same_size(f"the {what}", shape[:2], "the normal map", normals.mask.shape)
 
 
 def check_square(height: int, width: int) -> None:
-    """Raises GeometryError where a texture of that size was not baked onto UVs: those lie in a square."""
+    """Raise GeometryError if a texture of that size was not baked onto UVs: those lie in a square."""
     if height != width:
         raise GeometryError(
             f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked"

@@ -83,9 +83,9 @@ def surface_mesh(
     Raises
     ------
     SettingsError
-        Where an option is out of range.
+        If an option is out of range.
     GeometryError
-        Where the sizes differ, or no triangle is left (NoFaceError).
+        If the sizes differ, or no triangle is left (NoFaceError).
 
     Examples
     --------
@@ -146,7 +146,7 @@ def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[
 
 
 def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
-    """Raises SettingsError where :func:`surface_mesh` would make none with these options."""
+    """Raise SettingsError if :func:`surface_mesh` would make none with these options."""
     if not 1 <= faces <= MAX_FACES:
         raise SettingsError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
     if open_from is not None and not 0 < open_from <= 90:
@@ -154,7 +154,7 @@ def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
 
 
 def check_has_faces(mask: NDArray[np.bool_]) -> None:
-    """Raises GeometryError where no triangle of neighbouring pixels is within the mask, (H, W)."""
+    """Raise GeometryError if no triangle of neighbouring pixels is within the mask, (H, W)."""
     ones = mask.astype(np.int8)
     if not (ones[:-1, :-1] + ones[:-1, 1:] + ones[1:, :-1] + ones[1:, 1:] >= 3).any():
         raise GeometryError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
@@ -185,9 +185,9 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
     Raises
     ------
     FileError
-        Where the suffix is another, or the file cannot be written.
+        If the suffix is another, or the file cannot be written.
     SettingsError
-        Where `up` is another axis.
+        If `up` is another axis.
     """
     path = writable_mesh(path)
     if up not in ("y", "z"):

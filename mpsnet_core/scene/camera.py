@@ -192,7 +192,7 @@ def camera_data(camera: Camera) -> dict[str, Any]:
 def camera_from_data(data: dict[str, Any]) -> Camera:
     """A camera from JSON data with (at least) :func:`camera_data`'s keys; "centre" may be left out.
 
-    Raises FormatError where a key is missing, GeometryError where a value cannot be a camera's.
+    Raises FormatError if a key is missing, GeometryError where a value cannot be a camera's.
     """
     missing = [key for key in CAMERA_KEYS if key not in data and key != "centre"]
     if missing:

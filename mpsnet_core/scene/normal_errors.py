@@ -40,7 +40,7 @@ def read_true_normals(
     Such a render is an OpenEXR file with the layers Normal and Combined, as Blender writes it. Pixels that the object
     fills only in part are left out: there the pass is a mean with the background. So is what is not finite.
 
-    Raises InputError where a file cannot be read or lacks a layer.
+    Raises InputError if a file cannot be read or lacks a layer.
     """
     if camera is None:
         try:
@@ -63,7 +63,7 @@ def read_true_normals(
 
 
 def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
-    """The angles between two normal maps of one view. Raises GeometryError where they are not of one view."""
+    """The angles between two normal maps of one view. Raises GeometryError if they are not of one view."""
     sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (estimate.mask, truth.mask)]
     if sizes[0] != sizes[1]:
         raise GeometryError(f"the normals are {sizes[0]} but the true ones {sizes[1]}; they must show one view")

@@ -205,7 +205,7 @@ class LightRig:
 
 
 def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
-    """Slant and tilt in degrees from an option's text, "45,135". Raises SettingsError where they are not that.
+    """Slant and tilt in degrees from an option's text, "45,135". Raises SettingsError if they are not that.
 
     >>> slant_and_tilt("--light", "45,135")
     (45.0, 135.0)
@@ -317,7 +317,7 @@ def has_mixing(path: str | os.PathLike[str]) -> bool:
 def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], bool]]:
     """The JSON of a rig file with three "lights", and whether they are near: these have a "target".
 
-    Errors in the block name the file. Raises FileError where it is missing, FormatError where it is malformed.
+    Errors in the block name the file. Raises FileError if it is missing, FormatError where it is malformed.
     """
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe", "exact"))
     with located(f"rig file {path}"):
@@ -360,7 +360,7 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
 def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
     """The ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" a line.
 
-    Returns the names and the directions (N, 3). Raises FileError where it is missing, FormatError where malformed.
+    Returns the names and the directions (N, 3). Raises FileError if it is missing, FormatError where malformed.
     """
     file = existing_file(Path(path), "rig file")
     check_small(file, "not an .lp file")

@@ -24,7 +24,7 @@ def _is_name(name: str) -> bool:
 def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
     """What :func:`write_views` wrote, sorted by name; photos are found from the file's own folder.
 
-    Raises FileError where the file or a photo is missing, FormatError where the file is malformed.
+    Raises FileError if the file or a photo is missing, FormatError where the file is malformed.
     """
     file = Path(path)
     views = read_json(file, VIEWS_FORMAT, VIEWS_VERSION, ("views",)).get("views")

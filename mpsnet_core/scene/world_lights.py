@@ -49,7 +49,7 @@ class WorldLights:
         object.__setattr__(self, "directions", directions)
 
     def seen_by(self, camera: Camera) -> LightRig:
-        """The lights in the camera's space. Raises GeometryError where one is behind the object for it."""
+        """The lights in the camera's space. Raises GeometryError if one is behind the object for it."""
         if self.near is None:
             return LightRig(self.directions @ camera.rotation, self.mixing, exact=self.exact)
         places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
@@ -69,7 +69,7 @@ def in_world(rig: LightRig, camera: Camera) -> WorldLights:
 def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
     """Read a rig file whose lights are "direction": [x, y, z] along the world's axes, or "position" in the world.
 
-    Raises FileError where the file is missing, FormatError where it is malformed or states a light otherwise.
+    Raises FileError if the file is missing, FormatError where it is malformed or states a light otherwise.
     """
     if Path(path).suffix.lower() == ".lp":
         raise FormatError(

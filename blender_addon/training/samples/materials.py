@@ -24,7 +24,7 @@ def weight_passes(recipe: Recipe) -> list[str]:
 def build_material(recipe: Recipe) -> Any:
     """A new material that looks as the recipe says, in the object's own space.
 
-    Raises InputError where one of the recipe's materials is not principled; Cycles has no measured ones.
+    Raises InputError if one of the recipe's materials is not principled; Cycles has no measured ones.
     """
     for one in recipe.materials:
         if one.kind != "principled":

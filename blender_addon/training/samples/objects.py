@@ -38,7 +38,7 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
     What modifiers make is in them; of hair and volumes they have nothing. Their materials' displacement becomes bump,
     and the materials are numbered from 0 by their pass index.
 
-    Raises InputError where the file or an object is missing, has no surface, or glows.
+    Raises InputError if the file or an object is missing, has no surface, or glows.
     """
     path = existing_file(path, "scene")
     try:

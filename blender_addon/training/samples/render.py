@@ -31,7 +31,7 @@ def render_sample(
     samples: Cycles samples a pixel, all lights together; a multiple of four, else the next one is taken. path: beside
     it lies what Blender writes meanwhile. denoise: the light of recipes that gain from it.
 
-    Raises InputError where a material is measured, or the render or its file fails.
+    Raises InputError if a material is measured, or the render or its file fails.
     """
     layers = unfinished_path(path, ".layers.exr")  # so that what a killed worker leaves is found and removed
     with sample_scene(recipe) as scene:
@@ -74,7 +74,7 @@ def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
 
 
 def render_layers(scene: Any, path: Path) -> None:
-    """Render a scene into a float multi-layer EXR. Raises InputError where Blender cannot."""
+    """Render a scene into a float multi-layer EXR. Raises InputError if Blender cannot."""
     render = scene.render
     settings = render.image_settings
     if bpy.app.version >= (5, 0):

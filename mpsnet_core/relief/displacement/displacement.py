@@ -119,9 +119,9 @@ def displacement(
     Raises
     ------
     SettingsError
-        Where a number is out of range.
+        If a number is out of range.
     GeometryError
-        Where the texture does not fit the mesh, or the base is another mesh.
+        If the texture does not fit the mesh, or the base is another mesh.
     """
     progress(0.0, "laying out the UVs")
     vectors = np.asarray(vectors, np.float32)
@@ -227,7 +227,7 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
 
 
 def _check_base(own: Layout, base: Layout) -> None:
-    """Raises GeometryError where the base is not the mesh subdivided: not on the same UVs, or far away."""
+    """Raise GeometryError if the base is not the mesh subdivided: not on the same UVs, or far away."""
     on_own, on_base = own.triangle >= 0, base.triangle >= 0
     common = np.count_nonzero(on_own & on_base)
     least, most = ([end(mesh.world_vertices, axis=0) for mesh in (own.mesh, base.mesh)] for end in (np.min, np.max))

@@ -90,7 +90,7 @@ def write_displacement(
     base: the file of what is to be displaced, where that is the same mesh subdivided. scale, mean, margin: as
     :func:`displacement` takes them.
 
-    Raises InputError where a file cannot be read or written, a number is out of range, or texture and mesh do not fit.
+    Raises InputError if a file cannot be read or written, a number is out of range, or texture and mesh do not fit.
     """
     tiled = _checked_names(texture, target)
     progress(0.0, "reading the mesh")
@@ -137,7 +137,7 @@ def write_displacement(
 
 
 def _checked_names(texture: BakedNormals, target: HeightTarget) -> bool:
-    """Whether all are of UDIM tiles. Raises SettingsError where some are, or where `object_space` is not needed."""
+    """Whether all are of UDIM tiles. Raises SettingsError if some are, or where `object_space` is not needed."""
     if target.object_space and texture.space == "object":
         raise SettingsError(f"{texture.file} is in object space already; leave --object-space out")
     tiled = _tiled(texture.file, target.file)
@@ -145,7 +145,7 @@ def _checked_names(texture: BakedNormals, target: HeightTarget) -> bool:
 
 
 def _tiled(normals: str, height: str) -> bool:
-    """Whether texture and heights are of UDIM tiles. Raises SettingsError where one of them is."""
+    """Whether texture and heights are of UDIM tiles. Raises SettingsError if one of them is."""
     normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
     if normals_tiled != height_tiled:
         has, lacks = (normals, height) if normals_tiled else (height, normals)
@@ -200,7 +200,7 @@ def _write_normals(parts: Mapping[Path, NDArray[np.float32]]) -> None:
 def _checked_outputs(
     outputs: Sequence[Path], turned: Sequence[Path], bits: int | None, taken: Sequence[Path]
 ) -> list[Path]:
-    """The heights' files and their scales, and `turned`. Raises InputError where they cannot be written, or are
+    """The heights' files and their scales, and `turned`. Raises InputError if they cannot be written, or are
     `taken`."""
     files: list[Path] = []
     for output in outputs:

@@ -69,7 +69,7 @@ def chords(
     to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
     m (p_j - p_i) + h_j m n_j - h_i m n_i = 0.
 
-    Raises GeometryError where many of the normals point into the mesh, as those of another space do.
+    Raises GeometryError if many of the normals point into the mesh, as those of another space do.
     """
     size = len(base.triangle)
     numbers = np.cumsum(np.concatenate([[0], (base.triangle >= 0).sum(axis=1)]))

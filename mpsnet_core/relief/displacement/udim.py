@@ -40,7 +40,7 @@ class Tiles:
     def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
         """(side S, side S, K) of the tiles' textures (S, S, K), read one by one; 0 where there is no tile.
 
-        Raises InputError where they are not of one size, not square, or too large together.
+        Raises InputError if they are not of one size, not square, or too large together.
         """
         ahead = iter(textures)
         first = next(ahead)

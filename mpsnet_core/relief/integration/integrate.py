@@ -48,7 +48,7 @@ def integrate(
     distance : float, optional
         Mean depth of each connected piece along a perspective camera's axis; 1 by default.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Returns
     -------
@@ -58,9 +58,9 @@ def integrate(
     Raises
     ------
     GeometryError
-        Where the sizes of normals and camera differ.
+        If the sizes of normals and camera differ.
     SettingsError
-        Where the method is not known, or the distance is not above 0 or not a perspective camera's.
+        If the method is not known, or the distance is not above 0 or not a perspective camera's.
 
     Examples
     --------

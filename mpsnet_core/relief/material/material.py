@@ -104,9 +104,9 @@ def flat_material(
     Raises
     ------
     SettingsError
-        Where a size, share or bend is out of range.
+        If a size, share or bend is out of range.
     GeometryError
-        Where the photo is too small or not filled, or the normals have another size.
+        If the photo is too small or not filled, or the normals have another size.
 
     Notes
     -----
@@ -155,7 +155,7 @@ def _material(
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
-    """Raises SettingsError where a material of this size, overlap and bend cannot be made."""
+    """Raise SettingsError if a material of this size, overlap and bend cannot be made."""
     if size is not None and not MIN_MATERIAL_SIZE <= size <= MAX_MATERIAL_SIZE:
         raise SettingsError(
             f"a material's pictures are {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}"
@@ -181,7 +181,7 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
 
     crop: left, top, width and height in pixels, from the photo's upper left corner; all of it unless given.
 
-    Raises InputError where the part is not within the photo, its mask is not all of it, or it is too small.
+    Raises InputError if the part is not within the photo, its mask is not all of it, or it is too small.
     """
     rows, columns = capture.mask.shape
     left, top, width, height = crop or (0, 0, columns, rows)

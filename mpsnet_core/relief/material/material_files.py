@@ -50,7 +50,7 @@ PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
     """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material".
 
-    Raises FileError where one of them is there already and is not of a material that was written there before.
+    Raises FileError if one of them is there already and is not of a material that was written there before.
     """
     pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
     record, own = Path(folder) / f"{name}_material.json", set[str]()
@@ -92,7 +92,7 @@ def write_material(
     Raises
     ------
     FileError
-        Where the folder cannot be created or written, or another file would be overwritten.
+        If the folder cannot be created or written, or another file would be overwritten.
     """
     files = material_files(ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)

@@ -14,7 +14,7 @@ _LENGTH = re.compile(rf"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*({'|'.join(MILLI
 
 
 def millimetres(text: str) -> float:
-    """The length in millimetres. Raises SettingsError where `text` is not a number above 0 and its unit."""
+    """The length in millimetres. Raises SettingsError if `text` is not a number above 0 and its unit."""
     found = _LENGTH.fullmatch(text)
     if found is None:
         units = ", ".join(MILLIMETRES)
@@ -42,7 +42,7 @@ class Ruler:
         return math.dist(self.ends[:2], self.ends[2:])
 
     def check_within(self, height: int, width: int) -> None:
-        """Raises SettingsError where a place is not within a photo of that size."""
+        """Raise SettingsError if a place is not within a photo of that size."""
         x1, y1, x2, y2 = self.ends
         if not (0 <= min(x1, x2) <= max(x1, x2) <= width and 0 <= min(y1, y2) <= max(y1, y2) <= height):
             raise SettingsError(
@@ -51,7 +51,7 @@ class Ruler:
 
 
 def parse_ruler(text: str) -> Ruler:
-    """The ruler of ``x1,y1,x2,y2=50mm``. Raises SettingsError where `text` is not that, or its places are one."""
+    """The ruler of ``x1,y1,x2,y2=50mm``. Raises SettingsError if `text` is not that, or its places are one."""
     places, _, length = text.partition("=")
     ends = _four_numbers(places, f"--ruler {text}", "x1,y1,x2,y2=50mm")
     if math.dist(ends[:2], ends[2:]) < 1:
@@ -60,7 +60,7 @@ def parse_ruler(text: str) -> Ruler:
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:
-    """Left, top, width and height in pixels. Raises SettingsError where `text` is not that."""
+    """Left, top, width and height in pixels. Raises SettingsError if `text` is not that."""
     numbers = _four_numbers(text, f"--crop {text}", "x,y,width,height")
     if not all(number.is_integer() for number in numbers):
         raise SettingsError(f"--crop {text} is not of whole pixels; give whole numbers")

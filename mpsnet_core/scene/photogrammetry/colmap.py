@@ -79,7 +79,7 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
 
     World axes and scale are the model's, as in the meshes that COLMAP makes of it.
 
-    Raises FileError where files are missing; FormatError where they are damaged or larger than 1 GiB, or a camera is
+    Raises FileError if files are missing; FormatError where they are damaged or larger than 1 GiB, or a camera is
     none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError where a
     value cannot be a camera's.
     """
@@ -198,7 +198,7 @@ def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedP
 
 
 def _check_points(words: list[str]) -> None:
-    """Raises FormatError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
+    """Raise FormatError if a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
     try:
         whole = len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words[-3:])
     except ValueError:

@@ -52,7 +52,7 @@ class PosedPhoto:
 def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
     """The rotation nearest to `values`, nine numbers row by row; `what` names its owner in messages.
 
-    Raises GeometryError where that is not near, or a number is not finite.
+    Raises GeometryError if that is not near, or a number is not finite.
     """
     matrix = np.asarray(values, np.float64).reshape(3, 3)
     # The first bound keeps the product finite, and rejects NaN.
@@ -71,7 +71,7 @@ def photogrammetry_camera(
     """A pinhole camera from a photogrammetry program's numbers.
 
     focal, centre: (2,) pixels. turn: (3, 3) rotation from its camera space (x right, y down, z forward) to the world.
-    position: (3,) in the world. Raises GeometryError where a value cannot be a camera's.
+    position: (3,) in the world. Raises GeometryError if a value cannot be a camera's.
     """
     pose = np.eye(4)
     pose[:3, :3] = np.asarray(turn) @ FLIP_YZ
