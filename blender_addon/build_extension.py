@@ -253,7 +253,7 @@ def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None
 
 
 def check_zip(path: Path, blender_ext: Path) -> None:
-    """Raise BuildError where the zip is not one that Blender and extensions.blender.org take."""
+    """Raise BuildError if the zip is not one that Blender and extensions.blender.org take."""
     run([sys.executable, blender_ext, "validate", path], f"Blender refuses {path.name}")
     with zipfile.ZipFile(path) as archive:
         if any(Path(name).name.startswith("numpy-") for name in archive.namelist()):

@@ -28,7 +28,7 @@ def sidecar(picture: Path, what: str) -> Path:
 
 
 def read_sidecar(picture: Path, what: str) -> str | None:
-    """The text of a photo's "rig" or "camera" file, None where there is none. InputError where it is malformed."""
+    """The text of a photo's "rig" or "camera" file, None where there is none. InputError if it is malformed."""
     file = sidecar(picture, what)
     if not file.is_file():
         return None

@@ -129,7 +129,7 @@ def is_permanent(path: Path) -> bool:
 
 
 def render_path(path: Path) -> Path:
-    """`path`, or InputError where Blender cannot render into it; checked before it renders."""
+    """`path`, or InputError if Blender cannot render into it; checked before it renders."""
     if path.suffix.lower() != ".exr":
         raise SettingsError(f"cannot write {path}: renders are written as OpenEXR; give a name that ends in .exr")
     return writable_path(path)

@@ -28,8 +28,8 @@ MIN_LEVEL_SCALE, MAX_LEVEL_SCALE = 0.01, 1.0
 # object stands still for as long as a second of film.
 MAX_SMOOTHING = 12
 
-# Heights: the face count of a mesh made from them, the scale of the broadest shapes that curvature shows, in pixels, and
-# the width of a displacement's broadest bumps, as a fraction of the mesh's size.
+# Heights: the face count of a mesh made from them, the broadest shapes that curvature shows, in pixels, and the width
+# of a displacement's broadest bumps, as a fraction of the mesh's size.
 FACES = 200_000
 MAX_FACES = 10_000_000
 CURVATURE_RADIUS = 8

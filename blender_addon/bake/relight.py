@@ -48,7 +48,7 @@ class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
 
 
 def _what_is_shown(context: Any) -> tuple[Vector, float]:
-    """Centre and radius of what is selected, else of all that is visible. InputError where neither has a surface."""
+    """Centre and radius of what is selected, else of all that is visible. InputError if neither has a surface."""
     objects = context.view_layer.objects
     shown = [obj for obj in objects.selected or objects if obj.visible_get()]
     return bounding_sphere(context.evaluated_depsgraph_get(), shown)

@@ -24,7 +24,7 @@ _MISSING = {
 
 
 class ReportingOperator(bpy.types.Operator):
-    """An operator whose :meth:`act` raises InputError on bad input, or OSError where the disk fails it.
+    """An operator whose :meth:`act` raises InputError on bad input, or OSError if the disk fails it.
 
     The sentence appears in Blender's window and stays in the operator's step of the panel until the next run; a script
     that called the operator gets it as a RuntimeError.

@@ -84,7 +84,7 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> d
 
     What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
 
-    Raises InputError if the copy of the file cannot be written, OSError where something else cannot.
+    Raises InputError if the copy of the file cannot be written, OSError if something else cannot.
     """
     painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
     original = Path(bpy.data.filepath or "scene.blend")

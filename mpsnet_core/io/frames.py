@@ -197,7 +197,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
 
     kind: of file in a folder, as "png", which it is unless given.
 
-    Raises FileError if two results would share a name, or cannot be written; SettingsError where `output` is a file
+    Raises FileError if two results would share a name, or cannot be written; SettingsError if `output` is a file
     of another kind.
     """
     target, suffix = Path(output), file_suffix(kind or "png")

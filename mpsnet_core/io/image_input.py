@@ -27,7 +27,7 @@ _FORMATS = ("png", "jpeg", "tiff", "openexr")
 def open_image(path: Path) -> Any:
     """OpenImageIO's reader of an image, for colours not premultiplied where the format leaves that open.
 
-    Raises FileError if it is missing, FormatError where it is no image.
+    Raises FileError if it is missing, FormatError if it is no image.
     """
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -44,7 +44,7 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
     Files of OpenImageIO's other formats are not opened. :func:`complaint` may return the reason.
 
-    Raises FileError if the file's name is not valid UTF-8, FormatError where a JPEG claims to be larger than what is
+    Raises FileError if the file's name is not valid UTF-8, FormatError if a JPEG claims to be larger than what is
     read: a progressive one is decoded as it is opened.
     """
     try:

@@ -166,7 +166,7 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
 
     Camera raw counts as 1: other programs read a raw converter's output, which is upright.
 
-    Raises FileError if the file is missing, FormatError where it is damaged.
+    Raises FileError if the file is missing, FormatError if it is damaged.
     """
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
@@ -179,7 +179,7 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
 def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
     """Height and width of what :func:`read_image` returns, by the file's header alone; None for camera raw.
 
-    Raises FileError if the file is missing, FormatError where it is no image, SettingsError where it lacks the
+    Raises FileError if the file is missing, FormatError if it is no image, SettingsError if it lacks the
     layer.
     """
     path = Path(path)

@@ -26,8 +26,8 @@ def read_raw(path: Path) -> Image:
 
     `clipped` marks a channel where its site, or a neighbour that it is interpolated from, is saturated.
 
-    Raises FileError if the file is missing; FormatError where it is damaged, too large, or of a sensor without red,
-    green and blue in upright rows; InputError where rawpy is not installed.
+    Raises FileError if the file is missing; FormatError if it is damaged, too large, or of a sensor without red,
+    green and blue in upright rows; InputError if rawpy is not installed.
     """
     path = existing_file(path, "image")
     try:

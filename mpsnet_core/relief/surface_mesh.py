@@ -161,7 +161,7 @@ def check_has_faces(mask: NDArray[np.bool_]) -> None:
 
 
 def writable_mesh(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or FileError where no mesh can be written there."""
+    """`path` as a Path, or FileError if no mesh can be written there."""
     path = writable_path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         kind = path.suffix or "no suffix"

@@ -35,8 +35,8 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     The world is that of the meshes that the same version writes: since file version 1.2.3 they have y and z the other
     way round than the poses have, and so the cameras are turned with them.
 
-    Raises FileError if the file is missing; FormatError where it is damaged, no scene, or larger than 256 MiB, or a
-    camera is not of type pinhole, radial1, radial3 or brown, or is one of a rig of several; GeometryError where a pose
+    Raises FileError if the file is missing; FormatError if it is damaged, no scene, or larger than 256 MiB, or a
+    camera is not of type pinhole, radial1, radial3 or brown, or is one of a rig of several; GeometryError if a pose
     is not rigid.
     """
     file = existing_file(path, "scene")

@@ -79,8 +79,8 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
 
     World axes and scale are the model's, as in the meshes that COLMAP makes of it.
 
-    Raises FileError if files are missing; FormatError where they are damaged or larger than 1 GiB, or a camera is
-    none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError where a
+    Raises FileError if files are missing; FormatError if they are damaged or larger than 1 GiB, or a camera is
+    none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError if a
     value cannot be a camera's.
     """
     cameras, images = _model_files(Path(path))

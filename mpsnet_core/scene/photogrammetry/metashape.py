@@ -47,8 +47,8 @@ def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     The world is that of the chunk's own meshes: the transform of the chunk, or of a camera's component, is applied. Its
     scale moves the cameras; their poses stay rigid.
 
-    Raises FileError if the file is missing; FormatError where it is damaged, larger than 64 MiB, has a document type
-    or several chunks, or a camera is not a frame camera; GeometryError where a pose is not rigid.
+    Raises FileError if the file is missing; FormatError if it is damaged, larger than 64 MiB, has a document type
+    or several chunks, or a camera is not a frame camera; GeometryError if a pose is not rigid.
     """
     file = existing_file(path, "camera file")
     if file.stat().st_size > MAX_FILE_BYTES:
