@@ -3,8 +3,8 @@
 The normals determine the change of height between neighbouring texels, independently of the UVs' stretch
 (:mod:`mpsnet_core.relief.displacement.height_constraints`). On the two sides of a seam the heights are equal. One
 system of equations covers it all (:mod:`mpsnet_core.arrays.graph_poisson`): islands have no offsets of their own, and
-no seam opens. Contradicting normals, as at folds of the mesh and at the borders of what a photo shows, have less weight,
-which flattens the heights there.
+no seam opens. Contradicting normals, as at folds of the mesh and at the borders of what a photo shows, have less
+weight, which flattens the heights there.
 """
 
 from dataclasses import dataclass
