@@ -1,4 +1,4 @@
-"""What the operators share that bake: onto which objects, into which files, and what goes on them afterwards."""
+"""Shared by the bake operators: the objects to bake onto, the files, and the assignment of results."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -37,12 +37,12 @@ from .texture_sets import (
     with_tokens,
 )
 
-# One photo sees some third of an object.
+# Seen fraction below which a note is given; a single photo sees about a third of an object.
 _HARDLY_SEEN = 0.1
 
 
 class BakesOnto(RunsCore):
-    """What the operators share that bake: the objects that get textures, and the settings of the step Bake."""
+    """Base of the bake operators: the objects that get textures, and the settings of the step Bake."""
 
     target: StringProperty(
         name="Target",
@@ -59,20 +59,20 @@ class BakesOnto(RunsCore):
             prepared = super()._prepared(context, folder)
             owners = self.result_owners()
             refuse_anothers(owners)
-            if not bpy.app.background:  # a script that runs again means its results to be written again
+            if not bpy.app.background:  # a script that runs again intends to overwrite its results
                 refuse_other_projects(owners)
             return prepared
         except BaseException:
-            settings.target = before  # one that is refused would be refused ever after
+            settings.target = before  # do not keep a rejected one: it would be rejected in every later run
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        """What will be written, and the objects that it is for, as :func:`.texture_owners.refuse_anothers` takes it."""
+        """The files to write with their objects, for :func:`.texture_owners.refuse_anothers`."""
         textures = files_for(self._bake_targets, self._output)
         return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 
     def baked_object(self, context: Any) -> Any:
-        """The object to bake onto. Raises InputError if there is none, or it is another file's."""
+        """The object to bake onto. Raises InputError if there is none, or it is linked from another file."""
         settings = context.scene.mps.bake
         if self.target:
             settings.target = find_object(context.scene, self.target)
@@ -84,7 +84,7 @@ class BakesOnto(RunsCore):
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
-        """The objects to bake onto. Raises InputError if there is none, or one cannot wear a texture."""
+        """The objects to bake onto. Raises InputError if there are none, or one cannot get a texture."""
         settings = context.scene.mps.bake
         if settings.objects == "ACTIVE":
             return [self.baked_object(context)]
@@ -98,7 +98,7 @@ class BakesOnto(RunsCore):
         return targets
 
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
-        """The core's options for the photo's detail and the normal maps that it goes on top of."""
+        """The core's options for the photo's detail and the base maps."""
         options: Detail = {"strength": as_typed(settings.strength), "fill": settings.fill}
         self._bases = worn_before(targets, self._bake_targets, self._output)
         if not settings.onto:
@@ -117,7 +117,7 @@ class BakesOnto(RunsCore):
     def write_meshes(
         self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None
     ) -> tuple[str, ...]:
-        """Write the objects' mesh files and remember what they are; returns their paths."""
+        """Write the objects' mesh files, and remember the objects. Returns the paths."""
         context.view_layer.update()
         uv_map, paths, self._bake_targets = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):

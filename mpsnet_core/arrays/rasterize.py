@@ -64,7 +64,7 @@ class Raster:
         return owner.reshape(rows.stop - rows.start, self.size)
 
     def _span(self, triangle: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """For triangles in rows, each (N,): the first column whose texel centre is covered, and the one after the last."""
+        """For triangles in rows, each (N,): the first covered column, by texel centres, and the one after the last."""
         x, y = self.x.take(triangle, axis=1), self.y.take(triangle, axis=1)
         # Where each of the three edges crosses the row; edges that do not reach it are ignored.
         left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)

@@ -126,7 +126,7 @@ class HeightPicture(Product):
 
 @dataclass(frozen=True)
 class CurvaturePicture(Product):
-    """Curvature: edges bright, creases dark. radius: in pixels. range: the curvature that is white, None for automatic."""
+    """Curvature: edges bright, creases dark. radius: in pixels. range: curvature that is white, None for automatic."""
 
     radius: int
     range: float | None

@@ -264,7 +264,7 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
 
 
 def _read_obj(path: Path, shape_only: bool) -> Mesh:
-    """Read OBJ without trimesh, which splits vertices at seams and loses UVs of files with quads or several materials."""
+    """Read OBJ without trimesh, which splits vertices at seams and loses UVs of files with quads or many materials."""
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
     corners: list[tuple[int, ...]] = []
