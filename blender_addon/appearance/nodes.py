@@ -1,5 +1,4 @@
-"""Nodes that the add-on creates in materials. They are found again by name, so a step can be run any number of times.
-"""
+"""Nodes that the add-on creates in materials. A step finds them again by name, so it can be run any number of times."""
 
 from typing import Any
 
