@@ -1,4 +1,4 @@
-"""Filling: inpaints normals where no view sees the surface, from the relief around it, in each UV island on its own."""
+"""Filling: inpaints normals where no view sees the surface from the relief around it, in each UV island separately."""
 
 from dataclasses import replace
 

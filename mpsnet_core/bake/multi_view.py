@@ -43,7 +43,7 @@ from mpsnet_core.scene.view_photos import ViewPhoto
 
 log = logging.getLogger(__name__)
 
-# A mask from the mesh is ray cast at no more than this many pixels on the longer side.
+# A mask from the mesh is ray cast at up to this many pixels on the longer side.
 MASK_PIXELS = 2048
 
 

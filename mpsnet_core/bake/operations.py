@@ -526,7 +526,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     )
 
     def run(self, progress: Progress = silent) -> ViewsBaked:
-        """Write the textures, and report and figures where they are requested."""
+        """Write the textures, and report and figures if requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.colour_matching import colour_gains

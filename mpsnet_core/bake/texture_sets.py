@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 FIRST_TILE, TILES_IN_A_ROW, ROWS_OF_TILES = 1001, 10, 100
 # Models have a few tiles, hero assets of films some dozens. UVs in more are not scaled to unit squares.
 MAX_TILES = 100
-# UVs that exceed a unit square by no more than this count as ending at its border.
+# UVs that exceed a unit square by up to this count as ending at its border.
 ROUNDING = 1e-5
 # Names for triangles without one.
 NAMELESS = {"material": "no_material", "object": "object"}

@@ -26,7 +26,7 @@ class Notes(logging.Handler):
 
 
 class Reporter:
-    """Reports progress: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
+    """Reports progress: as a bar on stderr, as one JSON object per line on stdout, or not at all."""
 
     def __init__(self, style: str) -> None:
         if style == "auto":
@@ -61,7 +61,7 @@ def refuse(sentence: str, arguments: Sequence[str]) -> None:
     sentence = in_one_line(sentence)
     # Works even if the arguments cannot be parsed.
     if "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments):
-        with contextlib.suppress(OSError):  # nobody reads the answer any more
+        with contextlib.suppress(OSError):  # the reader is gone
             print(json.dumps({"error": sentence}), flush=True)
     with contextlib.suppress(OSError):
         print(f"mpsnet: {sentence}", file=sys.stderr)

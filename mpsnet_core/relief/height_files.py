@@ -144,7 +144,7 @@ def write_height(
     on_uvs: bool = False,
     ends: tuple[float, float] | None = None,
 ) -> HeightScale:
-    """Write heights, with their scale as ``NAME.json`` and their mask as ``NAME.mask.png`` beside them.
+    """Write heights, with their scale as ``NAME.json`` and their mask as ``NAME.mask.png`` in the same folder.
 
     Heights are extrapolated smoothly beyond the mask. Either all files are written, or none. The image's description
     holds the scale, too.
