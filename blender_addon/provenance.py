@@ -27,14 +27,14 @@ Provenance = dict[str, str]
 _MADE, _MADE_FROM = "made", "made_from"
 
 # Results that later steps need, by the operators that make them.
-_TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
+_NEEDED_LATER = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
 
 _SIZE_SECONDS = 1.0
 # Times of look-up and sizes of files, for the panel alone: see `cached_file_sizes`.
 _sizes: dict[Path, tuple[float, int]] = {}
 # When each file was last written in this session: undo reverts Blender's data, but not the file.
 _written: dict[Path, str] = {}
-_lately = ContextVar("lately", default=False)
+_sizes_cached = ContextVar("lately", default=False)
 
 
 def chosen(
@@ -75,17 +75,17 @@ def is_there(path: Path) -> bool:
 def cached_file_sizes() -> Iterator[None]:
     """Within the with block, file sizes are cached for up to a second: panels are drawn often, and a file's folder may
     be on a network."""
-    before = _lately.set(True)
+    before = _sizes_cached.set(True)
     try:
         yield
     finally:
-        _lately.reset(before)
+        _sizes_cached.reset(before)
 
 
 def _size(path: Path) -> int:
     """Size in bytes; -1 if there is no such file."""
     seen, size = _sizes.get(path, (-math.inf, -1))
-    if _lately.get() and time.monotonic() - seen < _SIZE_SECONDS:
+    if _sizes_cached.get() and time.monotonic() - seen < _SIZE_SECONDS:
         return size
     try:
         size = path.stat().st_size
@@ -127,8 +127,8 @@ def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
     A result of the same kind may replace it.
     """
     for image in images_of(outputs):
-        what = _TAKEN_ON.get(made_by(image), "")
-        if what not in ("", _TAKEN_ON.get(verb)):
+        what = _NEEDED_LATER.get(made_by(image), "")
+        if what not in ("", _NEEDED_LATER.get(verb)):
             path = origin(image)
             raise FileError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 

@@ -115,7 +115,7 @@ def bake_folders(besides: Path) -> list[BakeFolder]:
         if obj.library is not None:
             continue
         for modifier in obj.modifiers:
-            for number, (one, name) in _named(modifier).items():
+            for number, (one, name) in _folder_owners(modifier).items():
                 place = Path(bpy.path.abspath(getattr(one, name)))
                 if getattr(one, name).startswith("//") and not place.is_relative_to(besides):
                     found.append(BakeFolder(obj.name, modifier.name, number, str(place)))
@@ -130,14 +130,14 @@ def name_bake_folders(folders: list[BakeFolder]) -> bool:
     changed = False
     for folder in folders:
         obj = bpy.data.objects[folder.owner]
-        one, name = _named(obj.modifiers[folder.modifier])[folder.bake]
+        one, name = _folder_owners(obj.modifiers[folder.modifier])[folder.bake]
         if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(folder.place).resolve():
             setattr(one, name, folder.place)
             changed = True
     return changed
 
 
-def _named(modifier: Any) -> dict[int, tuple[Any, str]]:
+def _folder_owners(modifier: Any) -> dict[int, tuple[Any, str]]:
     """The owners of folder properties by index, with the property's name."""
     if modifier.type != "NODES":
         return {}

@@ -61,7 +61,7 @@ def _photos_camera(scene: Any) -> Any:
 def _take_frame(scene: Any) -> None:
     """Set the scene's resolution to the photo's, and store the previous one with the scene."""
     photo, render = scene.mps.photo, scene.render
-    before = _numbers(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
+    before = _stored_frames(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
     size = picture_size(photo.image) if is_real(photo.image) else (photo.width, photo.height)
     for name, value in zip(_FRAME, (*size, 1, 1), strict=True):
         setattr(render, name, value)
@@ -70,7 +70,7 @@ def _take_frame(scene: Any) -> None:
 
 def _put_back(scene: Any) -> None:
     """Restore the scene's resolution, unless the user has changed it meanwhile."""
-    numbers, render = _numbers(scene), scene.render
+    numbers, render = _stored_frames(scene), scene.render
     del scene[_BEFORE]
     before, taken = numbers[: len(_FRAME)], numbers[len(_FRAME) :]
     if numbers and [getattr(render, name) for name in _FRAME] == taken:
@@ -78,7 +78,7 @@ def _put_back(scene: Any) -> None:
             setattr(render, name, int(value) if name.startswith("resolution") else value)
 
 
-def _numbers(scene: Any) -> list[float]:
+def _stored_frames(scene: Any) -> list[float]:
     """The values stored with a scene; [] if they are invalid, as in a hostile file."""
     try:
         numbers = [float(one) for one in scene.get(_BEFORE, ())]
@@ -88,7 +88,7 @@ def _numbers(scene: Any) -> list[float]:
     return numbers if whole and len(numbers) == 2 * len(_FRAME) else []
 
 
-def _looks(window: Any) -> bool:
+def _shows_photos_camera(window: Any) -> bool:
     """Whether a viewport of a window shows its scene through the photo's camera."""
     scene, camera = window.scene, _photos_camera(window.scene)
     spaces = [area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"]
@@ -106,7 +106,7 @@ def watch() -> float | None:
     """
     windows = bpy.context.window_manager.windows
     for scene in _framed():
-        if not any(window.scene == scene and _looks(window) for window in windows):
+        if not any(window.scene == scene and _shows_photos_camera(window) for window in windows):
             _put_back(scene)
     return WATCH_SECONDS if _framed() else None
 

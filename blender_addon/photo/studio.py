@@ -217,7 +217,7 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     # (2, 3) each: the lowest and the highest coordinates.
     boxes = {obj: np.stack([np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]]) for obj, ends in clouds.items()}
     if bake.target is None:
-        return _two_in_one_place({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
+        return _note_coinciding({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
     place = boxes.pop(bake.target, None)
     if place is None:
         return []
@@ -230,7 +230,7 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     if not within:
         return []
     ends = np.stack(list(within.values()))
-    if not _in_one_place(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
+    if not _coincide(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
         return []
     studio.collection.objects.unlink(bake.target)
     studio.view_layers[0].update()
@@ -239,10 +239,10 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
 
 
-def _two_in_one_place(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
+def _note_coinciding(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
     """A sentence if two objects are at the same place; otherwise nothing."""
     for one, other in combinations(boxes, 2):
-        if _in_one_place(boxes[one], boxes[other]):
+        if _coincide(boxes[one], boxes[other]):
             return [
                 f'"{one.name}" and "{other.name}" are in one place and both in the photo; choose the one that is baked '
                 "onto as Target of the step Bake, and it is left out"
@@ -250,7 +250,7 @@ def _two_in_one_place(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
     return []
 
 
-def _in_one_place(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+def _coincide(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Whether two boxes (2, 3) nearly coincide."""
     reach = _SAME_PLACE * np.linalg.norm(one[1] - one[0])
     # In scenes with many objects, a single coordinate distinguishes most pairs.

@@ -104,7 +104,7 @@ def _direction(light: Any, centre: Vector) -> Vector:
 
 
 def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
-    if len({_beyond_power(light) for light in lights}) > 1:
+    if len({_settings_besides_power(light) for light in lights}) > 1:
         raise InputError(
             "the rig's lights differ in spread, normalisation, nodes or whether surfaces see them, so their brightness "
             "cannot be compared; set these alike"
@@ -115,7 +115,7 @@ def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
     return columns / columns.max()
 
 
-def _beyond_power(light: Any) -> tuple[Any, ...]:
+def _settings_besides_power(light: Any) -> tuple[Any, ...]:
     """Settings other than power that change a light's brightness. They do not matter if all three lights share them."""
     data = light.data
     emission = [node for node in data.node_tree.nodes if node.type == "EMISSION"] if data.node_tree else []

@@ -186,7 +186,7 @@ def new_rig(scene: Any) -> None:
     mps = scene.mps
     if not mps.rigs:
         mps.rigs.add().name = "Rig 1"
-    _put_away(scene)
+    _store_chosen(scene)
     taken = {one.name for one in mps.rigs}
     number = next(number for number in range(1, len(taken) + 2) if f"Rig {number}" not in taken)
     mps.rigs.add().name = f"Rig {number}"
@@ -225,8 +225,8 @@ def choose_rig(scene: Any, index: int) -> None:
     """Choose another rig of the scene's list."""
     if index == scene.mps.chosen_rig:
         return
-    _put_away(scene)
-    _take_up(scene, index)
+    _store_chosen(scene)
+    _load_rig(scene, index)
 
 
 def drop_rig(scene: Any) -> None:
@@ -234,7 +234,7 @@ def drop_rig(scene: Any) -> None:
     mps, index = scene.mps, scene.mps.chosen_rig
     remove_rig(scene)
     mps.rigs.remove(index)
-    _take_up(scene, max(index - 1, 0))
+    _load_rig(scene, max(index - 1, 0))
     if len(mps.rigs) == 1:
         mps.rigs.clear()
 
@@ -268,7 +268,7 @@ def result_name(scene: Any, what: str) -> str:
     return "_".join([*parts, what])
 
 
-def _put_away(scene: Any) -> None:
+def _store_chosen(scene: Any) -> None:
     place = scene.mps.rigs[scene.mps.chosen_rig]
     for step in _STEPS:
         _copy(getattr(scene.mps, step), getattr(place, step))
@@ -278,7 +278,7 @@ def _put_away(scene: Any) -> None:
             _copy(record, place.records.add())
 
 
-def _take_up(scene: Any, index: int) -> None:
+def _load_rig(scene: Any, index: int) -> None:
     mps = scene.mps
     place = mps.rigs[index]
     for step in _STEPS:

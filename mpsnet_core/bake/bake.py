@@ -123,7 +123,7 @@ def bake_texture_sets(
     """
     bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Unseen textures are held back until some texel is known to be seen: if none is, that is an error.
-    hopeful = any(triangles.any() for triangles in bake.seen)
+    mesh_seen = any(triangles.any() for triangles in bake.seen)
     any_seen, any_covered, waiting = False, False, list[TextureSet]()
     for number, texture_set in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
@@ -133,7 +133,7 @@ def bake_texture_sets(
                 log.info("%s: no texel lies on its UVs, so there is no texture of it", texture_set.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
-        if not (any_seen or hopeful):
+        if not (any_seen or mesh_seen):
             waiting.append(texture_set)
             continue
         step(0.9, "growing the margin")
@@ -145,7 +145,7 @@ def bake_texture_sets(
             raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
         raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        if not hopeful and masks_hide_all(meshes, bake.projectors):
+        if not mesh_seen and masks_hide_all(meshes, bake.projectors):
             raise GeometryError(
                 "no view sees any of the mesh within its mask, although the cameras see it; check that the masks (the "
                 "normal maps' alpha) show the object, and that each camera is that of its photo"

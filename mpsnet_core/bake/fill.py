@@ -71,7 +71,7 @@ def _membrane(
     """
     xy, settled = xy.copy(), np.zeros_like(known)
     if len(islands) > FINEST:
-        coarse, blocks, even = _solved_by_blocks(xy, islands, known, progress)
+        coarse, blocks, even = _half_size_membrane(xy, islands, known, progress)
         near = dilated(known, BAND)
         size = len(islands)
         for rows in bands(size):
@@ -84,7 +84,7 @@ def _membrane(
     return xy, reached | settled
 
 
-def _solved_by_blocks(
+def _half_size_membrane(
     xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
     """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and

@@ -245,7 +245,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
         raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
     if file.exists() and not file.is_file():
         raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
-    if not _takes(file):
+    if not _can_be_created(file):
         raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
@@ -335,7 +335,7 @@ def resolved(path: str | os.PathLike[str]) -> Path:
         return Path(path)
 
 
-def _takes(file: Path) -> bool:
+def _can_be_created(file: Path) -> bool:
     """Whether a file can be created in its folder, tested with its unfinished file.
 
     Permissions do not tell on Windows, nor for folders that are not on a disk. tempfile would try two billion names in
@@ -366,7 +366,7 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
     if not path.parent.is_dir():
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
-    if not _takes(folder / "file"):
+    if not _can_be_created(folder / "file"):
         raise FileError(f"cannot put the {what} into {path}: the folder {folder} takes no files; choose another folder")
     return path
 

@@ -78,7 +78,7 @@ def _along_rows(
     """Fill in the errors at the midpoints of sides along rows, which reach `step` pixels to the left and right."""
     rows, middle = slice(0, None, 2 * step), slice(step, None, 2 * step)
     threes = (middle, slice(0, -step, 2 * step), slice(2 * step, None, 2 * step))
-    own = _off([values[rows, place] for place in threes], [mask[rows, place] for place in threes], outline)
+    own = _deviation([values[rows, place] for place in threes], [mask[rows, place] for place in threes], outline)
     if step > 1:
         # Include finer midpoints: the centres of the four squares of `step` pixels around this one.
         squares = errors[step // 2 :: step, step // 2 :: step]
@@ -99,14 +99,14 @@ def _across_squares(
         other = np.where(falling, field[last, last], field[last, first])
         return [field[middle, middle], one, other]
 
-    own = _off(threes(values), threes(mask), outline)
+    own = _deviation(threes(values), threes(mask), outline)
     level, upright = errors[:: 2 * step, middle], errors[middle, :: 2 * step]
     for sides in (level[:-1], level[1:], upright[:, :-1], upright[:, 1:]):
         own = np.maximum(own, sides)
     errors[middle, middle] = own
 
 
-def _off(
+def _deviation(
     values: list[NDArray[np.float32]], inside: list[NDArray[np.bool_]], outline: np.float32
 ) -> NDArray[np.float32]:
     """Distance of midpoints from the line between the ends; `outline` where the mask's edge runs between the three.

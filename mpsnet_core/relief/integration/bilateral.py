@@ -102,7 +102,7 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
         np.divide(values, wanted.facing, out=np.zeros_like(values), where=wanted.mask)
         for values in (wanted.right, wanted.down)
     )
-    alike = _alike(gradient_right.T, wanted.facing.T).T, _alike(gradient_down, wanted.facing)
+    alike = _agreement(gradient_right.T, wanted.facing.T).T, _agreement(gradient_down, wanted.facing)
     for links in (weights, pulls):
         links.right[:] *= alike[0]
         links.down[:] *= alike[1]
@@ -123,7 +123,7 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
     return broken
 
 
-def _alike(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
+def _agreement(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N - 1, M) agreement, from 0 to 1, of the pixels (N, M) at both ends of links along the first axis."""
     apart = (gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1])
     alike: NDArray[np.float32] = np.reciprocal(1 + np.square(apart / APART))

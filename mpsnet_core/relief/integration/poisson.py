@@ -49,7 +49,7 @@ def solved(
     """
     grids = grids_of(weights)
     linked = np.count_nonzero(grids[0].step)
-    unasked, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
+    by_default, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
     u = start.copy()
     left = gathered(pulls)
     residual(grids[0], u, left, left)
@@ -64,7 +64,7 @@ def solved(
         remaining = float(np.abs(correction).max())
         if remaining <= tolerance + 1e-6 * float(np.abs(u).max()):
             break
-        if unasked and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
+        if by_default and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
@@ -80,7 +80,7 @@ def solved(
         left += step * along
         before = now
     else:
-        if unasked and remaining > REPORTED:
+        if by_default and remaining > REPORTED:
             log.info(
                 "the heights may be off by a few pixels where the surface hangs together by thin strips alone; "
                 "a mask without these strips, or a smaller picture, mends it"

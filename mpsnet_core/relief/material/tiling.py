@@ -48,15 +48,15 @@ def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
     factor = -(-max(height, width) // LONGEST)
     small = block_means(features, factor) if factor > 1 else features
     frame = np.array([width, height]) / (1 + overlap)
-    across = _peaks(_alike(small, frame[0] / factor))
-    down = _peaks(_alike(small.swapaxes(0, 1), frame[1] / factor))
+    across = _peaks(_autocorrelation(small, frame[0] / factor))
+    down = _peaks(_autocorrelation(small.swapaxes(0, 1), frame[1] / factor))
     found = _chosen(across, _Peaks(down.steps[:, ::-1], down.alike), frame / factor)
     exact = [None if one is None else (_refined(features, one[0] * factor, factor), one[1]) for one in found]
     return _filled(exact, frame)
 
 
 @dataclass(frozen=True)
-class _Alike:
+class _Autocorrelation:
     """Autocorrelation of an image for steps of at least `least` pixels along an axis, and up to `across` sideways.
 
     values: (2 across + 1, N): rows are pixels sideways, columns pixels along the axis.
@@ -67,7 +67,7 @@ class _Alike:
     across: int
 
 
-def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
+def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation:
     """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` over x with both in the image; steps s along columns."""
     height, width, channels = seen.shape
     last = max(1, min(int(most), width - 1))
@@ -82,7 +82,7 @@ def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
     energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
     aside, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
     own, shifted = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
-    return _Alike(2 * product / np.maximum(own + shifted, 1e-12), least, across)
+    return _Autocorrelation(2 * product / np.maximum(own + shifted, 1e-12), least, across)
 
 
 def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -106,7 +106,7 @@ class _Peaks:
 _Found = tuple[NDArray[np.float64], float]
 
 
-def _peaks(alike: _Alike) -> _Peaks:
+def _peaks(alike: _Autocorrelation) -> _Peaks:
     """The peaks that are nearly as high as the highest; none if that may be due to chance."""
     values = alike.values
     aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
