@@ -66,7 +66,7 @@ MAX_ZIP_BYTES = 80 * 1000 * 1000
 
 
 class BuildError(Exception):
-    """The build cannot go on. The message is one sentence: what is wrong and how to mend it."""
+    """The build failed. The message is one sentence: what is wrong and how to mend it."""
 
 
 @dataclass(frozen=True)

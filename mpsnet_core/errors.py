@@ -37,7 +37,7 @@ class NoObject(GeometryError):
 
 
 class SettingsError(InputError):
-    """An option that is unknown or out of its range, or options that contradict one another."""
+    """An option that is unknown or out of range, or options that contradict one another."""
 
 
 def check_choice(what: str, value: object, choices: Collection[object]) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-# Called with the fraction done (0 to 1) and what is being done; it raises Cancelled to stop the work.
+# Called with the fraction done (0 to 1) and the current activity. It raises Cancelled to stop the work.
 Progress = Callable[[float, str], None]
 
 

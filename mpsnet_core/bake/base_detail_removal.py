@@ -47,7 +47,7 @@ class BaseMap:
     vectors : (H, W, 3) float32 array
         Unit vectors in tangent space, row 0 at v = 1.
     shown : {"auto", "yes", "no"}
-        Whether the photos show its relief as well; "auto" estimates how much of it.
+        Whether the photos show its relief, too; "auto" estimates the share of it.
     triangles : (T,) bool array, optional
         Triangles of the mesh that it applies to; all by default.
     corner : (int, int), optional

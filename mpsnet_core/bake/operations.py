@@ -34,13 +34,13 @@ LEVEL = (
 
 @dataclass(frozen=True)
 class MakesTextures(Operation):
-    """The meshes that are baked onto, and what textures are baked."""
+    """The meshes to bake onto, and the textures."""
 
     heading: ClassVar[str] = "the textures"
 
     mesh: tuple[str, ...] = option(
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
-        provenance="none",  # in each texture's own line
+        provenance="none",  # recorded per texture
     )
     size: int = option(
         default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
@@ -58,7 +58,7 @@ class MakesTextures(Operation):
         choices=CONVENTIONS,
         help="which way the texture's green channel points",
         unset="opengl, or the preset's",
-        provenance="none",  # but what it comes to with the preset
+        provenance="none",  # its value with the preset is recorded
     )
     samples: int = option(
         default=1,
@@ -91,7 +91,7 @@ class MakesTextures(Operation):
         choices={8: "PNG and TIFF", 16: "all formats", 32: "TIFF and OpenEXR"},
         help="bits a channel of the texture",
         unset="16 bits, in OpenEXR 32; or the preset's",
-        provenance="none",  # but what they come to with the preset
+        provenance="none",  # their value with the preset is recorded
     )
     preset: str | None = option(
         default=None,
@@ -120,7 +120,7 @@ class LaysOnto(MakesTextures):
         metavar="on|off|SCALE",
         help=LEVEL,
         unset="off; on with a present map",
-        provenance="none",  # but the scale that it means
+        provenance="none",  # the parsed scale is recorded
     )
     strength: float = option(
         default=1.0,
@@ -199,7 +199,7 @@ class LaysOnto(MakesTextures):
         )
 
     def planned(self, target: "TextureTarget", taken: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
-        """The textures to be made; see :func:`mpsnet_core.bake.texture_files.planned`."""
+        """The textures to bake, see :func:`mpsnet_core.bake.texture_files.planned`."""
         from mpsnet_core.bake.texture_files import planned
 
         return planned(
@@ -257,7 +257,7 @@ class Bake(LaysOnto):
     view: tuple[str, ...] = option(
         metavar="CAMERA=NORMALS",
         help="camera file and its normal map; normals/frame_####.png for a sequence",
-        provenance="none",  # in each texture's own line
+        provenance="none",  # recorded per texture
     )
     normals_convention: Literal["opengl", "directx"] = option(
         default="opengl",
@@ -490,7 +490,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         "(also NAME_white): the surface's colour is baked as well, to TEXTURE_albedo, matched where several views see "
         "the same; of three folders, one for each light, the photos are added up",
         path="folder",
-        provenance="none",  # in each view's own line
+        provenance="none",  # recorded per view
     )
     passes: Literal[1, 3] | None = option(
         default=None,

@@ -177,7 +177,7 @@ def _flush_stdout() -> None:
 
 
 def argument_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+    """The parser of the command line."""
     parser = Parser(
         prog="mpsnet",
         description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",

@@ -126,7 +126,7 @@ class _Views:
         return self.upright * self.scale
 
     def of(self, cell: tuple[int, ...], rows: slice) -> "_Views":
-        """Some rows of one of the cells."""
+        """The views of some rows in one cell."""
         return _Views(*(part[cell][rows] for part in vars(self).values()))
 
 

@@ -99,7 +99,7 @@ def _tangents(
     tangents[:, :3] = _normalised_or_zero(summed)[group]
     tangents[:, 3] = np.where(np.repeat(turns, 3), 1.0, -1.0)
 
-    # Corners without a tangent of their own copy the one of the first corner at the same welded vertex that has one.
+    # Corners without a tangent copy that of the first corner at the same welded vertex that has one.
     flat_vertex = vertex.ravel()
     defined = tangents[:, :3].any(axis=1)
     with_tangent, without = np.flatnonzero(defined), np.flatnonzero(~defined)

@@ -81,7 +81,7 @@ class RayScene:
         """Rows and columns of the camera's image that bound the mesh, at least one of each."""
         box = np.array(list(itertools.product(*zip(self.low, self.high, strict=True), [1.0])))
         x, y, w = camera.projection_rows() @ box.T
-        if (w <= 0).any():  # some of it is beside or behind the camera
+        if (w <= 0).any():  # part of it is beside or behind the camera
             return slice(0, camera.height), slice(0, camera.width)
         spans = []
         for place, length in ((y / w, camera.height), (x / w, camera.width)):

@@ -6,7 +6,7 @@ from numpy.random import PCG64, Generator
 
 from mpsnet_core.synthesis.shading.pattern import NOISE
 
-Value = Any  # a socket, a number, or three numbers
+Value = Any  # a socket, a scalar, or three components
 
 # Standard deviation of one octave of Blender's noise, from 0 to 1 around 0.5 (measured in Blender 4.5).
 _DEVIATION = 0.133
