@@ -17,7 +17,7 @@ from mpsnet_core.io.image_writing import write_bands
 Convention = Literal["opengl", "directx"]
 # The sign of y in the green channel.
 _GREEN = Choices("convention", {"opengl": 1, "directx": -1})
-# The fraction of a tangent-space map's normals that must face outwards.
+# The fraction of a map's normals that must face the camera (camera space) or outwards (tangent and object space).
 OUTWARDS_SHARE = 0.9
 # Vectors within this distance of the median of those that are not of unit length are background.
 BACKGROUND = 0.1
