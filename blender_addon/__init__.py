@@ -1,8 +1,8 @@
 """MPSNet for Blender: a rig of three coloured lights, the one photo, its normals, and a baked normal texture.
 
-The steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``; heavy work runs in
-child processes, see ``child_process``. The package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and
-``blender_addon`` beside pip's bpy.
+The steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``. Heavy work runs in child processes,
+see ``child_process``. The package is the extension ``bl_ext.<repository>.mpsnet`` in Blender, and ``blender_addon``
+with pip's bpy.
 """
 
 import atexit
@@ -11,7 +11,7 @@ import bpy
 
 from . import commands, manual, menu, panels, preferences, presets, settings, translations
 
-# Under names of their own: a room's name stands for the room.
+# Aliases, because the package's name already stands for the subpackage.
 from .bake import bake as bake_step
 from .bake import coverage, many_views, node_group, relight
 from .estimate import error_map
@@ -70,12 +70,12 @@ def register() -> None:
     for module in _MODULES:
         module.register()
     if bpy.app.module:
-        # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs on what is left.
+        # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs.
         atexit.register(unregister)
 
 
 def unregister() -> None:
-    """Take everything away that :func:`register` added."""
+    """Remove everything that :func:`register` added."""
     atexit.unregister(unregister)
     for module in reversed(_MODULES):
         module.unregister()

@@ -1,4 +1,4 @@
-"""``python -m blender_addon [--online-mode] [SCENE.blend] VERB``: commands.py with pip's bpy for a Blender."""
+"""``python -m blender_addon [--online-mode] [SCENE.blend] VERB``: commands.py with pip's bpy instead of Blender."""
 
 import atexit
 import os
@@ -9,7 +9,7 @@ code = 1  # until run() returns
 
 @atexit.register  # before bpy is imported, so that it runs after what bpy registers
 def leave() -> None:
-    """End without the destructors of bpy's wheel: those of 4.5 wait for ever where a file had linked libraries."""
+    """Exit without the destructors of the bpy wheel: those of 4.5 hang if a file had linked libraries."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
@@ -26,15 +26,15 @@ from mpsnet_core.io.crash_log import describe_unexpected_error  # noqa: E402
 
 
 def run(arguments: list[str]) -> int:
-    """Register the add-on, open the file where one is named, and run the verb; returns the exit code."""
+    """Register the add-on, open the file if one is given, and run the verb. Returns the exit code."""
     blender_addon.register()
-    if arguments[:1] == ["--online-mode"]:  # as Blender's own option, over its preferences
+    if arguments[:1] == ["--online-mode"]:  # like Blender's own option, overrides its preferences
         arguments.pop(0)
         bpy.context.preferences.system.use_online_access = True
     if arguments and arguments[0].endswith(".blend"):
         try:
             path = arguments.pop(0)
-            full = os.path.abspath(path)  # noqa: PTH100 - resolve() forgets the letter of a network drive
+            full = os.path.abspath(path)  # noqa: PTH100 - resolve() replaces the letter of a network drive
             bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(full))
         except RuntimeError as error:
             sys.stderr.write(f"{COMMAND}: {operator_report(error)}; check the path\n")

@@ -1,10 +1,9 @@
-"""Build the extension's zips, one for each platform and Python, and beside them the index of a repository of them.
+"""Build the extension's zips, one for each platform and Python, and the index of a repository of them.
 
     python blender_addon/build_extension.py [--python 3.11,3.13] [--platform linux-x64,windows-x64,macos-arm64]
 
-A zip has everything but Python and NumPy, which are Blender's own, and what it has is as its makers published it: each
-wheel is a whole one from PyPI, so that its RECORD holds. Only our own wheel is made here. Videos take no library:
-Blender decodes them.
+A zip has all dependencies except Python and NumPy, which are Blender's own. Each wheel is the unmodified one from PyPI,
+so its RECORD is valid; only the project's own wheel is built here. Videos need no library: Blender decodes them.
 """
 
 import argparse
@@ -33,14 +32,14 @@ ADDON = Path(__file__).resolve().parent
 PROJECT = ADDON.parent
 WORK = PROJECT / "build" / "extension"
 
-# The oldest NumPy that a Blender with this Python brings along; what we bundle has to work with it. 4.5 and 5.0 have
-# Python 3.11, 5.1 and 5.2 have 3.13; Debian builds its Blender with its own 3.14.
+# The oldest NumPy that a Blender with this Python ships; bundled wheels must work with it. 4.5 and 5.0 have Python
+# 3.11, 5.1 and 5.2 have 3.13; Debian builds its Blender with its own 3.14.
 BLENDER_NUMPY = {"3.11": "1.26.*", "3.13": "2.2.*", "3.14": "2.3.*"}
 
 
 @dataclass(frozen=True)
 class Platform:
-    """One of Blender's platforms: the wheel tags that work there, and its names in a requirement's markers."""
+    """One of Blender's platforms: its compatible wheel tags, and its values in environment markers."""
 
     tags: list[str]
     sys_platform: str
@@ -49,7 +48,7 @@ class Platform:
     platform_machine: str
 
 
-# glibc 2.28 is what Blender itself needs; onnxruntime's wheels begin at macOS 14.
+# Blender itself needs glibc 2.28; onnxruntime's wheels need macOS 14.
 MANYLINUX = [*(f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)), "manylinux2014_x86_64"]
 PLATFORMS = {
     "linux-x64": Platform(MANYLINUX, "linux", "Linux", "posix", "x86_64"),
@@ -57,17 +56,17 @@ PLATFORMS = {
     "macos-arm64": Platform(list(mac_platforms((14, 0), "arm64")), "darwin", "Darwin", "posix", "arm64"),
 }
 
-# What the core reads with a library of its own that a person in Blender cannot install: camera raw.
+# Optional dependencies of the core that Blender's users cannot install themselves: camera raw.
 EXTRAS = ("raw",)
 
 NOTICES = "THIRD_PARTY_NOTICES.txt"
 
-# A good deal below what extensions.blender.org takes.
+# Well below the limit of extensions.blender.org.
 MAX_ZIP_BYTES = 80 * 1000 * 1000
 
 
 class BuildError(Exception):
-    """The build cannot go on. The message is one sentence: what is wrong and how to mend it."""
+    """The build failed. The message is one sentence: what is wrong and how to mend it."""
 
 
 @dataclass(frozen=True)
@@ -87,13 +86,13 @@ class Target:
 
     @property
     def markers(self) -> dict[str, str]:
-        """The environment that markers such as `sys_platform == "win32"` are judged by."""
+        """The environment in which markers such as `sys_platform == "win32"` are evaluated."""
         names = {key: value for key, value in vars(PLATFORMS[self.platform]).items() if key != "tags"}
         return {**names, "python_version": self.python, "python_full_version": f"{self.python}.0", "extra": ""}
 
 
 def run(command: Sequence[str | Path], failure: str) -> None:
-    """Run `command` quietly; raise BuildError with `failure` and its last words where it fails."""
+    """Run `command` quietly. If it fails, raise BuildError with `failure` and the end of its output."""
     done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", cwd=PROJECT)
     if done.returncode:
         lines = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
@@ -111,7 +110,7 @@ def find_blender_ext() -> Path:
 
 
 def build_core_wheel(folder: Path) -> Path:
-    """Make the wheel of mpsnet_core in `folder`."""
+    """Build the wheel of mpsnet_core in `folder`."""
     shutil.rmtree(folder, ignore_errors=True)
     run(
         [sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", PROJECT], "no wheel of mpsnet_core"
@@ -120,21 +119,21 @@ def build_core_wheel(folder: Path) -> Path:
 
 
 def resolve(requirements: Sequence[str], target: Target) -> list[str]:
-    """All that `requirements` need on `target`, as "name==version", without numpy, which is Blender's own.
+    """All dependencies of `requirements` on `target`, as "name==version", without numpy, which is Blender's own.
 
-    Raises BuildError where there is no such set of wheels, or none that works with Blender's NumPy.
+    Raises BuildError if there is no such set of wheels, or none that works with Blender's NumPy.
     """
     WORK.mkdir(parents=True, exist_ok=True)
     report, constraints = WORK / "report.json", WORK / "constraints.txt"
     constraints.write_text(f"numpy=={BLENDER_NUMPY[target.python]}\n", encoding="utf-8")
     wanted = list(requirements)
     while True:
-        # `install --dry-run` only resolves; --target is what allows another Python's wheels.
+        # `install --dry-run` only resolves; --target allows wheels of another Python.
         options = ["--dry-run", "--ignore-installed", f"--target={WORK}", f"--report={report}", "--quiet"]
         command = [sys.executable, "-m", "pip", "install", *options, *target.pip_options, f"--constraint={constraints}"]
         run([*command, *wanted], f"the dependencies for {target} cannot be resolved")
         found = [item["metadata"] for item in json.loads(report.read_text(encoding="utf-8"))["install"]]
-        # pip judges markers by the Python and platform it runs on, so what only `target` needs is still missing.
+        # pip evaluates markers for its own Python and platform, so dependencies that only `target` has are missing.
         missing = missing_requirements(found, target)
         if not missing:
             return sorted(
@@ -144,7 +143,7 @@ def resolve(requirements: Sequence[str], target: Target) -> list[str]:
 
 
 def missing_requirements(found: Sequence[dict[str, Any]], target: Target) -> list[str]:
-    """The requirements of `found` (wheels' metadata) that hold on `target` and that nothing in `found` meets."""
+    """The requirements of `found` (wheels' metadata) that apply to `target` and that nothing in `found` satisfies."""
     names = {canonicalize_name(item["name"]) for item in found}
     needed = (Requirement(line) for item in found for line in item.get("requires_dist", []))
     return sorted(
@@ -157,7 +156,7 @@ def missing_requirements(found: Sequence[dict[str, Any]], target: Target) -> lis
 
 
 def download(pins: Sequence[str], target: Target) -> list[Path]:
-    """Fetch the wheels of `pins`; stored in the build folder, so that the next build finds them there."""
+    """Download the wheels of `pins` to the build folder, where the next build finds them."""
     folder = WORK / "wheels" / f"{target.python}-{target.platform}"
     command = [sys.executable, "-m", "pip", "download", "--no-deps", f"--dest={folder}", *target.pip_options]
     run([*command, *pins], f"the wheels for {target} cannot be downloaded")
@@ -174,7 +173,7 @@ def identity(wheel: Path) -> tuple[str, str]:
 
 
 def notices(wheels: Iterable[Path]) -> str:
-    """What the makers of `wheels` want passed on with them: each one's licence by its name, and the files of it."""
+    """The licence notices of `wheels`: the name of each licence, and its files."""
     parts = ["What this extension brings along, and on what terms. MPS-Net's own are in LICENSE.\n"]
     for wheel in wheels:
         with zipfile.ZipFile(wheel) as archive:
@@ -189,7 +188,7 @@ def notices(wheels: Iterable[Path]) -> str:
 
 
 def _licence(metadata: str) -> str:
-    """A licence's name from a wheel's metadata, where some have had its whole text."""
+    """The name of a licence from a wheel's metadata, which may hold its full text."""
     fields = email.message_from_string(metadata)
     classified = [line for line in fields.get_all("Classifier", []) if line.startswith("License ::")]
     stated = [fields["License-Expression"], *(line.split("::")[-1] for line in classified), fields["License"]]
@@ -206,7 +205,7 @@ def _is_notice(name: str) -> bool:
 
 
 def build_manual(folder: Path) -> bool:
-    """Make the documentation's pages in `folder`, for Blender's Online Manual; False where Sphinx is not installed."""
+    """Build the documentation in `folder` for Blender's Online Manual. Returns False if Sphinx is not installed."""
     if importlib.util.find_spec("sphinx") is None:
         print("without the manual: pip install -e '.[docs]', and the zips have it")
         return False
@@ -217,7 +216,7 @@ def build_manual(folder: Path) -> bool:
 
 
 def manual_notices() -> str:
-    """The licences of what draws the manual's pages and so is in them."""
+    """The licences of the theme and scripts in the manual's pages."""
     parts = []
     for package in map(importlib.metadata.distribution, ("sphinx", "furo")):
         name = f"{package.metadata['Name']} {package.version}: {_licence(str(package.metadata))}"
@@ -246,14 +245,14 @@ def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None
     (source / "wheels").mkdir()
     names = sorted(Path(shutil.copy2(wheel, source / "wheels")).name for wheel in (core, *wheels))
     manifest = source / "blender_manifest.toml"
-    # JSON's lists of strings are TOML's as well; ahead of everything else they are in no table.
+    # JSON lists of strings are valid TOML. At the top of the file, they belong to no table.
     head = f"platforms = {json.dumps([platform])}\nwheels = {json.dumps([f'./wheels/{name}' for name in names])}\n"
     manifest.write_text(head + manifest.read_text(encoding="utf-8"), encoding="utf-8")
     return source
 
 
 def check_zip(path: Path, blender_ext: Path) -> None:
-    """Raise BuildError where the zip is not one that Blender and extensions.blender.org take."""
+    """Raise BuildError if Blender or extensions.blender.org would not accept the zip."""
     run([sys.executable, blender_ext, "validate", path], f"Blender refuses {path.name}")
     with zipfile.ZipFile(path) as archive:
         if any(Path(name).name.startswith("numpy-") for name in archive.namelist()):

@@ -1,4 +1,4 @@
-"""``blender -b scene.blend --command mpsnet VERB``: the operators as a command line, their settings as its flags."""
+"""``blender -b scene.blend --command mpsnet VERB``: a command line of the operators, with their settings as flags."""
 
 import argparse
 import logging
@@ -47,12 +47,10 @@ VERBS = (
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb on the open file; returns the exit code.
+    """Run one verb on the open file and return the exit code.
 
-    0, 2 with one sentence on stderr for bad input, 1 with one for a fault of the program outside its operators, 130
-    cancelled.
-
-    Progress of longer work is reported on stderr now and then.
+    It is 0; 2 with one sentence on stderr for bad input; 1 with one for a fault of the program outside its operators;
+    130 if cancelled. Progress of longer work is reported on stderr occasionally.
     """
     try:
         options = vars(argument_parser().parse_args(argv))
@@ -71,7 +69,7 @@ def main(argv: Sequence[str]) -> int:
         with _window():
             _do(verb, options)
     except (InputError, RuntimeError) as error:
-        # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
+        # Blender turns an operator's report into a RuntimeError with a prefix.
         sentence = in_one_line(str(error)).removeprefix("Error: ")
         if sentence.startswith("Python: Traceback"):
             return _fault(error)
@@ -108,7 +106,7 @@ def _do(verb: str, options: dict[str, Any]) -> None:
 
 
 def _window() -> AbstractContextManager[Any]:
-    """The context with the file's window: with --command there is none, and Blender's importers want one."""
+    """The context with the file's window: with --command there is none, but Blender's importers need one."""
     windows = bpy.context.window_manager.windows
     if bpy.context.window is not None or not windows:
         return nullcontext()
@@ -130,7 +128,7 @@ def _progress_logged() -> Iterator[None]:
 
 
 def _written(verb: str) -> str:
-    """What a verb wrote and where, as the end of a sentence."""
+    """The files that a verb wrote, as the end of a sentence."""
     if verb == "render_samples":
         folder = samples_folder(bpy.context.scene)
         return f": {samples_status(folder)} in {folder}"
@@ -158,7 +156,7 @@ def _written(verb: str) -> str:
 
 
 def _obstacle(verb: str) -> str:
-    """Why a verb cannot run yet: the poll's message, which only a call that fails has."""
+    """Why a verb cannot run yet: the poll message, which only a failing call returns."""
     try:
         getattr(bpy.ops.mps, verb)()
     except RuntimeError as error:
@@ -173,7 +171,7 @@ def _select(names: Sequence[str]) -> None:
     for name in names:
         if find_object(bpy.context.scene, name) not in set(layer.objects):
             raise InputError(f'"{name}" is in no collection of this view layer; include one of its collections')
-        if len(names) > 1:  # one that is hidden may still be the active one
+        if len(names) > 1:  # a hidden one may still be the active one
             refuse_unselectable(layer.objects[name])
     for obj in layer.objects:
         obj.select_set(obj.name in names)
@@ -181,7 +179,7 @@ def _select(names: Sequence[str]) -> None:
 
 
 def argument_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+    """The parser of the command line."""
     parser = Parser(prog=COMMAND, description="A normal texture from one photo under red, green and blue light.")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     for verb in VERBS:
@@ -199,7 +197,7 @@ def argument_parser() -> argparse.ArgumentParser:
         for setting in kind.properties:
             if setting.identifier != "rna_type" and not setting.is_hidden:
                 _add_flag(sub, setting)
-    for verb in ("work", "render", "decode"):  # without help and so not listed: what the farm and a live window start
+    for verb in ("work", "render", "decode"):  # hidden, without help: started by the farm and the add-on
         started = verbs.add_parser(verb)
         started.add_argument("path")
         started.set_defaults(verb=verb)
@@ -231,14 +229,14 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
 
 
 def _absolute(path: str) -> str:
-    """Relative paths are relative to where the command was given, not to the .blend file as within Blender."""
+    """Resolve a path against the working directory, not against the .blend file as Blender does."""
     if path.startswith("//"):
         return path
-    return f"{Path(path).resolve()}{'/' * path.endswith(('/', os.sep))}"  # which asks for a folder
+    return f"{Path(path).resolve()}{'/' * path.endswith(('/', os.sep))}"  # a trailing slash requests a folder
 
 
 def _several(choices: Sequence[str]) -> Any:
-    """A parser of names with commas between them, each one of `choices`."""
+    """A parser of comma-separated names, each one of `choices`."""
 
     def parse(text: str) -> set[str]:
         names = text.upper().split(",")
@@ -251,7 +249,7 @@ def _several(choices: Sequence[str]) -> Any:
 
 
 def _number(kind: type, low: float, high: float) -> Any:
-    """A parser that refuses what Blender would silently bring into range."""
+    """A parser that rejects values that Blender would silently clamp."""
 
     def parse(text: str) -> float:
         try:

@@ -1,4 +1,4 @@
-"""Blender's images: how files become images, and which files images come from."""
+"""Blender images: loading files as images, and finding the files of images."""
 
 import re
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ _FINE_PREVIEW = 512
 
 
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
-    """The file as an image of Blender's, which reads its pixels when it shows them.
+    """Load a file as a Blender image, whose pixels Blender reads on display.
 
-    Where the add-on has loaded the file before, that image is read anew; people's own images of it stay as they are.
+    If the add-on has loaded the file before, that image is reloaded. The user's own images of the file are unchanged.
 
-    A file in Blender's temporary folder, which goes when Blender quits, is packed into the .blend file as well.
+    A file in Blender's temporary folder, which is deleted when Blender quits, is packed into the .blend file as well.
 
-    is_data: its colours are numbers, not light: no colour space is applied.
+    is_data: non-colour data, without a colour space.
 
-    Raises InputError where Blender cannot open it.
+    Raises InputError if Blender cannot open it.
     """
     image = _loaded_from(path)
     if image is None or not path.is_file():
@@ -38,23 +38,23 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     if image.source == "SEQUENCE":
         image.source = "FILE"
     if image.packed_file:
-        image.unpack(method="REMOVE")  # else the packed file would be read again
+        image.unpack(method="REMOVE")  # otherwise the packed file would be read again
     if is_data:  # set before its pixels are read: 4.5 does not convert them again
         image.colorspace_settings.is_data = True
     image.reload()
     image.name = name
-    if image.preview:  # else the panel goes on showing what the file held before
+    if image.preview:  # otherwise the panel would show the old content
         image.preview.reload()
     _pack_or_make_relative(image, path)
     return image
 
 
 def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: bool) -> bpy.types.Image:
-    """UDIM tiles as one image, read anew where it is one already. pattern: their file, with <UDIM> in its name.
+    """Load UDIM tiles as one image, or reload it. pattern: their file, with <UDIM> in its name.
 
-    Tiles in a folder that goes when Blender quits are packed, as in :func:`load_image`.
+    Tiles in Blender's temporary folder are packed, as in :func:`load_image`.
 
-    Raises InputError where Blender cannot read them.
+    Raises InputError if Blender cannot read them.
     """
     image = _loaded_from(pattern)
     if image is None:
@@ -66,7 +66,7 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
     image.filepath = str(pattern)
     image.reload()
     for tile in [tile for tile in image.tiles if tile.number not in numbers]:
-        image.tiles.remove(tile)  # Blender takes all files that fit the pattern, those of earlier bakes too
+        image.tiles.remove(tile)  # Blender loads all files that match the pattern, even those of earlier bakes
     image.name = name
     if image.preview:
         image.preview.reload()
@@ -75,13 +75,13 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
 
 
 def _loaded_from(path: Path) -> Any:
-    """The image that the add-on loaded from a file, None where there is none."""
+    """The image that the add-on loaded from a file, None if there is none."""
     own = (image for image in bpy.data.images if not image.library and is_own(image))
     return next((image for image in own if Path(bpy.path.abspath(image.filepath)) == path), None)
 
 
 def _pack_or_make_relative(image: bpy.types.Image, path: Path) -> None:
-    """Pack what would go with Blender, and name what lies beside the .blend file by where it lies from there."""
+    """Pack a temporary file, or make the path of a file in the .blend file's folder relative."""
     if Path(bpy.app.tempdir) in path.parents:
         image.pack()
     elif bpy.data.filepath and Path(bpy.data.filepath).parent in path.parents:
@@ -89,9 +89,9 @@ def _pack_or_make_relative(image: bpy.types.Image, path: Path) -> None:
 
 
 def load_frames(first: Path, name: str) -> bpy.types.Image:
-    """The numbered files that begin with `first` as one image sequence of data.
+    """Load the numbered files that start with `first` as one image sequence of non-colour data.
 
-    Raises InputError where Blender cannot read it.
+    Raises InputError if Blender cannot read it.
     """
     image = load_image(first, name, is_data=True)
     image.source = "SEQUENCE"
@@ -99,9 +99,9 @@ def load_frames(first: Path, name: str) -> bpy.types.Image:
 
 
 def load_photo(path: Path, name: str) -> bpy.types.Image:
-    """The photo as an image with the rig and camera from beside the file stored in it.
+    """Load a photo as an image, and store the rig and camera of its sidecar files in it.
 
-    Raises InputError where Blender cannot read it, or the file of its rig or camera is malformed.
+    Raises InputError if Blender cannot read it, or the file of its rig or camera is malformed.
     """
     known = {what: read_sidecar(path, what) for what in ("rig", "camera")}
     image = load_image(path, name, is_data=False)
@@ -114,7 +114,7 @@ def load_photo(path: Path, name: str) -> bpy.types.Image:
 
 
 def picture_size(image: bpy.types.Image) -> tuple[int, int]:
-    """Width and height in pixels; those of a sequence's own file where the frame of the moment has none."""
+    """Width and height in pixels; those of a sequence's first file if the current frame has none."""
     width, height = image.size
     if not width:
         frame = bpy.data.images.load(bpy.path.abspath(image.filepath), check_existing=False)
@@ -124,7 +124,7 @@ def picture_size(image: bpy.types.Image) -> tuple[int, int]:
 
 
 def pixels_of(image: bpy.types.Image) -> NDArray[np.float32]:
-    """(H, W, C) the image's pixels, the lowest row first."""
+    """(H, W, C) the image's pixels, bottom row first."""
     width, height = image.size
     pixels = np.empty((height, width, image.channels), np.float32)
     image.pixels.foreach_get(pixels.ravel())
@@ -132,19 +132,19 @@ def pixels_of(image: bpy.types.Image) -> NDArray[np.float32]:
 
 
 def paint_grey(image: bpy.types.Image, values: NDArray[Any]) -> None:
-    """Fill an image of four channels with grey values (H, W), the lowest row first, and opaque."""
+    """Fill an image of four channels with opaque grey values (H, W), bottom row first."""
     pixels = np.ones((*values.shape, 4), np.float32)
     pixels[..., :3] = values[..., None]
     image.pixels.foreach_set(pixels.ravel())
 
 
 def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
-    """Draw the image's preview with 512 pixels a side in place of Blender's 128, for a picture of small pictures.
+    """Draw the image's preview with 512 pixels on a side instead of Blender's 128, for contact sheets.
 
-    Previews are shown square: the image is at the top, where Blender would have it in the middle. stretched: from black
-    to white, for numbers that are no colours.
+    Previews are square: the image is at the top, while Blender would centre it. stretched: scale values from black to
+    white, for data that are no colours.
     """
-    small = image.copy()  # the image itself stays unread: 4096² pixels of an EXR file take half a second
+    small = image.copy()  # leaves the image itself unread: 4096² pixels of an EXR file take half a second
     try:
         side = _FINE_PREVIEW
         width, height = (max(1, round(side * length / max(small.size))) for length in small.size)
@@ -157,16 +157,16 @@ def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
         pixels[..., :3] = (pixels[..., :3] - low) / max(high - low, 1e-12)
     square = np.zeros((side, side, 4), np.float32)
     left = (side - width) // 2
-    square[side - height :, left : left + width] = pixels  # the lowest row is the first
+    square[side - height :, left : left + width] = pixels  # bottom row first
     preview = image.preview_ensure()
     preview.image_size = side, side
     preview.image_pixels_float.foreach_set(square.ravel())
 
 
 def frame_pattern(file: Path) -> Path:
-    """The pattern of a sequence's files, from one of them: frame_####.png for frame_0012.png.
+    """The pattern of a sequence's files from one of them: frame_####.png for frame_0012.png.
 
-    Raises InputError where its name has no number.
+    Raises InputError if its name has no number.
     """
     runs = list(re.finditer("[0-9]+", file.stem))
     if not runs:
@@ -179,14 +179,16 @@ def frame_pattern(file: Path) -> Path:
 
 
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
-    """The file an image comes from, for what is packed one with that. Raises InputError where there is no image, it has
-    no file on disk, or was changed since."""
+    """The file of an image; for packed images, a copy on disk.
+
+    Raises InputError if there is no image, it has no file, or has unsaved changes.
+    """
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")
     refuse_unsaved(image, what)
     path = origin(image)
     if image.packed_file and remembered(image, "source") is None:
-        # What was painted and packed never had a name.
+        # A painted and packed image has no file name.
         unnamed = f"{file_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}"
         path = _folder_to_unpack(image) / (path.name or unnamed)
         path.write_bytes(image.packed_file.data)
@@ -197,15 +199,15 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
 
 
 def refuse_unsaved(image: bpy.types.Image, what: str) -> None:
-    """Raises InputError where an image was painted on, which its file does not show."""
+    """Raise InputError if an image was painted on and not saved."""
     if image.is_dirty:
         raise InputError(f'the {what} "{image.name}" has changes that are not in its file; save it first')
 
 
 def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
-    """The files that a tiled image comes from, as their name with <UDIM> in it.
+    """The files of a tiled image, as their name with <UDIM>.
 
-    Raises InputError where none is on disk, nor packed.
+    Raises InputError if none is on disk, nor packed.
     """
     pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
 
@@ -224,7 +226,7 @@ def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
 
 
 def _folder_to_unpack(image: bpy.types.Image) -> Path:
-    """A folder of the image's own: two that came from elsewhere may have files of one name."""
+    """A separate folder for an image: two packed images may have the same file name."""
     folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
     folder.mkdir(exist_ok=True)
     return folder

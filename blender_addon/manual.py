@@ -1,7 +1,7 @@
-"""Blender's own *Online Manual*, by F1 and right click: on our buttons and fields it opens the pages of the reference.
+"""Blender's *Online Manual* (F1, right click) for the add-on's buttons and fields: opens pages of the reference.
 
-They come with the extension, where it was built with them. Each place of the reference has a page of its own, which
-leads there and is called by Blender's name of what the place is about.
+The pages ship with the extension if it was built with them. Each entry of the reference has a redirect page, named
+after Blender's identifier of the operator or property.
 """
 
 import os
@@ -16,19 +16,19 @@ import bpy
 from .preferences import MPS_AddonPreferences
 
 HERE = Path(__file__).parent
-# Within the extension, or those that were built in a checkout.
+# In the extension, or built in a checkout.
 FOLDERS = [HERE / "manual", HERE.parent / "docs" / "_build"]
 PLACES = Path("reference", "at")
 
 
 def operators() -> Iterator[tuple[str, Any]]:
-    """Every operator of ours: its name in Python, and its RNA."""
+    """Every operator of the add-on: its Python name and its RNA."""
     for name in sorted(dir(bpy.ops.mps)):
         yield f"bpy.ops.mps.{name}", getattr(bpy.ops.mps, name).get_rna_type()
 
 
 def groups() -> Iterator[tuple[str, Any]]:
-    """Every group of settings: how a script gets at it, and its RNA."""
+    """Every group of settings: the expression by which a script accesses it, and its RNA."""
     seen: set[str] = set()
     for owner in ("scene", "image", "window_manager"):
         kind = getattr(bpy.types, owner.title().replace("_", ""))
@@ -47,19 +47,19 @@ def _within(name: str, group: Any, seen: set[str]) -> Iterator[tuple[str, Any]]:
 
 
 def shown(rna: Any) -> Iterator[Any]:
-    """The properties of an operator or a group that a person or a script sets."""
+    """The properties of an operator or a group that users or scripts set."""
     for one in rna.properties:
         if one.identifier not in {"rna_type", "name", "bl_idname"} and not one.is_hidden:
             yield one
 
 
 def anchor(rna: Any, setting: str) -> str:
-    """What Blender calls a setting of a group when it looks it up: "bpy.types.mps_pg_bake.size"."""
+    """Blender's identifier of a setting in a group when it looks it up: "bpy.types.mps_pg_bake.size"."""
     return f"bpy.types.{rna.identifier}.{setting}".lower()
 
 
 def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
-    """For Blender: what all pages' addresses begin with, and for each of its names, in lower case, how they end."""
+    """The manual map for Blender: the common prefix of all addresses, and the rest for each lower-case identifier."""
     places = next(folder / PLACES for folder in FOLDERS if (folder / PLACES).is_dir())
     names = [name for name, _ in operators()]
     names += [anchor(group, one.identifier) for _, group in groups() for one in shown(group)]

@@ -1,4 +1,4 @@
-"""The viewport's menu Object > MPS-Net. Blender's search (F3) finds what is in a menu, and nothing else."""
+"""The viewport's menu Object > MPS-Net. Blender's search (F3) only finds operators that are in a menu."""
 
 from typing import Any
 

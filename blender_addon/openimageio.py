@@ -8,15 +8,15 @@ import bpy
 
 
 def load_openimageio() -> None:
-    """Import the OpenImageIO that Blender comes with, before anything here imports the extension's.
+    """Import the OpenImageIO that Blender ships with, before anything imports the extension's.
 
     Windows finds a DLL by its name alone: the extension's module would get the DLL that Blender has loaded, of another
-    version. A Blender without the module has the extension's all the same.
+    version. In a Blender without the module, the extension's is imported.
     """
     if bpy.app.module or "OpenImageIO" in sys.modules:
         return
     places = sys.path[:]
-    sys.path.sort(key=lambda place: ".local" in Path(place).parts)  # where Blender puts the wheels of extensions
+    sys.path.sort(key=lambda place: ".local" in Path(place).parts)  # the folder of extensions' wheels
     try:
         importlib.import_module("OpenImageIO")
     finally:

@@ -1,4 +1,4 @@
-"""Where results go."""
+"""Files and folders of results."""
 
 import re
 import sys
@@ -19,12 +19,12 @@ FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".exr": "EXR"}
 
 
 def output_path(given: str, name: str, file_format: str) -> Path:
-    """The file to write: `given`, or `name` in the output folder, with the format's ending unless it has one.
+    """The file to write: `given`, or `name` in the output folder, with the format's suffix unless it has one.
 
-    given: a file, or a folder for `name`: one that exists, or what ends in a slash, which is made.
+    given: a file, or a folder for `name`: an existing one, or a path that ends in a slash, which is created.
 
-    Raises InputError where no file can be put there, the ending is of no format that can be written, or a name that was
-    not given is that of an image of the artist's.
+    Raises InputError if no file can be written there, the suffix is of no writable format, or a default name is that of
+    one of the user's own images.
     """
     folder = requested_folder(given)
     path = requested_path(given) if folder is None else folder / file_name(name)
@@ -44,9 +44,9 @@ def _leave_to_artists(path: Path) -> None:
 
 
 def requested_path(given: str) -> Path:
-    """The requested file or folder. Raises FileError where it is relative to this file, which was never saved.
+    """The requested file or folder. Raises FileError if it is relative to a .blend file that was never saved.
 
-    Blender takes "//" of a file that was never saved for the folder that it was started in.
+    In a file that was never saved, Blender resolves "//" to the folder that it was started in.
     """
     if given.startswith("//") and not bpy.data.filepath:
         raise FileError(f"{given} is beside this file, which was never saved; save it, or give a path in full")
@@ -54,30 +54,30 @@ def requested_path(given: str) -> Path:
 
 
 def file_name(name: str) -> str:
-    """`name` as a file can have it; letters stay what they are (`bpy.path.clean_name` makes "ä" and "ö" the same).
+    """`name` as a valid file name. Letters are kept (`bpy.path.clean_name` turns "ä" and "ö" into the same character).
 
-    Dots do not: what follows one would be the file's ending.
+    Dots are replaced: what follows one would be the suffix.
     """
     return _NOT_IN_NAMES.sub("_", name)
 
 
 def unique_name(names: Sequence[str], number: int) -> str:
-    """One of several names, with its number where it is another one's in a file's name, on some system at least."""
+    """One of several names, with its number if, as a file name, it equals another one on some system."""
     in_files = [file_name(name).casefold() for name in names]
     if in_files.count(in_files[number]) == 1:
         return names[number]
     numbered = f"{names[number]}_{number + 1}"
-    while file_name(numbered).casefold() in in_files:  # a third one may be called so
+    while file_name(numbered).casefold() in in_files:  # a third name may be the same
         numbered += "_"
     return numbered
 
 
 def requested_folder(given: str) -> Path | None:
-    """The folder for results whose place is `given`; None where that is a file.
+    """The folder for results that `given` names; None if it names a file.
 
-    What ends in a slash is a folder, which is made, and so is what exists as one; "" is the output folder.
+    An existing folder, or a path that ends in a slash, which is created, is a folder; "" is the output folder.
 
-    Raises InputError where the folder cannot be made, or as :func:`requested_path` does.
+    Raises InputError if the folder cannot be created, or as :func:`requested_path` does.
     """
     if not given:
         return output_folder()
@@ -88,7 +88,7 @@ def requested_folder(given: str) -> Path | None:
 
 
 def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]:
-    """A sentence where the file's ending overrules the format that was chosen in a step's settings; else nothing."""
+    """A sentence if the file's suffix overrules the format in a step's settings; otherwise nothing."""
     written = FORMAT_OF[path.suffix.lower()]
     if written == settings.file_format or not settings.is_property_set("file_format"):
         return []
@@ -99,7 +99,7 @@ def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]
 def output_frames(given: str, name: str) -> Path:
     """The folder for a sequence's frames: `given`, or `name` in the output folder.
 
-    Raises InputError where `given` is a picture's name, or where the folder would go with Blender: the frames of a
+    Raises InputError if `given` is the name of an image, or the folder is a temporary one of Blender: frames of a
     sequence cannot be packed into the .blend file.
     """
     folder = requested_path(given) if given else output_folder() / file_name(name)
@@ -113,11 +113,11 @@ def output_frames(given: str, name: str) -> Path:
 
 
 def is_safe_to_open(given: str | Path) -> bool:
-    """Whether a path is a folder or a page: what the system opens otherwise it may run, and a file named it."""
+    """Whether a path is a folder or a page. The system may execute other files, and the path may come from a file."""
     path = Path(bpy.path.abspath(str(given)))
     try:
         if path.is_dir():
-            return sys.platform != "darwin" or not path.suffix  # macOS runs folders with an ending
+            return sys.platform != "darwin" or not path.suffix  # macOS runs folders with a suffix
         return path.suffix.lower() == ".html" and path.is_file()
     except OSError:  # a name may be too long
         return False
@@ -129,12 +129,12 @@ def is_permanent(path: Path) -> bool:
 
 
 def render_path(path: Path) -> Path:
-    """`path`, or InputError where Blender cannot render into it; checked before it renders."""
+    """`path`, checked before a render. Raises InputError if Blender cannot render to it."""
     if path.suffix.lower() != ".exr":
         raise SettingsError(f"cannot write {path}: renders are written as OpenEXR; give a name that ends in .exr")
     return writable_path(path)
 
 
 def with_escaped_braces(path: Path) -> str:
-    """A path for Blender's render settings, which fill in what stands between single braces."""
+    """A path for Blender's render settings, which expand expressions in single braces."""
     return str(path).replace("{", "{{").replace("}", "}}")

@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from mpsnet_core.synthesis.farm.address import is_loopback
 
-# The add-on's name in Blender, also in the Blenders that it starts.
+# The add-on's name in Blender, and in the Blender processes that it starts.
 PACKAGE = __package__ or ""
 
 
@@ -81,7 +81,7 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
 
 
 def preference(name: str) -> Any:
-    """A preference as the person set it, or its default where the add-on runs as a plain module."""
+    """A preference, or its default if the add-on runs as a plain module."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     if addon is not None and addon.preferences is not None:
         return getattr(addon.preferences, name)
@@ -89,9 +89,9 @@ def preference(name: str) -> Any:
 
 
 def output_folder() -> Path:
-    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one.
+    """The folder from the preferences, else that of the saved .blend file, else Blender's temporary folder.
 
-    Of a file that was never saved, "//" is no folder.
+    "//" is no folder in a file that was never saved.
     """
     chosen = preference("output_folder")
     if chosen and (bpy.data.filepath or not chosen.startswith("//")):

@@ -1,4 +1,4 @@
-"""Presets of a step's settings that artists make: Blender keeps them in the user's folder, not in .blend files."""
+"""User presets of a step's settings, which Blender stores in the user's folder, not in .blend files."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -14,7 +14,7 @@ class _Presets(PresetPanel):
     preset_operator = "script.execute_preset"
 
     def path_menu(self, searchpaths: Iterable[str], operator: str, **options: Any) -> None:
-        # An iterator is true even if it is empty: Blender would complain as long as no preset was ever made.
+        # An iterator is true even if it is empty: Blender would print a warning until the first preset exists.
         bpy.types.Menu.path_menu(self, iter(searchpaths), operator, **options)
 
 

@@ -1,7 +1,7 @@
-"""What a result was made of: stored with its image, so that the panel can show when it is out of date.
+"""The inputs of a result, stored with its image, so that the panel can show when it is out of date.
 
-Each ingredient has the name that the panel shows ("Photo", "Lights", "Model") and a text that differs where the
-ingredient does. They go with the image wherever it goes: renamed, saved and loaded, undone, chosen for another step.
+Each ingredient has the name that the panel shows ("Photo", "Lights", "Model") and a fingerprint as text. They stay with
+the image when it is renamed, saved and loaded, undone, or chosen for another step.
 """
 
 import json
@@ -23,18 +23,18 @@ from .image_records import MADE_BY, from_json, images_of, origin, remember, reme
 
 Provenance = dict[str, str]
 
-# Stored with the image.
+# Keys of data stored with the image.
 _MADE, _MADE_FROM = "made", "made_from"
 
-# What later steps take from those who make it.
-_TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
+# Results that later steps need, by the operators that make them.
+_NEEDED_LATER = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
 
 _SIZE_SECONDS = 1.0
-# When files were looked at, and their sizes: for the panel alone, see `cached_file_sizes`.
+# Times of look-up and sizes of files, for the panel alone: see `cached_file_sizes`.
 _sizes: dict[Path, tuple[float, int]] = {}
-# When each file was last written in this session: undo takes back what Blender knows of it, and not the file.
+# When each file was last written in this session: undo reverts Blender's data, but not the file.
 _written: dict[Path, str] = {}
-_lately = ContextVar("lately", default=False)
+_sizes_cached = ContextVar("lately", default=False)
 
 
 def chosen(
@@ -44,15 +44,15 @@ def chosen(
     only: Collection[str] = (),
     without: Collection[str] = ("output",),
 ) -> Provenance:
-    """The settings of a step that shape its result, as they stand: `only` these, else all `without` those."""
+    """The current settings of a step that affect its result: `only` these, otherwise all `without` those."""
     names = only or [name for name in settings.__annotations__ if name not in without]
     return {group.bl_rna.properties[name].name: str(getattr(group, name)) for name in names}
 
 
 def stamp(image: bpy.types.Image | None) -> str:
-    """A text that another image, or the same one made anew or exported again, does not have.
+    """A text that is unique to this version of an image: other images, or new results, have another.
 
-    A file's time and folder are not in it: a project that is copied keeps its results.
+    It does not include a file's time and folder: a copied project keeps its results.
     """
     if image is None:
         return ""
@@ -62,30 +62,30 @@ def stamp(image: bpy.types.Image | None) -> str:
 
 
 def file_stamp(path: str) -> str:
-    """The same for a file that is named in the settings; "" for none."""
+    """:func:`stamp` of a file in the settings; "" for none."""
     return f"{Path(path).name} {_size(Path(bpy.path.abspath(path)))}" if path else ""
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is a file or a folder of that name."""
+    """Whether a file or folder exists."""
     return _size(path) >= 0
 
 
 @contextmanager
 def cached_file_sizes() -> Iterator[None]:
-    """Within, files have the sizes that they had up to a second ago: panels are drawn many times a second, and a file's
-    folder may be far away."""
-    before = _lately.set(True)
+    """Within the with block, file sizes are cached for up to a second: panels are drawn often, and a file's folder may
+    be on a network."""
+    before = _sizes_cached.set(True)
     try:
         yield
     finally:
-        _lately.reset(before)
+        _sizes_cached.reset(before)
 
 
 def _size(path: Path) -> int:
-    """In bytes; -1 where there is no such file."""
+    """Size in bytes; -1 if there is no such file."""
     seen, size = _sizes.get(path, (-math.inf, -1))
-    if _lately.get() and time.monotonic() - seen < _SIZE_SECONDS:
+    if _sizes_cached.get() and time.monotonic() - seen < _SIZE_SECONDS:
         return size
     try:
         size = path.stat().st_size
@@ -96,12 +96,12 @@ def _size(path: Path) -> int:
 
 
 def rounded(values: ArrayLike, decimals: int) -> str:
-    """Numbers as a text that does not change with the rounding errors of an evaluation."""
+    """Numbers as text, without the rounding errors of an evaluation."""
     return " ".join(f"{value + 0.0:.{decimals}f}" for value in np.round(np.ravel(values), decimals))
 
 
 def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance) -> None:
-    """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
+    """Store with an image the current time, its operator ("estimate" for ``mps.estimate``) and its ingredients."""
     made = datetime.now().isoformat()
     for what, text in {_MADE: made, MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}.items():
         remember(image, what, text)
@@ -112,32 +112,31 @@ def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance)
 
 
 def written_in_this_session(file: Path) -> bool:
-    """Whether a result was written there since Blender was started, even where that was undone."""
+    """Whether a result was written there since Blender was started, even if that was undone."""
     return file in _written
 
 
 def made_by(image: bpy.types.Image) -> str:
-    """The operator that made an image; "" where none is known."""
+    """The operator that made an image; "" if it is unknown."""
     return remembered(image, MADE_BY) or ""
 
 
 def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
-    """Raises InputError where a result of `verb` would be written over a photo or its normals that this file uses.
+    """Raise InputError if a result of `verb` would overwrite a photo, or its normals, that this file uses.
 
-    Each may be made anew in its place.
+    A result of the same kind may replace it.
     """
     for image in images_of(outputs):
-        what = _TAKEN_ON.get(made_by(image), "")
-        if what not in ("", _TAKEN_ON.get(verb)):
+        what = _NEEDED_LATER.get(made_by(image), "")
+        if what not in ("", _NEEDED_LATER.get(verb)):
             path = origin(image)
             raise FileError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 
 
 def changed_since(image: bpy.types.Image, ingredients: Provenance) -> list[str]:
-    """The names of those ingredients that are not as they were when the image was made; "File" where its file is that
-    of a later run, which was undone.
+    """The names of ingredients that changed since the image was made; "File" if a later, undone run wrote its file.
 
-    What is not known of both times counts as unchanged.
+    An ingredient that is unknown at one of the two times counts as unchanged.
     """
     before, made = from_json(remembered(image, _MADE_FROM), dict), remembered(image, _MADE)
     undone = not image.packed_file and _written.get(origin(image), made) != made
@@ -145,7 +144,7 @@ def changed_since(image: bpy.types.Image, ingredients: Provenance) -> list[str]:
 
 
 def made_when(image: bpy.types.Image) -> str:
-    """When an image was made, in words for the panel: "14:32", or with its day where that was another; "" unknown."""
+    """When an image was made, as text for the panel: "14:32", with the date if it was another day; "" if unknown."""
     try:
         made = datetime.fromisoformat(remembered(image, _MADE) or "")
     except ValueError:

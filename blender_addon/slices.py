@@ -1,14 +1,14 @@
-"""Long work in slices, between which a live window goes on."""
+"""Long work in slices, between which the window stays responsive."""
 
 from collections.abc import Generator
 
-# Work of which each step is short enough for a live window to wait for; close() ends it early. It yields whether the
-# next step is a long one, before which the window is drawn.
+# A generator whose steps are short enough not to block the window; close() ends it early. It yields whether the next
+# step is a long one, before which the window is redrawn.
 Slices = Generator[bool, None, None]
 
 
 def give_up(slices: list[Slices]) -> None:
-    """Let what was begun take away what it has made."""
+    """Close unfinished slices, which lets them clean up."""
     for one in slices:
         one.close()
     slices.clear()

@@ -1,6 +1,6 @@
 """Surface normals from one photo under red, green and blue light (multispectral photometric stereo).
 
-Data are small frozen dataclasses that hold NumPy arrays; functions take them and return new ones::
+Data types are small frozen dataclasses that hold NumPy arrays. Functions take them and return new ones::
 
     from mpsnet_core import estimate_normals, read_capture, read_rig, write_normals
 

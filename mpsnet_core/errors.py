@@ -1,19 +1,19 @@
-"""What goes wrong and is not a fault of the program, and how that is said."""
+"""Errors that are not faults of the program, and how their messages are worded."""
 
 from collections.abc import Collection, Mapping
 from typing import NoReturn, TypeVar
 
 T = TypeVar("T")
 
-# A sentence with two paths in it is about half as long.
+# Characters of a message: about twice the length of a sentence that names two paths.
 LONGEST = 500
 
 
 class InputError(ValueError):
     """Bad input from outside. The message is one sentence: what is wrong, where, and how to mend it.
 
-    Whatever a file or a path puts into it, it stays one readable line: see :func:`in_one_line`. Its subclasses are for
-    callers who go on in one case and not in another.
+    It stays one readable line whatever a file or a path contributes: see :func:`in_one_line`. Subclasses let callers
+    recover from one kind of error alone.
     """
 
     def __init__(self, sentence: str = "") -> None:
@@ -25,23 +25,23 @@ class FileError(InputError):
 
 
 class FormatError(InputError):
-    """A file that can be read, but whose content is damaged, or no such thing as it is read for."""
+    """A file that can be read, but whose content is damaged or of the wrong kind."""
 
 
 class GeometryError(InputError):
-    """Lights, cameras, meshes, masks or normals that no answer follows from, or that do not belong together."""
+    """Lights, cameras, meshes, masks or normals that are degenerate or do not fit together."""
 
 
 class NoObject(GeometryError):
-    """A photo in which no object is seen, or a mask that marks none: of a sequence, a frame to leave out."""
+    """A photo without a visible object, or an empty mask. A sequence skips such a frame."""
 
 
 class SettingsError(InputError):
-    """An option that is unknown or out of its range, or options that contradict one another."""
+    """An option that is unknown or out of range, or options that contradict one another."""
 
 
 def check_choice(what: str, value: object, choices: Collection[object]) -> None:
-    """Raises SettingsError where `value` is none of `choices`; `what` names it in the sentence."""
+    """Raise SettingsError unless `value` is one of `choices`. The message calls it `what`."""
     if value not in choices:
         *others, last = map(str, choices)
         known = f"{', '.join(others)} or {last}" if others else last
@@ -49,7 +49,7 @@ def check_choice(what: str, value: object, choices: Collection[object]) -> None:
 
 
 class Choices(dict[str, T]):
-    """What each choice of a setting means. Another than these raises SettingsError, as :func:`check_choice` does."""
+    """A mapping from each choice of a setting to its meaning. An unknown key raises SettingsError."""
 
     def __init__(self, what: str, meanings: Mapping[str, T]) -> None:
         super().__init__(meanings)
@@ -61,22 +61,22 @@ class Choices(dict[str, T]):
 
 
 class Cancelled(Exception):
-    """The person asked to stop; nothing half-written is left behind."""
+    """The user cancelled. No partly written file remains."""
 
 
 def in_one_line(text: str, longest: int = LONGEST) -> str:
     """`text` as one line that a terminal shows as it is: no control characters, at most `longest` characters.
 
-    Too long a text loses its middle, which is what came out of a file: the beginning says what is wrong, the end how to
-    mend it.
+    A longer text loses its middle, which usually quotes a file: the beginning says what is wrong, the end how to mend
+    it.
     """
-    # Cut once before, too: the text may be as long as the file that it is from.
+    # A first cut keeps this fast: the text may be as long as the file that it quotes.
     line = printable(" ".join(_cut(text, 10 * longest).split()))
     return _cut(line, longest)
 
 
 def printable(text: str) -> str:
-    """`text` with what moves a terminal's cursor, changes its colours or the order of letters written as an escape."""
+    """`text` with escapes in place of characters that control a terminal: its cursor, colours or text direction."""
     if text.isprintable():
         return text
     return "".join(sign if sign.isprintable() or sign == "\n" else ascii(sign)[1:-1] for sign in text)

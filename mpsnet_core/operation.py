@@ -1,8 +1,8 @@
-"""Operations: what the project does, each described once.
+"""Operations: everything that a user can run, each described once.
 
-An operation is a frozen dataclass that holds its inputs, outputs and settings, each a field made by :func:`option`.
-It is the Python API, and the command line is generated from it: see :mod:`mpsnet_core.cli.operations`. So are the
-add-on's settings: see ``blender_addon/settings/declared.py``.
+An operation is a frozen dataclass. Its inputs, outputs and settings are fields made by :func:`option`. It is the Python
+API. The command line (:mod:`mpsnet_core.cli.operations`) and the add-on's settings
+(``blender_addon/settings/declared.py``) are generated from it.
 """
 
 import dataclasses
@@ -18,10 +18,10 @@ from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args,
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, silent
 
-# Which change of an option changes the result: of its value, of the content of the file that it names, or of the files
-# that it names, by their names, sizes and times; or none does. Of an option with several values: of any of them.
+# What the provenance of a result records of an option: its value, a hash of the file that it names, the names, sizes
+# and times of the files that it names, or nothing. It applies to each value of an option that takes several.
 Provenance = Literal["value", "content", "files", "none"]
-# What a file browser looks for to fill an option in; "" where it has none.
+# What Blender's file browser offers to select for the option; "" if it is not a path.
 PathKind = Literal["", "file", "folder"]
 
 _METADATA = "option"
@@ -29,27 +29,27 @@ _METADATA = "option"
 
 @dataclass(frozen=True)
 class Option:
-    """What an option is, beside its name, type and default.
+    """The description of an option, apart from its name, type and default.
 
     Parameters
     ----------
     help
-        What it does, for people who meet it on the command line or in Blender: without flags, without a full stop. The
-        command line does not list an option without.
+        What it does, as the command line and Blender show it: no flags, no full stop. The command line hides an option
+        whose help is empty.
     positional
         Whether the command line takes it without a flag.
     metavar
-        What stands for its value in the help, its unit for instance.
+        Placeholder for its value in the help, such as its unit.
     choices
-        The values that can be, where they are few, and what each means in a line. Checked here.
+        The allowed values where they are few, each with its meaning in a line. Checked here.
     low, high
-        Bounds of a number, both included. Checked here.
+        Inclusive bounds of a number. Checked here.
     unset
-        What counts where it is None or nothing, for people: "16 bits, in OpenEXR 32".
+        Help text for what applies if the option is not given: "16 bits, in OpenEXR 32".
     path
-        Of text that a person chooses in Blender's file browser: a file or a folder.
+        Whether Blender's file browser selects a file or a folder for it.
     provenance
-        Which change of it changes the result.
+        What the provenance of a result records of it.
     """
 
     help: str
@@ -76,7 +76,7 @@ def option(
     path: PathKind = "",
     provenance: Provenance = "value",
 ) -> Any:
-    """A field of an operation; one without a default has to be given. See :class:`Option`."""
+    """A field of an operation, required if it has no default. See :class:`Option` for the parameters."""
     described = Option(help, positional, metavar, choices or {}, low, high, unset, path, provenance)
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
@@ -88,17 +88,17 @@ class Setting:
     Parameters
     ----------
     name
-        As a field of the operation.
+        The field's name.
     kind
         The type of one value: ``str``, ``int``, ``float`` or ``bool``.
     several
         Whether it takes any number of values.
     default
-        ``dataclasses.MISSING`` where it has to be given.
+        ``dataclasses.MISSING`` if it is required.
     option
-        What else it is.
+        The rest of its description.
     heading
-        That of the class which declares it.
+        The heading of the class that declares it.
     """
 
     name: str
@@ -114,28 +114,28 @@ class Setting:
 
     @property
     def flags(self) -> list[str]:
-        """What stands before its value on the command line, the long flag last; an ``output`` has a short one."""
+        """Its flags on the command line, the long one last. An ``output`` has a short one, too."""
         return [*(["-o"] if self.name == "output" else []), "--" + self.name.replace("_", "-")]
 
 
 @dataclass(frozen=True)
 class Result:
-    """What an operation made. Fields that are None are not part of the answer, also those of dataclasses in it.
+    """The result of an operation. Fields that are None are left out of its JSON, in nested dataclasses too.
 
     Parameters
     ----------
     text
-        For people, a line or more.
+        The result in words for the terminal, one line or more.
     """
 
     text: str = field(kw_only=True)
 
     def facts(self) -> dict[str, Any]:
-        """The answer as plain data, for programs."""
+        """The result as plain data that JSON can hold."""
         return _facts(self)
 
     def figures(self, *names: str) -> dict[str, Any]:
-        """What ``--json`` writes of it: the facts of these names, all but the text where none is named."""
+        """The facts that ``--json`` writes: those of these names, or all but the text if none is named."""
         facts = self.facts()
         return {name: facts[name] for name in names or facts if name in facts and name != "text"}
 
@@ -153,20 +153,20 @@ def _plain_data(value: Any) -> Any:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))
 class Operation:
-    """What the project does, with everything it needs; :meth:`run` does it.
+    """One task with all its inputs and settings. :meth:`run` carries it out.
 
     A subclass is a frozen dataclass whose docstring's first line is the command's help.
     """
 
-    # As the command line has it: "superpose", "calibrate lights".
+    # The command's name on the command line: "superpose", "calibrate lights".
     command: ClassVar[str] = ""
     # Whether the help of the command line lists it.
     listed: ClassVar[bool] = True
-    # Above the options that this class itself declares, in the help of the command line.
+    # Heading in the command line's help for the options that this class itself declares.
     heading: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        """Raises SettingsError where an option's value is lacking, no number, out of bounds or none of its choices."""
+        """Raise SettingsError if an option's value is missing, of the wrong type, out of range or not a choice."""
         for setting in settings(type(self)):
             value = getattr(self, setting.name)
             if setting.several and value is not None:
@@ -178,7 +178,7 @@ class Operation:
                 _check(setting, one)
 
     def run(self, progress: Progress = silent) -> Result:
-        """Do it. Raises InputError on bad input, and Cancelled where `progress` does."""
+        """Carry out the operation. Raises InputError on bad input, and Cancelled if `progress` raises it."""
         raise NotImplementedError
 
     @classmethod
@@ -187,12 +187,12 @@ class Operation:
         return (cls.__doc__ or "").split("\n")[0].rstrip(".")
 
 
-# Type hints take a while to evaluate, and Blender's settings are made from them at its start.
+# A cache: evaluating type hints is slow, and Blender's settings are made from them while Blender starts.
 _SETTINGS: dict[type[Operation], tuple[Setting, ...]] = {}
 
 
 def settings(kind: type[Operation]) -> tuple[Setting, ...]:
-    """The options of an operation, those without a flag first, else in the order of its fields."""
+    """The options of an operation in the order of its fields, positional ones first."""
     if kind not in _SETTINGS:
         _SETTINGS[kind] = _settings(kind)
     return _SETTINGS[kind]
@@ -243,7 +243,7 @@ def _check(setting: Setting, value: Any) -> None:
         raise SettingsError(f"{name} {value!r} is no whole number")
     if choices:
         check_choice(name, value, choices)
-    # "not" takes care of NaN.
+    # "not" rejects NaN, too.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         least = _number(-math.inf if low is None else low)
         known = f"{least} or more" if high is None else f"{least} to {_number(high)}"

@@ -1,4 +1,4 @@
-"""Operations as JSON, for one process to hand them to another: ``{"operation": "mask", "options": {"image": ...}}``."""
+"""Operations as JSON, as a child process receives them: ``{"operation": "mask", "options": {"image": ...}}``."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.operation import Operation, Setting, settings
 
-# Larger numbers, infinity and NaN are no option's value.
+# Numbers of this magnitude or above, infinity and NaN are rejected: no option takes them.
 LARGEST = 2**63
 
 _WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
@@ -20,10 +20,12 @@ def to_json(operation: Operation) -> dict[str, Any]:
 
 
 def from_json(request: Mapping[str, Any], kinds: Iterable[type[Operation]]) -> Operation:
-    """The operation, one of `kinds`, that :func:`to_json` has described.
+    """The operation that :func:`to_json` described, which must be one of `kinds`.
 
-    Raises SettingsError where it is unknown, lacks an option, or has one that is unknown or of another type, and as the
-    operation itself does.
+    Raises
+    ------
+    SettingsError
+        If the operation is unknown, an option is missing, unknown or of the wrong type, or the operation rejects it.
     """
     command, options = request.get("operation", ""), request.get("options", {})
     commands = {kind.command: kind for kind in kinds}
@@ -51,7 +53,7 @@ def _value(command: str, setting: Setting, value: Any) -> Any:
         raise SettingsError(f"{setting.name} of {command} must be a list of values, not {value!r}; give one or more")
     kinds = (int, float) if setting.kind is float else (setting.kind,)
     for one in values:
-        # No text is empty, or has what no path has, as on the command line.
+        # As on the command line, text is neither empty nor holds a null character.
         sound = type(one) in kinds and (one and "\0" not in one if kinds == (str,) else -LARGEST < one < LARGEST)
         if not sound:
             raise SettingsError(f"{setting.name} of {command} must be {_WORDS[setting.kind]}, not {one!r}")

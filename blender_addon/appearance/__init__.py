@@ -1,1 +1,1 @@
-"""What an object looks like: the nodes of its materials, its modifiers, its displacement. Used by several steps."""
+"""The look of an object: nodes of its materials, modifiers, displacement. Shared by several steps."""

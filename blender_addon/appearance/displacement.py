@@ -1,4 +1,4 @@
-"""How an object wears heights: its materials displace it by them, and have its normals in object space beside them."""
+"""Displacement of an object by heights in its materials, with its normals in object space if requested."""
 
 from typing import Any
 
@@ -16,18 +16,17 @@ from .nodes import (
     shaders,
 )
 
-# Stored with a material: its displacement method before it wore heights.
+# Stored with a material: its displacement method before it got heights.
 _METHOD_BEFORE = "mpsnet_displacement_method"
-# And whether Cycles corrected its normals before it wore those in object space.
+# Stored with a material: whether Cycles corrected its normals before it got those in object space.
 _CORRECTION_BEFORE = "mpsnet_bump_map_correction"
 
 
 def assign_displacement(material: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> list[str]:
-    """Give a material that has an output the heights as its displacement, in the object's own units; nodes of a run
-    before are used again.
+    """Link the heights to the displacement of a material that has an output, in object space.
 
-    Returns the name of the node that displaced it until now, an earlier run's apart; :func:`remove_heights` restores
-    it.
+    Nodes of an earlier run are reused. Returns the name of the node that was linked there before, except one of an
+    earlier run; :func:`remove_heights` restores it.
     """
     tree, output = material.node_tree, output_of(material)
     left, top = output.location.x, output.location.y - 700
@@ -38,14 +37,14 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     uv, heights = node(UV_NODE, "ShaderNodeUVMap", 3), node(HEIGHT_NODE, "ShaderNodeTexImage", 2)
     displacement = node(DISPLACEMENT_NODE, "ShaderNodeDisplacement", 1)
     uv.uv_map, heights.image = uv_map, image
-    # As modifiers do: along the object's own normals, turned and stretched with it.
+    # Like a modifier: along the object's own normals, rotated and scaled with it.
     displacement.space = "OBJECT"
     displacement.inputs["Midlevel"].default_value = midlevel
     displacement.inputs["Scale"].default_value = strength
     tree.links.new(uv.outputs["UV"], heights.inputs["Vector"])
     tree.links.new(heights.outputs["Color"], displacement.inputs["Height"])
     before = [link.from_socket for link in output.inputs["Displacement"].links if link.from_node != displacement]
-    for socket in before:  # a node that holds the link, so that it holds whatever is renamed
+    for socket in before:  # a node keeps the link, which survives renaming
         tree.links.new(socket, ensure_node(tree, BEFORE_NODE, "NodeReroute", left, top).inputs[0])
     if before or _METHOD_BEFORE not in material:
         material[_METHOD_BEFORE] = material.displacement_method
@@ -55,7 +54,7 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
 
 
 def remove_heights(material: Any) -> list[str]:
-    """Take the heights off a material, and restore what displaced it before; returns that node's name."""
+    """Remove the heights from a material, and restore its previous displacement. Returns that node's name."""
     tree, output = material.node_tree, output_of(material)
     for node in [find_node(tree, name) for name in (DISPLACEMENT_NODE, HEIGHT_NODE)]:
         if node is not None:
@@ -64,7 +63,7 @@ def remove_heights(material: Any) -> list[str]:
     before = [link.from_socket for link in reroute.inputs[0].links] if reroute is not None else []
     if reroute is not None:
         tree.nodes.remove(reroute)
-    if output is None or output.inputs["Displacement"].is_linked:  # somebody has linked another since
+    if output is None or output.inputs["Displacement"].is_linked:  # the user has linked another node since
         return []
     if isinstance(method, str) and method in material.bl_rna.properties["displacement_method"].enum_items:
         material.displacement_method = method
@@ -74,12 +73,12 @@ def remove_heights(material: Any) -> list[str]:
 
 
 def output_of(material: Any) -> Any:
-    """The node that a render takes a material from, None where there is none."""
+    """The active output node of a material, None if there is none."""
     return material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
 
 
 def remove_displacement(target: Any) -> bool:
-    """Take off what ``mps.displace`` gave an object, before it wears another normal map; True where there was some."""
+    """Undo ``mps.displace`` on an object, before it gets another normal map. Returns whether there was anything."""
     materials = [slot.material for slot in target.material_slots if slot.material and slot.material.node_tree]
     displacing = [material for material in materials if find_node(material.node_tree, DISPLACEMENT_NODE)]
     if not find_modifier(target, DISPLACE) and not displacing:
@@ -92,7 +91,7 @@ def remove_displacement(target: Any) -> bool:
 
 
 def show_normals(material: Any, shown: bool) -> bool:
-    """Link the baked normal map to the material's shaders, or take it off; True where it was there and is off now."""
+    """Link the baked normal map to the material's shaders, or unlink it. Returns whether it was unlinked."""
     normal = find_node(material.node_tree, NORMAL_NODE)
     if normal is None:
         return False
@@ -101,7 +100,7 @@ def show_normals(material: Any, shown: bool) -> bool:
 
 
 def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
-    """Give the material's shaders the normals in object space, in the place of the baked normal map."""
+    """Link the normals in object space to the material's shaders, in place of the baked normal map."""
     show_normals(material, False)
     tree = material.node_tree
     baked = find_node(tree, NORMAL_NODE)
@@ -119,14 +118,14 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
 def leave_normals_uncorrected(material: Any) -> None:
     """Switch off Cycles' bump map correction, until :func:`remove_object_normals`."""
     if hasattr(material, "cycles"):
-        # It darkens where normals and surface differ, for a surface that the relief is not on; this one it is on.
+        # The correction darkens where normals and surface differ, for surfaces without relief; this one is displaced.
         if _CORRECTION_BEFORE not in material:
             material[_CORRECTION_BEFORE] = material.cycles.use_bump_map_correction
         material.cycles.use_bump_map_correction = False
 
 
 def remove_object_normals(material: Any) -> None:
-    """Take off what :func:`show_object_normals` and :func:`leave_normals_uncorrected` gave a material."""
+    """Undo :func:`show_object_normals` and :func:`leave_normals_uncorrected` on a material."""
     for name in (OBJECT_TEXTURE_NODE, OBJECT_NORMAL_NODE):
         node = find_node(material.node_tree, name)
         if node is not None:
@@ -137,7 +136,7 @@ def remove_object_normals(material: Any) -> None:
 
 
 def _link_normal(tree: Any, normal: Any, linked: bool) -> None:
-    """Link a Normal Map node to the shaders whose normal is free, or take it off them."""
+    """Link a Normal Map node to the shaders whose normal input is free, or unlink it."""
     for shader in shaders(tree):
         socket = shader.inputs["Normal"]
         if linked and not socket.is_linked:

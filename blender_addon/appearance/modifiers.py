@@ -1,5 +1,4 @@
-"""The modifiers that the add-on gives objects: found again by their names, so that a step can be run any number of
-times."""
+"""Modifiers that the add-on adds to objects. They are found again by name, so a step can be run any number of times."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,7 +6,7 @@ from typing import Any
 
 import bpy
 
-# What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
+# The modifiers of `mps.displace`. Textures are baked onto the object without them, and heights refer to that.
 SUBDIVISION, DISPLACE, TRIAL, FACES = "MPS Subdivision", "MPS Displace", "MPS Trial", "MPS Faces"
 SMOOTHNESS = "MPS Smoothness"
 _KINDS = {
@@ -18,15 +17,15 @@ _KINDS = {
 
 
 def find_modifier(obj: Any, name: str) -> Any:
-    """The object's modifier of that name, None where there is none; one of another kind has the name by chance."""
+    """The object's modifier of that name, None if there is none. One of another type is ignored."""
     found = obj.modifiers.get(name)
     return found if found is not None and found.type == _KINDS[name] else None
 
 
 def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SUBDIVISION) -> None:
-    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels.
+    """Add a Subdivision modifier to the object, or update that of an earlier run; none for 0 levels.
 
-    levels, rendered: in the viewport and in renders.
+    levels, rendered: levels in the viewport and in renders.
     """
     if not levels:
         remove_modifier(target, name)
@@ -34,25 +33,25 @@ def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SU
     modifier = find_modifier(target, name)
     if modifier is None:
         modifier = _new_modifier(target, name)
-        if find_modifier(target, DISPLACE):  # which moves the vertices that there are by then
+        if find_modifier(target, DISPLACE):  # it displaces the subdivided vertices, so it must come after
             target.modifiers.move(len(target.modifiers) - 1, target.modifiers.find(DISPLACE))
     modifier.subdivision_type = kind
     modifier.levels, modifier.render_levels = levels, rendered
-    # The texture was baked onto the UVs as they are.
+    # The texture was baked onto the unsmoothed UVs.
     modifier.uv_smooth = "NONE"
     modifier.use_custom_normals = False
 
 
 def keep_smoothness(target: Any, kept: bool) -> None:
-    """Have the object's subdivision keep the shading normals that the mesh has before it, or make new ones.
+    """Make the object's subdivision keep the shading normals of the mesh before it, or compute new ones.
 
-    Cycles shows no light from behind the shading normals, whatever the normal map says: on facets that are shaded flat
-    their edges are black near the terminator.
+    Cycles shows no light from behind the shading normals, whatever the normal map says: flat-shaded facets have black
+    edges near the terminator.
     """
     subdivision = find_modifier(target, SUBDIVISION)
     if subdivision is not None:
         subdivision.use_custom_normals = kept
-    # Only normals of its own pass through a subdivision. These are as Blender makes them without.
+    # Only custom normals pass through a subdivision. These are equal to Blender's own.
     if subdivision is None or not kept or target.data.has_custom_normals:
         remove_modifier(target, SMOOTHNESS)
         return
@@ -64,7 +63,7 @@ def keep_smoothness(target: Any, kept: bool) -> None:
 
 @contextmanager
 def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
-    """Within, the object is subdivided by one more modifier."""
+    """Within the with block, one more modifier subdivides the object."""
     subdivide(target, kind, levels, levels, TRIAL)
     try:
         yield
@@ -73,13 +72,13 @@ def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
 
 
 def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:
-    """Give the object a Displace modifier after all others, or the one of an earlier run these heights.
+    """Add a Displace modifier with the heights after all others, or update that of an earlier run.
 
-    strength, midlevel: the heights' in the object's own units.
+    strength, midlevel: of the heights, in object space.
     """
     modifier = find_modifier(target, DISPLACE) or _new_modifier(target, DISPLACE)
     texture = modifier.texture
-    # A duplicate of the object has the same texture.
+    # A duplicate of the object shares the texture.
     if texture is None or texture.type != "IMAGE" or texture.users > 1:
         texture = modifier.texture = bpy.data.textures.new(f"MPS {target.name} Height", "IMAGE")
     texture.image, texture.extension = image, "EXTEND"
@@ -90,14 +89,14 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
 
 
 def remove_modifier(target: Any, name: str) -> None:
-    """Take a modifier off the object, where it has one of that name."""
+    """Remove the object's modifier of that name, if any."""
     modifier = find_modifier(target, name)
     if modifier is not None:
         target.modifiers.remove(modifier)
 
 
 def _new_modifier(target: Any, name: str) -> Any:
-    """A modifier of that name after all others; one of another kind is renamed."""
+    """A modifier of that name after all others. One of another type is renamed."""
     if name in target.modifiers:
         target.modifiers[name].name = "Modifier"
     return target.modifiers.new(name, _KINDS[name])

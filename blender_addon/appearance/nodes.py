@@ -1,11 +1,10 @@
-"""The nodes that the add-on makes in materials: found again by their names, so that a step can be run any number of
-times."""
+"""Nodes that the add-on creates in materials. A step finds them again by name, so it can be run any number of times."""
 
 from typing import Any
 
 import bpy
 
-# The bake's, the displacement's, and those that both have.
+# Nodes of the bake, of the displacement, and of both.
 TEXTURE_NODE, GREEN_NODE, NORMAL_NODE, ALBEDO_NODE = "MPS Texture", "MPS Green", "MPS Normal", "MPS Albedo"
 HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", "MPS Before"
 OBJECT_TEXTURE_NODE, OBJECT_NORMAL_NODE = "MPS Object Texture", "MPS Object Normal"
@@ -26,12 +25,12 @@ _KINDS = {
 
 
 def new_material(name: str) -> Any:
-    """A new material with nodes; before Blender 5.0 a material may be without."""
+    """A new material with nodes. Before Blender 5.0, materials may have none."""
     return with_nodes(bpy.data.materials.new(name))
 
 
 def with_nodes(material: Any) -> Any:
-    """A material that has nodes; before Blender 5.0, one without gets them and keeps its look."""
+    """The material with nodes. Before Blender 5.0, one without gets them and keeps its look."""
     if bpy.app.version >= (5, 0) or material.use_nodes:
         return material
     material.use_nodes = True
@@ -48,7 +47,7 @@ def with_nodes(material: Any) -> Any:
 
 
 def trees_of(obj: Any) -> list[Any]:
-    """The node trees of an object's materials, slot by slot; of a slot without material or nodes none."""
+    """The node trees of an object's materials, slot by slot, without empty slots and materials without nodes."""
     return [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
 
 
@@ -58,25 +57,25 @@ def shaders(tree: Any) -> list[Any]:
 
 
 def output_before(socket: Any) -> Any:
-    """The output that an input is linked to, past reroutes; None where it is not linked."""
+    """The output that an input is linked to, through reroutes; None if it is not linked."""
     found = socket.links[0].from_socket if socket.links else None
     return output_before(found.node.inputs[0]) if found is not None and found.node.type == "REROUTE" else found
 
 
 def node_before(node: Any, socket: str | int) -> Any:
-    """The node that an input is linked to, past reroutes; None where it is not linked."""
+    """The node that an input is linked to, through reroutes; None if it is not linked."""
     found = output_before(node.inputs[socket])
     return None if found is None else found.node
 
 
 def find_node(tree: Any, name: str) -> Any:
-    """The tree's node of that name, None where there is none; a node of another kind has the name by chance."""
+    """The tree's node of that name, None if there is none. A node of another type is ignored."""
     found = tree.nodes.get(name)
     return found if found is not None and found.bl_idname == _KINDS[name] else None
 
 
 def ensure_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
-    """The tree's node of that name, made at a place where there is none; a node of another kind is renamed."""
+    """The tree's node of that name, created at a position if missing. A node of another type is renamed."""
     found = tree.nodes.get(name)
     if found is not None and found.bl_idname != kind:
         found.name, found = found.bl_label, None

@@ -1,7 +1,7 @@
 """Mesh and camera of each frame of the timeline, for textures that follow an animation.
 
-One frame after another is read in slices: between two of them the window shows the frame that it did, and people may do
-anything to the file.
+Frames are read in slices. Between two slices, the window shows its own frame again, and users may change anything in
+the file.
 """
 
 from dataclasses import dataclass, replace
@@ -22,9 +22,9 @@ MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 @dataclass(frozen=True)
 class AnimatedMesh:
-    """What is read at each frame, by session numbers, into `folder`.
+    """The data to write for each frame into `folder`, by session UIDs.
 
-    uv_map: as :func:`.mesh_file.begin_mesh` takes it. camera: whose place is written, 0 for none. size: of its picture.
+    uv_map: see :func:`.mesh_file.begin_mesh`. camera: the camera to write, 0 for none. size: of its image.
     """
 
     folder: Path
@@ -35,15 +35,14 @@ class AnimatedMesh:
     size: tuple[int, int] = (0, 0)
 
     def begin(self, frames: range) -> BegunMesh:
-        """Read the first frame as :func:`.mesh_file.begin_mesh` reads a mesh, and raise what that raises; the other
-        frames are left to the slices."""
+        """Read the first frame with :func:`.mesh_file.begin_mesh`, and raise as it does. The slices read the others."""
         first = self._begin_frame(frames[0])
         return replace(first, slices=self._slices(first.slices, frames[1:]))
 
     def _slices(self, first: Slices, others: range) -> Slices:
         yield from first
         for number in others:
-            yield True  # Blender evaluates the scene in one go
+            yield True  # Blender evaluates the scene without interruption
             yield from self._begin_frame(number).slices
 
     def _begin_frame(self, number: int) -> BegunMesh:

@@ -1,4 +1,4 @@
-"""Textures on materials: what an object wears of a bake."""
+"""Assignment of baked textures to materials."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,12 +24,12 @@ from .texture_sets import AssignedTexture, own_materials
 def assign_textures(
     worn: Sequence[AssignedTexture], space: str, convention: str, frames: range = range(0)
 ) -> list[str]:
-    """Give all materials of objects their textures.
+    """Assign textures to all materials of objects.
 
-    Those whose shaders take no normal are passed over. Returns a sentence for each node whose place a texture took, and
-    for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
+    Materials whose shaders take no normal are skipped. Returns a sentence for each node that a texture replaced, and
+    for each object whose displacement was removed: with a tangent-space normal map, the relief would show twice.
 
-    frames: of the timeline, where the texture is an image sequence whose files have their numbers.
+    frames: of the timeline, if the texture is an image sequence with these frame numbers.
     """
     materials = own_materials(worn)
     store_owners(worn)
@@ -41,7 +41,7 @@ def assign_textures(
     for material, (image, uv_map) in materials.items():
         if not shaders(material.node_tree):
             continue
-        # Later steps read this from the texture: the panel may have changed by then.
+        # Later steps read these from the texture, because the panel may have changed by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
         remove_object_normals(material)
@@ -55,8 +55,10 @@ def assign_textures(
 
 
 def assign_albedo(worn: Sequence[AssignedTexture]) -> list[str]:
-    """Give all materials of objects the colours of their albedos; returns a sentence for each node whose place one
-    took, and for each material that has no place for one."""
+    """Assign albedos as base colours to all materials of objects.
+
+    Returns a sentence for each node that one replaced, and for each material that cannot take one.
+    """
     materials, sentences = own_materials(worn), []
     store_owners(worn)
     for material, (image, uv_map) in materials.items():
@@ -79,12 +81,12 @@ def assign_albedo(worn: Sequence[AssignedTexture]) -> list[str]:
 
 
 def _base_colour(node: Any) -> Any:
-    """The input of a shader that takes the surface's colour, None where it has none."""
+    """A shader's input for the surface colour, None if it has none."""
     return node.inputs.get("Color" if node.type == "BSDF_DIFFUSE" else "Base Color")
 
 
 def mark_assets(worn: Sequence[AssignedTexture], what: str) -> None:
-    """Mark what wears textures as assets: the "MATERIAL", the "OBJECT", or "NONE"."""
+    """Mark the textured "MATERIAL" or "OBJECT" as asset, or "NONE"."""
     materials = [slot.material for one in worn for slot in one.target.material_slots]
     for datablock in {"NONE": [], "MATERIAL": materials, "OBJECT": [one.target for one in worn]}[what]:
         mark_asset(datablock)
@@ -92,15 +94,15 @@ def mark_assets(worn: Sequence[AssignedTexture], what: str) -> None:
 
 def mark_asset(datablock: Any) -> None:
     datablock.asset_mark()
-    if not bpy.app.background:  # drawn beside the window
+    if not bpy.app.background:  # previews need a window
         datablock.asset_generate_preview()
 
 
 def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
-    """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again.
+    """Link the texture to the normal of every shader of a material. Nodes of an earlier bake are reused.
 
-    material: one with a shader that takes a normal. Returns the names of the nodes that were the shaders' normals until
-    now, an earlier bake's apart.
+    material: one with a shader that takes a normal. Returns the names of the nodes that were linked there before,
+    except those of an earlier bake.
     """
     found = shaders(material.node_tree)
     left, top = min(node.location.x for node in found), min(node.location.y for node in found) - 300
@@ -112,7 +114,7 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
 
 
 def ensure_normal_map(tree: Any, image: Any, uv_map: str, space: str, convention: str, left: float, top: float) -> Any:
-    """The tree's Normal Map node that shows the texture, with the nodes before it; they end at `left`."""
+    """The tree's Normal Map node for the texture, created with its input nodes if needed. left: its x position."""
     links = tree.links
 
     def node(name: str, kind: str, steps: int) -> Any:
@@ -125,7 +127,7 @@ def ensure_normal_map(tree: Any, image: Any, uv_map: str, space: str, convention
     links.new(uv.outputs["UV"], texture.inputs["Vector"])
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
-        # Blender 4.5's Normal Map node has OpenGL only; a node that inverts green works in every version.
+        # Blender 4.5's Normal Map node only supports OpenGL; a node that inverts green works in every version.
         turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)

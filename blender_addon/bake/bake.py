@@ -1,4 +1,4 @@
-"""The bake: normals seen by the camera become a texture on the target's UVs, and its material wears it."""
+"""The bake: the camera's normals become a texture on the target's UVs, which its material gets."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -116,12 +116,12 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return self.baked_object(context)
 
     def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
-        """Write the camera that the normals were taken with, or that of the rig as it stands."""
+        """Write the camera of the photo that the normals are from, or the rig's current one."""
         if not write_photo_camera(path, scene, normals_image):
             write_photo_camera(path, scene, normals_image, rig_camera(scene))
 
     def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
-        """Write mesh and camera for a sequence: as they stand, or for each frame where they shall move along."""
+        """Write mesh and camera for a sequence: once, or for each frame if they are animated."""
         scene, camera = context.scene, "camera.json"
         if not self.animated:
             context.view_layer.update()
@@ -142,7 +142,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
 
     def _other_rigs(self, scene: Any) -> list[Any]:
-        """The scene's rigs that are not chosen and have normals; a note names those that have none."""
+        """The scene's other rigs that have normals. A note names those without."""
         if self._frames:
             raise SettingsError("sequences are baked for one rig at a time; switch All Rigs off")
         others = [one for one in all_rigs(scene) if one != scene.mps]
@@ -155,7 +155,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return others
 
     def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path) -> list[str]:
-        """The normals and cameras of further rigs, as the core takes them."""
+        """The normals and cameras of other rigs, as options of the core."""
         views = []
         for number, one in enumerate(rigs):
             image = one.estimate.image
@@ -170,7 +170,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return views
 
     def _albedos(self, rigs: Sequence[Any]) -> tuple[str, ...]:
-        """The albedos of the rigs' photos, where all of them have one."""
+        """The albedos of the rigs' photos, if all of them have one."""
         images = [one.estimate.albedo_image for one in rigs]
         if self._frames or None in images:
             return ()
@@ -188,7 +188,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         self.report({"INFO"}, f"{self.written(result)}{turned}")
 
     def _assign_frames(self, scene: Any, first: Path) -> None:
-        """Load a sequence of textures and put it on the target."""
+        """Load a sequence of textures and assign it to the target."""
         (onto,) = self._bake_targets
         target = by_session_uid(bpy.data.objects, onto.uid)
         if target is None:

@@ -1,4 +1,4 @@
-"""What the operators share that bake: onto which objects, into which files, and what goes on them afterwards."""
+"""Shared by the bake operators: the objects to bake onto, the files, and the assignment of results."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -37,12 +37,12 @@ from .texture_sets import (
     with_tokens,
 )
 
-# One photo sees some third of an object.
+# Seen fraction below which a note is given; a single photo sees about a third of an object.
 _HARDLY_SEEN = 0.1
 
 
 class BakesOnto(RunsCore):
-    """What the operators share that bake: the objects that get textures, and the settings of the step Bake."""
+    """Base of the bake operators: the objects that get textures, and the settings of the step Bake."""
 
     target: StringProperty(
         name="Target",
@@ -59,20 +59,20 @@ class BakesOnto(RunsCore):
             prepared = super()._prepared(context, folder)
             owners = self.result_owners()
             refuse_anothers(owners)
-            if not bpy.app.background:  # a script that runs again means its results to be written again
+            if not bpy.app.background:  # a script that runs again intends to overwrite its results
                 refuse_other_projects(owners)
             return prepared
         except BaseException:
-            settings.target = before  # one that is refused would be refused ever after
+            settings.target = before  # do not keep a rejected one: it would be rejected in every later run
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        """What will be written, and the objects that it is for, as :func:`.texture_owners.refuse_anothers` takes it."""
+        """The files to write with their objects, for :func:`.texture_owners.refuse_anothers`."""
         textures = files_for(self._bake_targets, self._output)
         return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 
     def baked_object(self, context: Any) -> Any:
-        """The object to bake onto. Raises InputError where there is none, or it is another file's."""
+        """The object to bake onto. Raises InputError if there is none, or it is linked from another file."""
         settings = context.scene.mps.bake
         if self.target:
             settings.target = find_object(context.scene, self.target)
@@ -84,7 +84,7 @@ class BakesOnto(RunsCore):
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
-        """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
+        """The objects to bake onto. Raises InputError if there are none, or one cannot get a texture."""
         settings = context.scene.mps.bake
         if settings.objects == "ACTIVE":
             return [self.baked_object(context)]
@@ -98,7 +98,7 @@ class BakesOnto(RunsCore):
         return targets
 
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
-        """The core's options for the photo's detail and the normal maps that it goes on top of."""
+        """The core's options for the photo's detail and the base maps."""
         options: Detail = {"strength": as_typed(settings.strength), "fill": settings.fill}
         self._bases = worn_before(targets, self._bake_targets, self._output)
         if not settings.onto:
@@ -117,7 +117,7 @@ class BakesOnto(RunsCore):
     def write_meshes(
         self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None
     ) -> tuple[str, ...]:
-        """Write the objects' mesh files and remember what they are; returns their paths."""
+        """Write the objects' mesh files, and remember the objects. Returns the paths."""
         context.view_layer.update()
         uv_map, paths, self._bake_targets = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
@@ -129,11 +129,11 @@ class BakesOnto(RunsCore):
         return tuple(paths)
 
     def texture_file(self, context: Any, targets: Sequence[Any]) -> Path:
-        """Where the texture goes, with tokens in its name where there are several; a folder gets the preset's name."""
+        """The texture's file, with tokens in its name if there are several. In a folder, it gets the preset's name."""
         bake = context.scene.mps.bake
         active = context.view_layer.objects.active
         name = (active if active in targets else targets[0]).name
-        # The token's signs cannot stand in a file's name until the core takes them out again.
+        # "<" and ">" are not allowed in file names; tokens are added after the path is checked.
         name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
         path = output_path(bake.output, name, bake.file_format)
         if SPLITS[bake.split] and requested_folder(bake.output) is not None:
@@ -142,7 +142,7 @@ class BakesOnto(RunsCore):
         return with_tokens(path, bake.split, bake.tiles)
 
     def assign_result(self, scene: Any, result: dict[str, Any]) -> None:
-        """Load the core's textures and put them on the objects that they are for."""
+        """Load the core's textures and assign them to their objects."""
         there = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
@@ -164,7 +164,7 @@ class BakesOnto(RunsCore):
         mark_assets(worn, bake.mark_asset)
 
     def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], result: dict[str, Any]) -> list[str]:
-        """Load the albedos and put them on the objects that they are for; returns what there is to say."""
+        """Load the albedos and assign them to their objects. Returns notes."""
         images = self._beside(result, "albedo")
         for image in images.values():
             self.made(image)
@@ -172,20 +172,20 @@ class BakesOnto(RunsCore):
         return [*names, *assign_albedo(_worn(there, images))]
 
     def _beside(self, result: dict[str, Any], what: str) -> dict[Part, Any]:
-        """The pictures "coverage" or "albedo" that were written beside the textures, as :func:`load_textures` does."""
+        """The images "coverage" or "albedo" that belong to the textures, loaded by :func:`load_textures`."""
         pictures = [
             {**one, "output": one[what], "tiles": one.get(f"{what}_tiles")} for one in result["outputs"] if what in one
         ]
         return load_textures(pictures, self._bake_targets[0].name, what.title())
 
     def written(self, result: dict[str, Any]) -> str:
-        """What was written where, in words."""
+        """A sentence on the files that were written."""
         count = len(result["outputs"])
         one = f"Texture written to {result['outputs'][0]['output']}"
         return one if count == 1 else f"{count} textures written to {self._output}"
 
     def remarks(self, result: dict[str, Any]) -> Sequence[str]:
-        if "seen" not in result:  # of a sequence whose textures were all there
+        if "seen" not in result:  # a sequence whose textures all existed
             return ()
         filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
         moved = "; was the object or the camera moved since the photo?" if result["seen"] < _HARDLY_SEEN else ""
@@ -193,18 +193,17 @@ class BakesOnto(RunsCore):
 
 
 def _worn(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
-    """What those objects wear of the images that are still there."""
+    """The textures of the objects that still exist."""
     return [found for one, target in there if target and (found := texture_of(one, target, images))]
 
 
 def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
-    """What is known of an object whose mesh file is begun, when the textures come back."""
+    """The data of an object, as its mesh file is started, that is needed when the textures are ready."""
     return BakeTarget(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
 
 
 def targets_place(settings: Any) -> Provenance:
-    """Which mesh the target has and where it stands, as ingredients of a bake; none where it is not chosen in the
-    panel."""
+    """The target's mesh and transform as provenance of a bake; empty if it is not chosen in the panel."""
     target = settings.target
     if target is None or target.data is None or settings.objects != "ACTIVE":
         return {}
@@ -212,13 +211,13 @@ def targets_place(settings: Any) -> Provenance:
 
 
 def texture_name(settings: Any, name: str) -> str:
-    """What a texture for an object of that name is called that is given none: as the preset wants it."""
+    """The default name of an object's texture, by the preset's convention."""
     preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
     return preset.stem(name)
 
 
 def _without_normal(worn: Sequence[AssignedTexture]) -> list[str]:
-    """A sentence for each material that has no place for a normal map."""
+    """A sentence for each material that cannot take a normal map."""
     materials = dict.fromkeys(slot.material for one in worn for slot in one.target.material_slots)
     return [
         f'Material "{material.name}" has no shader with a Normal input and does not show the texture'
@@ -228,7 +227,7 @@ def _without_normal(worn: Sequence[AssignedTexture]) -> list[str]:
 
 
 def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
-    """A sentence for each material that an object has from a modifier and not from a slot: it gets no texture."""
+    """A sentence for each material that comes from a modifier instead of a slot, and so gets no texture."""
     return [
         f'Material "{name}" of "{one.name}" comes from a modifier and does not show the texture'
         for one in onto
@@ -237,8 +236,10 @@ def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
 
 
 def _check_can_wear(target: Any) -> None:
-    """Raises InputError, before the work, where an object is another file's or none of its materials can wear a normal
-    map; those that are missing are made."""
+    """Raise InputError, before the work, if an object is linked or none of its materials can take a normal map.
+
+    Missing materials are created later.
+    """
     _refuse_linked(target)
     trees = [slot.material.node_tree if slot.material else None for slot in target.material_slots]
     if trees and all(tree is not None and not shaders(tree) for tree in trees):
@@ -248,7 +249,7 @@ def _check_can_wear(target: Any) -> None:
 
 
 def _refuse_linked(target: Any) -> None:
-    """What another file holds cannot be given a material. A linked material can: a copy of it is worn."""
+    """Raise InputError for a linked object or mesh, whose materials cannot change. A linked material is copied."""
     for datablock, what in ((target, "object"), (target.data, "mesh")):
         if datablock is not None and datablock.library is not None:
             raise InputError(

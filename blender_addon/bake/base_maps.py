@@ -1,4 +1,4 @@
-"""The normal maps that objects wear already, for detail to go on top of, run after run of the same."""
+"""Base maps: the normal maps that objects have already, which detail is added to. Repeated bakes use the same ones."""
 
 from collections.abc import Iterator, Sequence, Sized
 from contextlib import suppress
@@ -27,14 +27,14 @@ from .texture_sets import TILE, BakeTarget, Part, parts_of
 
 Worn = TypeVar("Worn", bound=Sized)
 
-# Stored with a baked image: what the object wore before it, and which way that one's green points.
+# Stored with a baked image: the object's previous normal map, and the convention of its green channel.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
 _BY_FILE = "choose the file of a present map"
 
 
 @dataclass(frozen=True)
 class WornMap:
-    """A normal map: the session number of its image, and its convention, OPENGL or DIRECTX."""
+    """A normal map: the session UID of its image, and its convention, OPENGL or DIRECTX."""
 
     uid: int
     convention: str
@@ -42,24 +42,23 @@ class WornMap:
 
 @dataclass(frozen=True)
 class BaseMapFile(WornMap):
-    """One with its file; that of UDIM tiles has <UDIM> in its name."""
+    """A base map with its file. That of UDIM tiles has <UDIM> in its name."""
 
     file: Path
 
     def listed(self, part: "Part") -> ListedMap:
-        """As the map of a part, for the core."""
+        """The entry in the core's list of maps, for a part."""
         return ListedMap(self.file, *part, "directx" if self.convention == "DIRECTX" else "opengl")
 
 
 def base_map_file(
     targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, *, tiles: bool = False
 ) -> BaseMapFile | None:
-    """The normal map that a part of some objects wears; beneath one that was baked here, the one from before it.
+    """The normal map of a part of some objects; if it was baked here, the one that it replaced. None if there is none.
 
-    onto: the same objects, with the UV maps that are baked onto. None where nothing of the part wears a normal map.
-    tiles: whether it may be one of UDIM tiles.
+    onto: the same objects, with the UV maps that are baked onto. tiles: whether it may be one of UDIM tiles.
 
-    Raises InputError where it wears several, or one that detail cannot be laid onto.
+    Raises InputError if the part has several, or one that detail cannot be added to.
     """
     found = _usable_map(targets, onto, part, tiles)
     if found is None:
@@ -70,7 +69,7 @@ def base_map_file(
 
 
 def store_base_map(image: Any, base: WornMap | None) -> None:
-    """Have a baked image remember what the object wore before it; None: that it wore nothing."""
+    """Store the object's previous normal map with a baked image; None for none."""
     if base is None:
         for key in {_BASE, _BASE_CONVENTION} & set(image.keys()):
             del image[key]
@@ -81,8 +80,8 @@ def store_base_map(image: Any, base: WornMap | None) -> None:
 
 
 def worn_before(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
-    """The map that each part wears, as :func:`base_map_file` finds it, None for those without one; parts whose map
-    detail cannot go on top of are left out."""
+    """Each part's map, as :func:`base_map_file` finds it, None for those without one. Parts with a map that detail
+    cannot be added to are left out."""
     bases: dict[Part, WornMap | None] = {}
     for part in parts_of(onto, file):
         with suppress(InputError):
@@ -92,9 +91,9 @@ def worn_before(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) 
 
 
 def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, BaseMapFile]:
-    """The map beneath each part's texture; the core reports which parts have none.
+    """The base map of each part's texture. The core reports the parts without one.
 
-    Raises InputError where no part has one, or as :func:`base_map_file` does.
+    Raises InputError if no part has one, or as :func:`base_map_file` does.
     """
     found = {part: base_map_file(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
     return _some(targets, {part: one for part, one in found.items() if one is not None})
@@ -103,7 +102,7 @@ def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Pat
 def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[Any]:
     """The images that :func:`base_map_files` would read, whether or not they have a file.
 
-    Raises InputError as that does, but for their files.
+    Raises InputError as that function does, except for missing files.
     """
     found = [_usable_map(targets, onto, part, TILE in file.name) for part in parts_of(onto, file)]
     return [image for image, _ in _some(targets, [one for one in found if one is not None])]
@@ -147,10 +146,10 @@ def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) ->
 
 
 def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
-    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between.
+    """The Normal Map nodes that feed the shaders of a part of an object, possibly through Bump nodes.
 
-    A baked one that has its texture counts where the shaders have none: a displacement took it off, or put the same
-    normals in object space in its place.
+    If the shaders have none, a baked one with its texture counts: a displacement has unlinked it, or replaced it by the
+    same normals in object space.
     """
     obj, material = part
     if obj not in (None, onto.name):
@@ -176,9 +175,9 @@ def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
 
 
 def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
-    """The image and the convention that a Normal Map node has them of.
+    """The image and the convention of a Normal Map node's input.
 
-    rendered: the UV map that a node takes that names none.
+    rendered: the UV map of nodes that name none.
     """
     convention = getattr(normal, "convention", "OPENGL")  # from Blender 5.2 on
     texture = node_before(normal, "Color")
@@ -203,7 +202,7 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
 
 
 def _placed_by(texture: Any, rendered: str) -> str:
-    """The UV map that an image texture lies on. Raises InputError where it lies there otherwise than one to one."""
+    """The UV map of an image texture. Raises InputError if the texture is transformed on it."""
     end = texture.inputs["Vector"]
     before = node_before(texture, "Vector")
     if before is not None and before.type == "MAPPING" and _moves_nothing(before):

@@ -1,4 +1,4 @@
-"""Coverage: what the views of the last bake saw, shown on the objects themselves."""
+"""Coverage: the texels that the views of the last bake saw, displayed on the objects."""
 
 import json
 import tempfile
@@ -16,9 +16,9 @@ from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
 
 NAME = "MPS Coverage"
-# Of what no view saw, of what was filled, and of what some view saw; and the values from which on each counts.
+# Lowest coverage value and colour of unseen, filled and seen texels.
 _COLOURS = ((0.0, (0.35, 0.03, 0.02, 1)), (0.1, (0.8, 0.35, 0.03, 1)), (0.9, (0.07, 0.4, 0.1, 1)))
-# How far the copy stands out from the object, so that it is what is seen, as a share of the object's radius.
+# Offset of the copy from the object's surface, to make it visible, as a fraction of the object's radius.
 _OUT = 2e-3
 
 
@@ -46,19 +46,19 @@ class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
 
 
 def coverage_folder() -> str:
-    """A new folder for the maps of a bake; what :func:`store_coverage` takes of it is packed into the .blend file."""
+    """A new folder for a bake's coverage maps. :func:`store_coverage` packs them into the .blend file."""
     return tempfile.mkdtemp(prefix="coverage_", dir=bpy.app.tempdir)
 
 
 def store_coverage(texture: Any, coverage: Any) -> None:
-    """Keep a texture's coverage with it, in place of that of the bake before."""
+    """Store a texture's coverage with it, in place of the previous bake's."""
     before, texture.mps.coverage = texture.mps.coverage, coverage
     if before is not None and not before.users:
         bpy.data.images.remove(before)
 
 
 def hides_materials(space: Any) -> bool:
-    """Whether a space is a viewport in whose shading no material is seen."""
+    """Whether a space is a viewport whose shading mode shows no materials."""
     return space is not None and space.type == "VIEW_3D" and space.shading.type in {"WIREFRAME", "SOLID"}
 
 
@@ -98,7 +98,7 @@ def _end(bake: Any) -> None:
             if material is not None and not material.users:
                 bpy.data.materials.remove(material)
     bake.overlays.clear()
-    # The viewport that it was begun in, whichever it is ended in; a hostile file may hold anything.
+    # Restore the viewport in which it was started, wherever it is ended. A hostile file may hold anything.
     with suppress(ValueError, KeyError, IndexError, TypeError, AttributeError):
         screen, area, before = from_json(bake.shading, list)
         shading = bpy.data.screens[screen].areas[area].spaces.active.shading
@@ -108,7 +108,7 @@ def _end(bake: Any) -> None:
 
 
 def _worn(obj: Any) -> list[tuple[Any, str]]:
-    """The coverage of the textures in an object's materials, and the UV maps that they lie on; none of a copy."""
+    """The coverage of the textures in an object's materials, with their UV maps; none for a copy."""
     found = []
     for slot in obj.material_slots if obj.type == "MESH" else ():
         tree = slot.material.node_tree if slot.material else None

@@ -1,4 +1,4 @@
-"""Many views: a photo for each camera, from photogrammetry or of this scene, baked into one texture."""
+"""Many views: a photo for each camera, from photogrammetry or this scene, baked into one texture."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,7 +33,7 @@ from .coverage import coverage_folder
 from .options import bits, level, sampling
 from .texture_sets import without_tokens
 
-# What Blender's importers of OBJ and glTF do to a file whose y axis is up.
+# The rotation that Blender's OBJ and glTF importers apply to files with y up.
 _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
 
 
@@ -51,7 +51,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene = context.scene.mps
         photo = ("rig_file", "encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
         shared = ("model", "model_file", *photo)
-        # Those of the step Bake for one photo alone, and what no texture shows.
+        # Settings of the step Bake for a single photo, and those that do not affect the texture.
         others = ("output", "mark_asset", "level", "level_scale", "animated", "all_rigs")
         stand = {} if scene.estimate.rig_file else lights_stand(context.scene)
         behind = [] if scene.views.cameras else _with_photos(context.scene)
@@ -102,12 +102,12 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         return operation, outputs
 
     def _cameras(self, scene: Any, folder: Path) -> tuple[str, str | None]:
-        """The file of the cameras, and the folder of their photos where the file does not name these."""
+        """The file of the cameras, and the folder of their photos if the file does not list them."""
         if self.cameras:
             if not self.photos:
                 raise SettingsError("where are the photos of these cameras? Choose their folder")
             return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
-        load_openimageio()  # which Blender need not load as it starts
+        load_openimageio()  # not needed at Blender's start
         from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
         from mpsnet_core.scene.photogrammetry.lens import Lens
 
@@ -116,7 +116,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         for number, (obj, image) in enumerate(found):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
             posed = PosedPhoto(str(photo), scene_camera(obj, scene, tuple(image.size)), Lens())
-            if remembered(image, "source") is None:  # Blender shows it as it is stored
+            if remembered(image, "source") is None:  # Blender ignores the EXIF orientation
                 posed = as_displayed(posed, photo)
             views.append((file_name(unique_name(names, number)), photo, posed.camera))
         if not views:
@@ -128,7 +128,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         return str(folder / "views.json"), None
 
     def _rig(self, scene: Any, folder: Path, turn: Matrix) -> str:
-        """The rig file that was measured, or the scene's lights. turn: from Blender's world to that of the cameras."""
+        """The measured rig file, or the scene's lights. turn: rotation from Blender's world to the cameras' world."""
         given = scene.mps.estimate.rig_file
         if given:
             return bpy.path.abspath(given)
@@ -149,7 +149,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:
-    """The scene's cameras that have a photo behind them, and their photos, each once: by the camera that took it."""
+    """The scene's cameras with a background photo, and these photos, each once: with the camera that took it."""
     found = [(obj, image) for obj in scene.objects if (image := background(obj)) is not None]
     taker = {origin(image): obj for obj, image in reversed(found)}
     taker.update({origin(image): obj for obj, image in found if chosen_camera(scene, image) == obj})
@@ -157,7 +157,7 @@ def _with_photos(scene: Any) -> list[tuple[Any, Any]]:
 
 
 def background(obj: Any) -> Any:
-    """The photo behind a camera, None for what has none."""
+    """A camera's background photo, None if there is none."""
     if obj.type != "CAMERA":
         return None
     shown = [

@@ -1,4 +1,4 @@
-"""The baked texture, and its heights where there are, as a node group that goes into any material."""
+"""The baked texture and its heights, if any, as a node group for any material."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ from ..operators.reporting import ReportingOperator
 from ..scene.objects import target_of
 from .assign_textures import ensure_normal_map, mark_asset
 
-# Stored with a group that was made here: the texture that it shows, by which it is known when it is made again.
+# Stored with a group that was made here: its texture, which identifies it when it is updated.
 _SHOWS = "mpsnet_surface_of"
 _SCALE_NODE = "MPS Scale"
 _FRAMES = ("frame_start", "frame_offset", "frame_duration", "use_cyclic", "use_auto_refresh")
@@ -40,7 +40,7 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
     def act(self, context: Any) -> None:
         target = target_of(context)
         trees = set(trees_of(target)) if target is not None else set()
-        # Materials may share a texture and with it the group.
+        # Materials may share a texture, and so the group.
         groups = {surface_group(tree) for tree in trees if find_node(tree, NORMAL_NODE) and _shown(tree) is not None}
         if not groups:
             name = f'"{target.name}"' if target is not None else "the active object"
@@ -51,10 +51,10 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
 
 
 def surface_group(tree: Any) -> Any:
-    """A node group with what a bake and a displacement have put into a material's tree: the one that shows the same
-    texture, made anew, where there is one.
+    """A node group with the nodes of a bake and a displacement in a material's tree.
 
-    Its outputs are Normal and, where there are heights, Displacement; both show the same relief, times Strength.
+    An existing group with the same texture is updated. Its outputs are Normal and, if there are heights, Displacement.
+    Both show the same relief, scaled by Strength.
     """
     image = _shown(tree)
     known = (one for one in bpy.data.node_groups if one.get(_SHOWS) == image and not one.library)
@@ -68,7 +68,7 @@ def surface_group(tree: Any) -> Any:
     convention = "DIRECTX" if find_node(tree, GREEN_NODE) else "OPENGL"
     normal = ensure_normal_map(group, image, before.uv_map, before.space, convention, 200, 0)
     _copy_frames(tree, group, TEXTURE_NODE)
-    if not _sockets(group):  # nodes of other materials would keep a default that came later
+    if not _sockets(group):  # nodes in other materials would keep a default that is set later
         group.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 1.0
     _ensure_output(group, "Normal")
     group.links.new(inputs.outputs["Strength"], normal.inputs["Strength"])
@@ -94,7 +94,7 @@ def surface_group(tree: Any) -> Any:
 
 
 def _shown(tree: Any) -> Any:
-    """The baked texture that a material's tree shows; None where it shows none."""
+    """The baked texture in a material's tree; None if there is none."""
     texture = find_node(tree, TEXTURE_NODE)
     return texture.image if texture is not None else None
 
@@ -115,7 +115,7 @@ def _ensure_output(group: Any, name: str) -> None:
 
 
 def _remove_displacement(group: Any) -> None:
-    """Take off what an object that was displaced has left in the group."""
+    """Remove the nodes of an earlier displacement from the group."""
     for name in (HEIGHT_NODE, DISPLACEMENT_NODE, _SCALE_NODE):
         if node := group.nodes.get(name):
             group.nodes.remove(node)

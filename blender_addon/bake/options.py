@@ -33,12 +33,12 @@ def sampling(settings: Any) -> Sampling:
 
 
 def level(settings: Any) -> str:
-    """The core's option for the size from which on the mesh counts in place of the photo."""
+    """The core's option for the size above which shapes come from the mesh instead of the photo."""
     return f"{settings.level_scale:g}" if settings.level else "off"
 
 
 def bits(settings: Any, suffix: str) -> int:
-    """Bits a channel for a file with that ending."""
+    """Bits per channel for a file with that suffix."""
     if settings.bits != "AUTO":
         return int(settings.bits)
     return 32 if suffix == ".exr" else 16

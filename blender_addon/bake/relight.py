@@ -1,4 +1,4 @@
-"""Relight: a white lamp swings around the result, so that its relief is seen."""
+"""Relight: a white lamp swings around the result to show its relief."""
 
 import json
 import math
@@ -20,7 +20,7 @@ from ..scene.surfaces import bounding_sphere
 TICK_SECONDS = 1 / 30
 SECONDS_A_TURN = 6.0
 SLANT = math.radians(55)
-# Material Preview, lit by the scene's lamps and a little by its own surroundings, so that shadows are not black.
+# Material Preview, lit by the scene's lamps and a little by its own environment: shadows are not black.
 _SHADING = {
     "type": "MATERIAL",
     "use_scene_lights": True,
@@ -42,13 +42,13 @@ class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
         if begin:
             refuse_linked_scene(context.scene)
             centre, radius = _what_is_shown(context)
-        _end(context)  # also what is left of a lamp that was deleted by hand
+        _end(context)  # also cleans up after a lamp that was deleted manually
         if begin:
             _begin(context, centre, radius)
 
 
 def _what_is_shown(context: Any) -> tuple[Vector, float]:
-    """Centre and radius of what is selected, else of all that is visible. InputError where neither has a surface."""
+    """Centre and radius of the selection, else of all that is visible. Raises InputError if neither has a surface."""
     objects = context.view_layer.objects
     shown = [obj for obj in objects.selected or objects if obj.visible_get()]
     return bounding_sphere(context.evaluated_depsgraph_get(), shown)
@@ -93,7 +93,7 @@ def _end(context: Any) -> None:
         if light is not None and light.name in layer.objects:
             light.hide_set(False, view_layer=layer)
     settings.hidden.clear()
-    # Whichever viewport it is ended in, the one that it was begun in is the one that still looks so.
+    # Restore the viewport in which it was started: the one that still has this shading.
     for shading in _all_shadings() if settings.shading else ():
         if shading.type == _SHADING["type"] and all(
             _alike(getattr(shading, name), _SHADING[name]) for name in _SHADING
@@ -103,7 +103,7 @@ def _end(context: Any) -> None:
 
 
 def _towards_viewer(context: Any) -> Matrix:
-    """(3, 3) axes of the viewport, else of the rig, else of a front view: z comes towards whoever looks."""
+    """(3, 3) axes of the viewport, else of the rig, else of a front view. z points to the viewer."""
     if getattr(context, "region_data", None) is not None:
         return context.region_data.view_rotation.to_matrix()
     target = context.scene.mps.rig.target
@@ -111,7 +111,7 @@ def _towards_viewer(context: Any) -> Matrix:
 
 
 def _shading(context: Any) -> Any:
-    """The viewport's shading; None where there is no viewport."""
+    """The viewport's shading; None if there is no viewport."""
     space = context.space_data
     return space.shading if space is not None and space.type == "VIEW_3D" else None
 
@@ -125,12 +125,12 @@ def _all_shadings() -> Iterator[Any]:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two settings are the same; Blender stores fractions in 32 bits."""
+    """Whether two settings are equal, up to Blender's float32 precision."""
     return bool(one == other or (isinstance(other, float) and math.isclose(one, other, rel_tol=1e-6)))
 
 
 def _set(shading: Any, values: dict[str, Any]) -> None:
-    for name in _SHADING:  # the type first: what else can be set depends on it
+    for name in _SHADING:  # the type first: the other settings depend on it
         with suppress(KeyError, TypeError, ValueError):  # as a hostile file may hold them
             setattr(shading, name, values[name])
 
@@ -139,7 +139,7 @@ _swung_at = 0.0  # time.monotonic()
 
 
 def _swing() -> float | None:
-    """Turn the lamps of all scenes by what has passed since the last call; ends itself where there are none."""
+    """Rotate the lamps of all scenes by the time since the last call. The timer ends if there are none."""
     global _swung_at
     before, _swung_at = _swung_at, time.monotonic()
     pivots = [scene.mps.relight.pivot for scene in bpy.data.scenes if scene.mps.relight.lamp is not None]
@@ -151,7 +151,7 @@ def _swing() -> float | None:
 
 @persistent
 def _swing_on(*_: Any) -> None:
-    """Also called when a file is opened whose lamp was swinging when it was saved."""
+    """Start the timer. Also called for an opened file that was saved while its lamp was swinging."""
     global _swung_at
     if not bpy.app.background and not bpy.app.timers.is_registered(_swing):
         _swung_at = time.monotonic()

@@ -1,4 +1,4 @@
-"""Whom a texture or heights were made for, so that no result goes over those of another object."""
+"""Owners of textures and heights: the objects they were made for. Results must not overwrite those of other objects."""
 
 import json
 import re
@@ -24,8 +24,11 @@ FRAME = "<FRAME>"
 
 
 def store_owners(worn: Sequence[AssignedTexture]) -> None:
-    """Note with each image the names of the meshes that it was made for. Duplicates of an object wear what it wears,
-    but have meshes of their own unless they are to be the same; objects are renamed more often."""
+    """Store the names of the meshes that each image was made for.
+
+    Mesh names, because duplicates of an object have its textures, but usually their own mesh, and objects are renamed
+    more often.
+    """
     for image in {image for one in worn for image in one.images}:
         remember(image, "onto", json.dumps(sorted({one.target.data.name for one in worn if image in one.images})))
 
@@ -37,9 +40,9 @@ class _TextureName(NamedTuple):
 
 
 def files_for(onto: Sequence[BakeTarget], file: Path) -> dict[Path, list[Any]]:
-    """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
+    """The files that the tokens in `file` expand to, except <UDIM>, with the objects of each."""
     parts = [part for part in parts_of(onto, file) if any(_has_faces(one, part) for one in onto)]
-    tile = 1001 if TILE in file.name else None  # whichever: the token stays
+    tile = 1001 if TILE in file.name else None  # any number: the token stays
     texture_sets = [_TextureName(tile, material, name) for name, material in parts]
     found: dict[Path, list[Any]] = {}
     for pattern, part in zip(tile_patterns(file, texture_sets), parts, strict=True):
@@ -55,14 +58,13 @@ def _has_faces(onto: BakeTarget, part: Part) -> bool:
 
 
 def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
-    """Raises InputError where a result would be written over a texture or heights that were made for another object.
+    """Raise InputError if a result would be written over a texture or heights that were made for another object.
 
-    Names that differ in a space or a dot alone become one in a file's name. Objects that share a mesh share what was
-    made for it. What an object wears because it shares a material with the one that it was made for, or is a duplicate
-    of it, is not its own.
+    Object names that differ only in a space or a dot yield the same file name. Objects that share a mesh share its
+    textures. A texture that an object has because it shares a material with the owner, or is its duplicate, is not its
+    own.
 
-    files: what will be written (tiles by their name with <UDIM>, frames by theirs with :data:`FRAME`), and the objects
-    it is for.
+    files: the files to write (tiles named with <UDIM>, frames with :data:`FRAME`), with their objects.
     """
     for image in (image for image in bpy.data.images if image.filepath):
         path = Path(bpy.path.abspath(image.filepath, library=image.library))
@@ -73,7 +75,7 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
         its_own, meshes = any(_meant(image, obj) for obj in targets), {obj.data for obj in targets}
         others = [obj for obj in wearers if _meant(image, obj) and obj.data not in meshes]
         if not (its_own or others or any(obj.data in meshes for obj in wearers)):
-            others = wearers  # their meshes were renamed or replaced since
+            others = wearers  # the owners' meshes were renamed or replaced since
         if others:
             name = min(obj.name for obj in others)
             too, mend = (" too", "bake onto it as well, ") if its_own else ("", "")
@@ -84,10 +86,11 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
 
 
 def refuse_other_projects(files: Iterable[Path]) -> None:
-    """Raises InputError where a result would be written over one that another .blend file in its folder may have made:
-    it is there, this session has not written it, and no image of the open file shows it.
+    """Raise InputError if a result would overwrite one that another .blend file in the folder may have made.
 
-    files: what will be written, named as for :func:`refuse_anothers`.
+    That is a file that exists, was not written in this session, and is not used by any image of the open file.
+
+    files: the files to write, named as for :func:`refuse_anothers`.
     """
     own = Path(bpy.data.filepath)
     for file in files:
@@ -110,14 +113,14 @@ def _meant(image: Any, obj: Any) -> bool:
 
 
 def _placed() -> set[Any]:
-    """The objects of scenes, and of collections that are instanced."""
+    """The objects in scenes and in instanced collections."""
     instanced = {obj.instance_collection for obj in bpy.data.objects} - {None}
     groups = [scene.objects for scene in bpy.data.scenes] + [collection.all_objects for collection in instanced]
     return {obj for objects in groups for obj in objects}
 
 
 def _holds(file: Path, path: Path, image: Any) -> bool:
-    """Whether what will be written is an image's file; "Oak" and "oak" are one on some systems."""
+    """Whether a file to write is an image's file. "Oak" and "oak" are the same on some systems."""
     tile = str(image.tiles[0].number) if image.source == "TILED" and image.tiles else "<UDIM>"
     number = re.findall("[0-9]*$", path.stem)[0]
     one, other = (each.with_name(each.name.replace("<UDIM>", tile)) for each in (file, path))
@@ -126,7 +129,7 @@ def _holds(file: Path, path: Path, image: Any) -> bool:
 
 
 def _images_on(obj: Any) -> Iterator[Any]:
-    """What an object wears of bakes and displacements."""
+    """The images of bakes and displacements in an object's materials and modifiers."""
     trees = trees_of(obj)
     names = (TEXTURE_NODE, ALBEDO_NODE, HEIGHT_NODE)
     yield from (node.image for tree in trees for name in names if (node := find_node(tree, name)))

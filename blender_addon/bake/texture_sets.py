@@ -1,6 +1,6 @@
-"""Several textures of one bake: which objects they are for, what their files are called, which material wears which.
+"""Several textures of one bake: their objects, file names and materials.
 
-The core parts textures by UDIM tiles, by materials and by objects by the tokens of the file's name.
+Tokens in the file name tell the core to split textures by UDIM tile, material or object.
 """
 
 import re
@@ -16,17 +16,17 @@ from mpsnet_core.errors import GeometryError
 from ..appearance.nodes import with_nodes
 from ..images import load_image, load_tiles
 
-# The token in a file's name for each way to part textures, and what stands before it where we put it there.
+# Tokens in file names for each way to split textures.
 OBJECT, MATERIAL, TILE = "<OBJECT>", "<MATERIAL>", "<UDIM>"
 SPLITS = {"ONE": "", "MATERIAL": MATERIAL, "OBJECT": OBJECT}
 
 
-# For the object and the material that a texture is of, as in the core's result; None stands for all of them.
+# The object and the material of a texture, as in the core's result; None stands for all.
 Part = tuple[str | None, str | None]
 
 
 def with_tokens(path: Path, split: str, tiles: bool) -> Path:
-    """The texture's file with the tokens that its name lacks for textures that are parted so."""
+    """The texture's file name with the missing tokens for textures that are split in this way."""
     name, token = path.stem, SPLITS[split]
     if token and token not in name:
         name += f"_{token}"
@@ -36,16 +36,15 @@ def with_tokens(path: Path, split: str, tiles: bool) -> Path:
 
 
 def without_tokens(name: str) -> str:
-    """The name less its tokens and what stands before them."""
+    """The name without tokens and the separators before them."""
     return re.sub("[._-]?<[A-Z]+>", "", name).strip("._-")
 
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """An object that was baked onto, by numbers and names that hold whatever happens to the file meanwhile.
+    """An object that is baked onto, by IDs and names that stay valid whatever happens to the file meanwhile.
 
-    uid: its session number. labels: of its slots, see :func:`.mesh_file.slot_labels`. used: those of slots
-    that have faces.
+    uid: its session UID. labels: of its slots, see :func:`.mesh_file.slot_labels`. used: those of slots with faces.
     """
 
     uid: int
@@ -56,7 +55,7 @@ class BakeTarget:
 
 
 def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
-    """What gets a texture of its own, by the tokens in the textures' file's name."""
+    """The parts with separate textures, by the tokens in the file name."""
     by_object, by_material = OBJECT in file.name, MATERIAL in file.name
     parts = [(one.name if by_object else None, label if by_material else None) for one in onto for label in one.labels]
     return list(dict.fromkeys(parts))
@@ -64,21 +63,21 @@ def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
 
 @dataclass(frozen=True)
 class AssignedTexture:
-    """What an object wears: an image for each of its material slots, and the UV map that they lie on."""
+    """The textures of an object: an image for each of its material slots, and their UV map."""
 
     target: Any
     images: tuple[Any, ...]
     uv_map: str
 
     def look(self, slot: int) -> tuple[Any, str]:
-        """What the material in a slot shows."""
+        """The image and UV map of the material in a slot."""
         return self.images[min(slot, len(self.images) - 1)], self.uv_map
 
 
 def load_textures(outputs: Sequence[Mapping[str, Any]], name: str, colours: str = "") -> dict[Part, Any]:
-    """The textures of the core's result as images, by the names of the object and the material that they are for.
+    """Load the textures of the core's result as images, by the names of their object and material.
 
-    None stands for all of them; tiles are one image. colours: what the images are called, where they hold colours.
+    None stands for all; UDIM tiles are one image. colours: name of the images if they hold colours.
     """
     kinds: dict[Part, list[Mapping[str, Any]]] = {}
     for output in outputs:
@@ -96,7 +95,7 @@ def load_textures(outputs: Sequence[Mapping[str, Any]], name: str, colours: str 
 
 
 def texture_of(onto: BakeTarget, target: Any, images: Mapping[Part, Any]) -> AssignedTexture | None:
-    """What an object wears of the images; None where there is none for it."""
+    """The textures of an object among the images; None if there is none for it."""
     found = [
         next((images[key] for key in images if key[0] in (None, onto.name) and key[1] in (None, label)), None)
         for label in onto.labels
@@ -106,8 +105,11 @@ def texture_of(onto: BakeTarget, target: Any, images: Mapping[Part, Any]) -> Ass
 
 
 def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]:
-    """The objects' materials and what each shall show. Made where there are none; copied where they are another file's,
-    or others wear them who do not show the same."""
+    """The objects' materials, and the texture that each will get.
+
+    Missing ones are created. Those that are linked from another file, or shared with objects that get another texture,
+    are copied.
+    """
     for one in worn:
         _give_slot(one.target)
     wearing = {_wearer(slot): one for one in worn for slot in one.target.material_slots}
@@ -130,7 +132,7 @@ def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]
 
 
 def keep_materials_to_itself(target: Any) -> None:
-    """Have an object whose mesh holds materials of others too hold its own, so that the others keep theirs."""
+    """Give an object whose mesh is shared its own material slots, so that other objects keep theirs."""
     _give_slot(target)
     slots = (slot for other in bpy.data.objects if other != target for slot in other.material_slots)
     if target.data in {_wearer(slot) for slot in slots}:
@@ -140,13 +142,13 @@ def keep_materials_to_itself(target: Any) -> None:
 
 
 def _give_slot(target: Any) -> None:
-    """Give an object without a material slot an empty one, and with it all that share its mesh."""
+    """Give an object without a material slot an empty one, and all others that share its mesh."""
     if not target.material_slots:
         target.data.materials.append(None)
 
 
 def _wearer(slot: Any) -> Any:
-    """What holds a slot's material: the object, or the mesh, which several may share."""
+    """The owner of a slot's material: the object, or the mesh, which several objects may share."""
     return slot.id_data if slot.link == "OBJECT" else slot.id_data.data
 
 
@@ -159,7 +161,7 @@ def _shown_otherwise(material: Any, look: tuple[Any, str], wearing: Mapping[Any,
 
 
 def refuse_shared(targets: Sequence[Any], split: str) -> None:
-    """Objects that share one mesh share its materials and cannot wear textures of their own."""
+    """Raise InputError for separate textures of objects that share a mesh: they share its materials, too."""
     if split != "OBJECT":
         return
     first: dict[Any, Any] = {}

@@ -1,1 +1,1 @@
-"""Processes beside the live window: the core, and Blenders that render a copy of the file."""
+"""Background processes: the core, and Blenders that render a copy of the file."""

@@ -1,6 +1,6 @@
-"""The core as a child process: it cannot freeze Blender's window, cannot crash it, and is cancelled by ending it.
+"""The core as a child process: it can neither freeze nor crash Blender, and ending it cancels it.
 
-So can be another Blender that speaks the same protocol, see background_render.py.
+Another Blender that speaks the same protocol can be the child, too: see background_render.py.
 """
 
 import json
@@ -32,14 +32,14 @@ Work = Operation | Mapping[str, Any]
 
 
 class CoreCrashed(Exception):
-    """A child process ended without a result. The message holds its last words."""
+    """A child process ended without a result. The message includes the last lines that it printed."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """What a child process runs, which speaks the protocol of :mod:`mpsnet_core.io.child_process`.
+    """A program that speaks the protocol of :mod:`mpsnet_core.io.child_process`, for a child process.
 
-    name: for people. environment: variables that it has in place of this process's.
+    name: for messages. environment: variables that override this process's.
     """
 
     command: tuple[str, ...]
@@ -51,28 +51,28 @@ CORE = Program((sys.executable, "-m", "mpsnet_core", "job", "--progress", "json"
 
 
 class CoreProcess:
-    """One run of a program, from the moment it is made until it ends or nobody holds it any more.
+    """One run of a program, which starts at construction and ends at the latest when the object is garbage collected.
 
-    outputs: files that the run writes; their folders are cleared of unfinished files after a kill.
+    outputs: files that the run writes. Unfinished files in their folders are removed after a kill.
     """
 
     def __init__(self, work: Work, outputs: Sequence[Path] = (), program: Program = CORE) -> None:
         request = to_json(work) if isinstance(work, Operation) else work
         self._name, self._folders = program.name, {output.parent for output in outputs}
         self._child = ChildProcess(program.command, {**_environment(), **program.environment})
-        # Also runs when Blender quits in the middle of the work.
+        # Also runs if Blender quits during the work.
         weakref.finalize(self, _end, self._child, self._folders)
         # A pipe may hold less than the request until the child has started.
         threading.Thread(target=self._child.send, args=(request,), daemon=True).start()
 
     @property
     def progress(self) -> float:
-        """How far it is, 0 to 1."""
+        """The fraction done, 0 to 1."""
         return self._child.progress
 
     @property
     def message(self) -> str:
-        """What it is doing."""
+        """The current activity."""
         return self._child.message
 
     @property
@@ -85,12 +85,12 @@ class CoreProcess:
     def result(self) -> dict[str, Any]:
         """Wait for the end and return the result.
 
-        Raises InputError with the core's sentence on bad input, Cancelled, or CoreCrashed with its last words.
+        Raises InputError with the core's sentence on bad input, Cancelled, or CoreCrashed.
         """
         try:
             message = self._child.receive()
             if self._child.wait() and "error" not in message:
-                self._child.receive()  # raises: it ended badly all the same
+                self._child.receive()  # raises if it crashed after the result
         except ChildEnded as end:
             _clear(self.pid, self._folders)
             if end.code == EXIT_CANCELLED:
@@ -102,7 +102,7 @@ class CoreProcess:
         return dict(message["result"])
 
     def cancel(self) -> None:
-        """End the child within a second; nothing half-written stays behind."""
+        """End the child within a second. No partly written file remains."""
         _end(self._child, self._folders)
 
 
@@ -123,24 +123,24 @@ def run(
 
 
 def _environment() -> dict[str, str]:
-    """The child finds its packages where this process found them: an extension's are not on Python's own path.
+    """An environment in which the child finds this process's packages: those of an extension are not on Python's path.
 
-    Beside pip's bpy they are, but for this project's own where they are run from its folder.
+    With pip's bpy they are, except this project's own packages if run from its folder.
     """
     home = Path(__file__).parents[2] if bpy.app.module else Path(numpy.__file__).parents[1]
     return {**child_environment(home, isolated=True), VIDEO_DECODER: json.dumps(blender_command("decode"))}
 
 
 def blender_command(*verb: str) -> list[str]:
-    """What starts another Blender, without a window, for a verb of commands.py."""
+    """The command that starts another Blender, without a window, with a verb of commands.py."""
     if bpy.app.module:
         return [sys.executable, "-m", "blender_addon", *verb]
-    # Where the extension was enabled just now, the preferences may not be saved yet.
+    # If the extension was just enabled, the preferences may not be saved yet.
     return [bpy.app.binary_path, "-b", "--addons", PACKAGE, "--command", "mpsnet", *verb]
 
 
 def _end(child: ChildProcess, folders: set[Path]) -> None:
-    """End the child, by force if need be, and clear the folders of what it left; nothing where it has ended."""
+    """End the child, by force if necessary, and remove its unfinished files. Does nothing if it has ended."""
     if child.running():
         child.cancel(CANCEL_SECONDS)
         _clear(child.pid, folders)

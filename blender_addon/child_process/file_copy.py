@@ -1,4 +1,4 @@
-"""A copy of the open file, for a Blender beside this one."""
+"""A copy of the open file, for another Blender process."""
 
 from pathlib import Path
 
@@ -10,16 +10,15 @@ from ..errors import operator_report
 
 
 def save_copy(path: Path, *, compress: bool, mend: str) -> None:
-    """Save the open file as it is to `path` too, without the preview: nobody sees it, and it takes longer to render
-    than all else, the longer the heavier the scene.
+    """Save a copy of the open file to `path`, without its preview, which takes longer to render than all the rest.
 
-    Raises InputError where the copy cannot be written. mend: what to do about that.
+    Raises InputError if the copy cannot be written. mend: advice in its message.
     """
     preferences = bpy.context.preferences
     changed, preview = preferences.is_dirty, preferences.filepaths.file_preview_type
     packing = bpy.data.use_autopack
     try:
-        bpy.data.use_autopack = False  # it would pack what the open file uses, too, and fail where that is gone
+        bpy.data.use_autopack = False  # it would also pack files in the open file, and fail if one is missing
         preferences.filepaths.file_preview_type = "NONE"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
     except RuntimeError as error:
@@ -27,4 +26,4 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
     finally:
         bpy.data.use_autopack = packing
         preferences.filepaths.file_preview_type = preview
-        preferences.is_dirty = changed  # else Blender would save the preferences when it quits
+        preferences.is_dirty = changed  # otherwise Blender would save the preferences when it quits

@@ -1,7 +1,7 @@
-"""What a scene takes from outside its .blend file, and whether a copy of the file that lies elsewhere finds it.
+"""Data that a scene uses from outside its .blend file, and whether a copy of the file in another folder finds it.
 
-The open file holds in memory what a copy of it has to read again: libraries that were moved or deleted since. A photo
-without what they brought would look like one that is right.
+The open file has in memory what a copy must read again: libraries may have been moved or deleted since. A photo without
+their data would look correct.
 """
 
 from collections import defaultdict
@@ -25,7 +25,7 @@ def missing_links() -> list[str]:
 
 
 def refuse_lost_links(scene: Any, before: list[str]) -> None:
-    """Raises InputError where the scene's photo uses linked data that is missing here and was not `before`."""
+    """Raise InputError if the scene's photo uses linked data that is missing here and was not `before`."""
     lost = [one for one in _used(scene) if one.is_missing and one.library and _key(one) not in before]
     for one in sorted(lost, key=_key):
         library = Path(bpy.path.abspath(one.library.filepath, library=one.library.library)).resolve()
@@ -45,7 +45,7 @@ def _key(one: bpy.types.ID) -> str:
 
 
 def _used(scene: Any) -> set[Any]:
-    """All that a photo of the scene may show: what the view layer's render shows, and what that uses in turn."""
+    """All data that a photo of the scene may show: the view layer's rendered objects, and everything they use."""
     uses = defaultdict(set)
     for one, users in bpy.data.user_map().items():
         for user in users:
@@ -59,7 +59,7 @@ def _used(scene: Any) -> set[Any]:
 
 
 def _shown(layer: Any) -> Iterator[Any]:
-    """Objects of a view layer that its render shows, and collections that would bring some but are missing."""
+    """Objects of a view layer that its render shows, and missing linked collections."""
     if layer.collection.hide_render:
         return
     if not layer.exclude:
@@ -74,14 +74,14 @@ def _shown(layer: Any) -> Iterator[Any]:
 
 
 def is_gone(one: Any) -> bool:
-    """Whether the file of an image, a font, a volume or a cache is neither on the disk nor packed."""
+    """Whether the file of an image, a font, a volume or a cache is neither on disk nor packed."""
     if not one.filepath or one.filepath == "<builtin>" or getattr(one, "packed_file", None):
         return False
     return not Path(bpy.path.abspath(one.filepath, library=one.library)).is_file()
 
 
 def not_found(scene: Any) -> list[str]:
-    """A sentence where single files that a photo of the scene may show are gone; else nothing."""
+    """A sentence if files that a photo of the scene may show are missing; otherwise nothing."""
     kinds = (bpy.types.Image, bpy.types.VectorFont, bpy.types.Volume, bpy.types.CacheFile)
     single = [one for one in _used(scene) if isinstance(one, kinds) and _is_one_file(one)]
     names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single if is_gone(one)})
@@ -97,9 +97,9 @@ def _is_one_file(one: Any) -> bool:
 
 @dataclass(frozen=True)
 class BakeFolder:
-    """A folder that a modifier's bakes were put into by hand. bake: its place in the modifier's list; -1: of them all.
+    """A folder that the user chose for a modifier's bakes.
 
-    place: absolute.
+    bake: index in the modifier's list, -1 for all of them. place: absolute path.
     """
 
     owner: str
@@ -109,13 +109,13 @@ class BakeFolder:
 
 
 def bake_folders(besides: Path) -> list[BakeFolder]:
-    """The folders that the open file names by where they lie from it, but for those in `besides`."""
+    """The folders that the open file refers to by relative paths, except those in `besides`."""
     found = []
     for obj in bpy.data.objects:
         if obj.library is not None:
             continue
         for modifier in obj.modifiers:
-            for number, (one, name) in _named(modifier).items():
+            for number, (one, name) in _folder_owners(modifier).items():
                 place = Path(bpy.path.abspath(getattr(one, name)))
                 if getattr(one, name).startswith("//") and not place.is_relative_to(besides):
                     found.append(BakeFolder(obj.name, modifier.name, number, str(place)))
@@ -123,22 +123,22 @@ def bake_folders(besides: Path) -> list[BakeFolder]:
 
 
 def name_bake_folders(folders: list[BakeFolder]) -> bool:
-    """Let a copy of the file name the folders as they were found; whether there was one that it did not.
+    """Set the folders in a copy of the file to the paths where they were found. Returns whether any changed.
 
-    Blender 4.5 leaves them as they are when it saves elsewhere, and takes no notice of them once it has looked.
+    Blender 4.5 does not adapt relative paths when it saves to another folder, and ignores changes after its first look.
     """
     changed = False
     for folder in folders:
         obj = bpy.data.objects[folder.owner]
-        one, name = _named(obj.modifiers[folder.modifier])[folder.bake]
+        one, name = _folder_owners(obj.modifiers[folder.modifier])[folder.bake]
         if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(folder.place).resolve():
             setattr(one, name, folder.place)
             changed = True
     return changed
 
 
-def _named(modifier: Any) -> dict[int, tuple[Any, str]]:
-    """What names folders, with the property that does."""
+def _folder_owners(modifier: Any) -> dict[int, tuple[Any, str]]:
+    """The owners of folder properties by index, with the property's name."""
     if modifier.type != "NODES":
         return {}
     own = {number: (bake, "directory") for number, bake in enumerate(modifier.bakes) if bake.use_custom_path}

@@ -1,7 +1,7 @@
-"""Where simulations write in a Blender beside this one: into a folder of the run's own, never where the file points.
+"""Redirection of simulation caches in another Blender process to a temporary folder, never to the file's own.
 
-Blender simulates as it opens a file and as it comes to a frame. It then writes what it found into the places that the
-file names, and removes what is out of date there: of fluids whole folders.
+Blender simulates when it opens a file and when the frame changes. It writes the results to the folders that the file
+names, and deletes outdated data there: whole folders of fluids.
 """
 
 import re
@@ -14,20 +14,20 @@ from typing import Any
 import bpy
 from bpy.app.handlers import load_post, persistent
 
-# What a fluid's folder holds: a folder for each kind of data, and in it a file for each frame.
+# The content of a fluid's cache folder: a folder for each kind of data, with a file for each frame.
 _FLUID_FOLDERS = ("config", "data", "guiding", "mesh", "noise", "particles")
 _FLUID_FRAME = re.compile(r"\w+_(\d{4,})\.(uni|vdb|raw|obj|bobj\.gz)")
 
 
 @contextmanager
 def simulations_write_into(folder: Path, *, animated: bool = False) -> Iterator[None]:
-    """What files that are opened in the block simulate, then and later, is written into `folder` alone.
+    """Simulations of files that are opened in the with block write to `folder` alone, also after the block.
 
-    What their fluids have on disk of the current frame, or of all where it is `animated`, is copied there first.
+    Cached fluid data of the current frame, or of all frames if `animated`, is copied there first.
     """
 
     @persistent
-    def redirect(*_: Any) -> None:  # before Blender evaluates what it has opened
+    def redirect(*_: Any) -> None:  # before Blender evaluates the opened file
         frames = _frames(animated)
         for number, (obj, domain) in enumerate(_fluid_domains()):
             place = folder / f"fluid_{number}"
@@ -36,7 +36,7 @@ def simulations_write_into(folder: Path, *, animated: bool = False) -> Iterator[
             domain.cache_directory = str(place)
         for number, (owner, cache) in enumerate(_point_caches()):
             if cache.is_baked and not (cache.is_outdated or cache.is_frame_skip):
-                continue  # it is read alone
+                continue  # it is only read
             if cache.use_external:
                 cache.filepath, cache.name = str(folder / f"points_{number}"), "points"
             elif owner.library:
@@ -50,7 +50,7 @@ def simulations_write_into(folder: Path, *, animated: bool = False) -> Iterator[
 
 
 def _frames(animated: bool) -> set[int]:
-    """The frames that are rendered, and those before them, from which a simulation goes on."""
+    """The frames that are rendered, and those before them, from which a simulation continues."""
     frames = {scene.frame_current for scene in bpy.data.scenes}
     if animated:
         frames.update(*(range(scene.frame_start, scene.frame_end + 1) for scene in bpy.data.scenes))
@@ -74,7 +74,7 @@ def _fluid_domains() -> Iterator[tuple[Any, Any]]:
 
 
 def _point_caches() -> Iterator[tuple[Any, Any]]:
-    """Of cloth, soft bodies, particles, dynamic paint and rigid bodies, each with the object or scene that has it."""
+    """Caches of cloth, soft bodies, particles, dynamic paint and rigid bodies, each with its object or scene."""
     for scene in bpy.data.scenes:
         if scene.rigidbody_world and scene.rigidbody_world.point_cache:
             yield scene, scene.rigidbody_world.point_cache

@@ -1,7 +1,7 @@
-"""Whether a .blend file's scripts run: by the person's decision, never by what the file holds.
+"""Whether a .blend file's scripts may run: the user decides, never the content of the file.
 
-``bpy.app.autoexec_fail`` shows that Blender has blocked scripts; that it is off proves nothing, as drivers of what the
-viewport hides do not count. Nothing that a file can hold counts as permission.
+``bpy.app.autoexec_fail`` shows that Blender has blocked scripts. If it is off, scripts may still have been blocked: it
+ignores drivers of data that the viewport hides. Nothing in a file counts as permission.
 """
 
 import fnmatch
@@ -14,16 +14,15 @@ import bpy
 
 SCRIPTS_OFF = "scripts are off where this was rendered"
 
-# In which scene the box is ticked, by its number in this session, which no file can name. Blender would keep a property
-# of its own in the .blend file.
+# Session UID, which a file cannot set, of the scene in which the box is ticked. A property of Blender would be saved in
+# the .blend file.
 _ticked = 0
 
 
 def preferences_trust(*paths: str) -> bool:
-    """Whether the person's own preferences let scripts of these files run, each of them.
+    """Whether the user's preferences let the scripts of all these files run.
 
-    Excluded paths are compared as Blender does it, by how a folder's name begins or by a pattern, and also where a link
-    leads.
+    Excluded paths are compared as in Blender, by prefix or pattern, and with links resolved, too.
     """
     preferences = bpy.context.preferences
     if not preferences.filepaths.use_scripts_auto_execute or {"-Y", "--disable-autoexec"} & set(sys.argv):
@@ -46,7 +45,7 @@ def open_file_is_trusted() -> bool:
 
 
 def is_ticked(_: Any = None) -> bool:
-    """Whether the person has ticked, for the next run in this scene, that its file's scripts may run."""
+    """Whether the user has allowed the file's scripts for the next run in this scene."""
     return bpy.context.scene is not None and bpy.context.scene.session_uid == _ticked
 
 
@@ -56,14 +55,14 @@ def tick(_: Any, ticked: bool) -> None:
 
 
 def take_run_permission() -> bool:
-    """Whether scripts may run in what is started now; the box is empty again afterwards."""
+    """Whether scripts may run in the run that is started now. Clears the box."""
     ticked = is_ticked()
     tick(None, False)
     return ticked or open_file_is_trusted()
 
 
 def python_drivers() -> list[str]:
-    """A sentence where the open file has drivers that need Python, for a Blender that runs none whoever trusts it."""
+    """A sentence if the open file has drivers that need Python, for a Blender process that never runs scripts."""
     trees = (tree for one in bpy.data.user_map() if (tree := getattr(one, "node_tree", None)))
     for one in (*bpy.data.user_map(), *trees):
         animation = getattr(one, "animation_data", None)
@@ -74,7 +73,7 @@ def python_drivers() -> list[str]:
 
 
 def blocked_scripts_note() -> list[str]:
-    """A sentence where this Blender has blocked scripts of the open file, which a render then lacks."""
+    """A sentence if this Blender has blocked scripts of the open file, which a render will lack."""
     if not bpy.app.autoexec_fail:
         return []
     return [

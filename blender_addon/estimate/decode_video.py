@@ -1,8 +1,7 @@
-"""Frames of a video for the core, decoded by a Blender without a window: the extension brings no FFmpeg of its own.
+"""Frames of a video for the core, decoded by a Blender without a window: the extension ships no FFmpeg.
 
-The sequencer is how Blender hands out any frame of a movie with the values that are in the file. `decoder_command` is
-for the Blender with the panel, `decode_video` for the one that decodes, see :mod:`mpsnet_core.estimate.sequence
-.video_decoder`.
+Blender's sequencer returns any frame of a movie with its stored values. `decoder_command` is for the Blender with the
+panel, `decode_video` for the one that decodes, see :mod:`mpsnet_core.estimate.sequence.video_decoder`.
 """
 
 import contextlib
@@ -18,7 +17,7 @@ from ..errors import operator_report
 
 
 def decode_video(path: Path) -> None:
-    """Send the video's header, and each frame that stdin requests, until the input ends."""
+    """Send the video's header, then each frame that is requested on stdin, until stdin ends."""
     parent = Parent()
     with contextlib.suppress(ParentGone), temporary_folder() as folder:
         try:
@@ -33,7 +32,7 @@ def decode_video(path: Path) -> None:
 
 
 def _opened(path: Path) -> bpy.types.Scene:
-    """A scene that shows the video at its own size and rate, and in its own values."""
+    """A scene with the video at its own size and frame rate, and with its stored values."""
     try:
         clip, image = bpy.data.movieclips.load(str(path)), bpy.data.images.load(str(path))
     except RuntimeError as error:
@@ -41,7 +40,7 @@ def _opened(path: Path) -> bpy.types.Scene:
     if clip.source != "MOVIE" or not all(clip.size) or clip.fps <= 0 or clip.frame_duration < 1:
         raise FormatError(f"{path} cannot be read as a video; is it a video file, and whole?")
     scene = bpy.data.scenes.new("Decoded")
-    bpy.context.window_manager.windows[0].scene = scene  # of another the renderer keeps the first frame
+    bpy.context.window_manager.windows[0].scene = scene  # of another scene, the renderer would keep the first frame
     scene.frame_end = clip.frame_duration
     render = scene.render
     render.resolution_x, render.resolution_y = clip.size
@@ -49,7 +48,7 @@ def _opened(path: Path) -> bpy.types.Scene:
     render.fps = max(round(clip.fps), 1)
     render.fps_base = render.fps / clip.fps
     render.use_compositing, render.dither_intensity, render.film_transparent = False, 0.0, True
-    # From sRGB to sRGB nothing is converted, whatever the values mean.
+    # From sRGB to sRGB, nothing is converted, whatever the encoding of the values.
     scene.display_settings.display_device = "sRGB"
     scene.view_settings.view_transform = "Standard"
     scene.sequencer_colorspace_settings.name = "sRGB"
@@ -58,7 +57,7 @@ def _opened(path: Path) -> bpy.types.Scene:
     strip.blend_type = "REPLACE"
     stored = render.image_settings
     stored.file_format, stored.color_depth, stored.tiff_codec = "TIFF", "16", "NONE"
-    image.size[:]  # read, so that its depth is known: bytes or floats, three or four of them
+    image.size[:]  # loads the image, so that its type (bytes or floats) and channel count are known
     stored.color_mode = "RGBA" if image.depth in (32, 128) else "RGB"
     return scene
 

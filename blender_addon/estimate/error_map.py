@@ -1,4 +1,4 @@
-"""The error map: how far the estimated normals are from the true ones that were rendered of the same view."""
+"""The error map: angles between the estimated normals and the true ones rendered for the same view."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..outputs import output_path
 from ..provenance import Provenance, file_stamp, stamp
 from ..rig.several_rigs import result_name, rig_at
 
-# Poses that differ by no more are one: a file has so many digits.
+# Tolerance of equal poses: files have this many digits.
 _SAME_POSE = 1e-5
 
 
@@ -54,7 +54,7 @@ class MPS_OT_error_map(RunsCore, bpy.types.Operator):
         return operation, [self._output]
 
     def _check_view(self, image: Any, camera: Path, folder: Path) -> None:
-        """Raises InputError where the true normals are of another view than the photo."""
+        """Raise InputError if the true normals are of another view than the photo."""
         taken_with, true = remembered(image, "camera"), read_camera(camera)
         if taken_with is None:
             return

@@ -63,7 +63,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         name = result_name(scene, "normals")
         self._output = output_frames(self.output, name) if moves else output_path(self.output, name, self.file_format)
         self._notes = self._unused(scene.mps.estimate, rig_file)
-        # As everything that Render Photo writes is.
+        # True for everything that Render Photo writes.
         self._omitted_notes = () if is_real(image) else ("read as linear (float file)",)
         if self.albedo and not self.white and not moves:
             raise SettingsError(
@@ -91,7 +91,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         return operation, [self._output / "frames" if moves else self._output, *pictures]
 
     def _unused(self, settings: Any, rig_file: str) -> list[str]:
-        """A sentence for each setting that this photo makes no use of."""
+        """A sentence for each setting that has no effect on this photo."""
         notes = [] if self._moves else overruled_format(self._output, settings)
         if self.rig_file and not rig_file:
             notes.insert(0, f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with")
@@ -100,7 +100,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         return notes
 
     def _beside(self, what: str) -> str | None:
-        """The file of another picture of a still photo, None for a sequence."""
+        """The file of another result of a still photo, None for a sequence."""
         name = f"{self._output.stem}_{what}{self._output.suffix}"
         return None if self._moves else str(self._output.with_name(name))
 
@@ -112,7 +112,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
             estimate.first_frame, estimate.last_frame = result["first"], result["last"]
         else:
             image = load_image(self._output, "MPS Normals", is_data=True)
-        # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
+        # The bake uses the camera of this photo, not that of one that was estimated here before.
         remember(image, "camera", self._camera)
         remember(image, "lens", f"{self._lens:g}")
         image.mps.photo = by_session_uid(bpy.data.images, self._photo)
@@ -126,9 +126,9 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
 
 
 def _lens_of_camera(scene: Any) -> Provenance:
-    """What counts of the camera object of a real photo under distant lights; nothing where there is no such object.
+    """The lens of a real photo's camera object under distant lights, as provenance; empty if there is no such object.
 
-    Normals that were estimated before their photo was aligned stay as they are.
+    Normals that were estimated before their photo was aligned stay up to date.
     """
     photo = scene.mps.photo.image
     camera = chosen_camera(scene, photo) if photo and not scene.mps.estimate.lens else None
@@ -136,7 +136,7 @@ def _lens_of_camera(scene: Any) -> Provenance:
 
 
 def _painted(settings: Any) -> Provenance:
-    """The mask as it is painted, where that counts. Its paint is packed when it is used, see :func:`.painted_mask`."""
+    """The painted mask as provenance, if it is used. Use packs it, see :func:`.painted_mask`."""
     image = settings.painted_mask
     if settings.mask != "PAINTED" or image is None:
         return {}

@@ -1,4 +1,4 @@
-"""The displacement: the baked texture's heights move the target's surface, by its material or by modifiers."""
+"""Displacement of the target's surface by the baked texture's heights, by its material or by modifiers."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -68,7 +68,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = _size(target)
         context.view_layer.update()
-        # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.
+        # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
         depsgraph = context.evaluated_depsgraph_get()
         begun = begin_mesh(folder / "mesh.npz", target, depsgraph, _uv_map_of(target) or bake.uv_map, turn)
@@ -78,11 +78,11 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
         }
         self._space = known["space"]
-        # A subdivided mesh has other tangents. Without, the map that there is shows the same, also where UVs overlap,
-        # which one in object space cannot.
+        # A subdivided mesh has other tangents, and needs normals in object space. Without subdivision, the existing map
+        # works, even where UVs overlap, which an object-space map does not support.
         if self.keep_normals and self._space == "TANGENT" and self.levels:
             self._normals = with_tokens(path.with_name(f"{path.stem}_normal{path.suffix}"), "ONE", tiled)
-        # Catmull-Clark is another surface. Facets stay what the mesh's own normals make of them, unless all is kept.
+        # Catmull-Clark changes the surface. Otherwise facets keep their smooth shading, unless all bumps are kept.
         self._smooth = self.subdivision == "SIMPLE" and as_typed(self.scale) > 0
         base = folder / "base.npz" if self.levels and not self._smooth else None
         if base:
@@ -130,9 +130,9 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         )
 
     def _assign(self, target: Any, image: Any, normals: Any, strength: float, midlevel: float) -> bool:
-        """Displace the object by the heights in the chosen way; returns whether that took its normal map off.
+        """Displace the object by the heights in the chosen way. Returns whether its normal map was unlinked.
 
-        normals: the image of those in object space, None where there is none.
+        normals: image of the normals in object space, None if there is none.
         """
         subdivide(target, self.subdivision, self.levels, self.levels)
         keep_smoothness(target, self._smooth)
@@ -170,9 +170,9 @@ def _loaded(file: Path, tiles: Sequence[int], name: str) -> Any:
 
 
 def _texture_of(target: Any) -> Any:
-    """The baked texture that an object wears, None where it wears none.
+    """The baked texture of an object, None if there is no baked texture at all.
 
-    Raises InputError where it wears several, or none while others wear those that there are.
+    Raises InputError if the object has several, or if only other objects have one.
     """
     worn = _textures(slot.material for slot in target.material_slots)
     if len(worn) > 1:
@@ -183,7 +183,7 @@ def _texture_of(target: Any) -> Any:
 
 
 def _uv_map_of(target: Any) -> str:
-    """The UV map that the baked texture of an object lies on; "" where it wears none, or that is gone."""
+    """The UV map of an object's baked texture; "" if there is no texture, or the UV map was removed."""
     trees = trees_of(target)
     worn = (node.uv_map for tree in trees if (node := find_node(tree, NORMAL_NODE)) and find_node(tree, TEXTURE_NODE))
     return next((name for name in worn if name in target.data.uv_layers), "")
@@ -195,7 +195,7 @@ def _textures(materials: Iterable[Any]) -> set[Any]:
 
 
 def _size(target: Any) -> float:
-    """How much larger than itself the object stands in the world; the mean where it is stretched."""
+    """The object's scale in world space; the mean for a non-uniform one."""
     size: float = abs(target.matrix_world.to_3x3().determinant()) ** (1 / 3)
     if size < 1e-9:
         raise GeometryError(f'"{target.name}" is scaled to nothing in one direction; give it a scale above 0')

@@ -1,4 +1,4 @@
-"""The heights of what the photo shows: as a file, as a mesh where the camera saw it, and as pictures."""
+"""Heights over the photo: as a file, as a mesh at its place before the camera, and as images."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -69,7 +69,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             relit=_text(self._pictures.get("relit")),
         )
         outputs = [self._output, *self._pictures.values(), *([self._mesh] if self._mesh else [])]
-        # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
+        # Heights have a scale file. Without one, the existing files do not belong to earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
         if foreign and not scale_sidecar(self._output).exists():
             raise FileError(
@@ -79,7 +79,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         return operation, outputs
 
     def _viewpoint(self, context: Any, image: Any, folder: Path) -> Viewpoint:
-        """The camera that took the photo, and how far the object is from it."""
+        """The core's options for the photo's camera, and its distance to the object."""
         scene = context.scene
         lens = scene.mps.estimate.lens
         with suppress(ValueError):
@@ -104,7 +104,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         scene.mps.heights.image = image
         for what, picture in self._pictures.items():
             shown = load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
-            shown.use_fake_user = True  # nothing else holds it when the file is saved
+            shown.use_fake_user = True  # it has no other user when the file is saved
         if self._mesh is not None:
             estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
         self.report({"INFO"}, f"Heights written to {self._output}")
@@ -115,14 +115,14 @@ def _text(path: Path | None) -> str | None:
 
 
 def _bring_in(scene: Any, file: Path, earlier: Any) -> Any:
-    """The mesh as an object of the scene, in the place of that of an earlier run, whose materials it keeps."""
+    """Import the mesh as an object of the scene. It replaces that of an earlier run, and keeps its materials."""
     name = "MPS Surface"
     known, layer = set(bpy.data.objects), bpy.context.view_layer
     selected, active = list(layer.objects.selected), layer.objects.active
     bpy.ops.wm.ply_import(filepath=str(file), forward_axis="Y", up_axis="Z", import_colors="NONE")
     (made,) = set(bpy.data.objects) - known
     made.data.shade_smooth()
-    # The importer takes the open scene, and selects; what the next step works on stays what it was.
+    # The importer uses the open scene and changes the selection; restore it for the next step.
     for collection in made.users_collection:
         collection.objects.unlink(made)
     scene.collection.objects.link(made)

@@ -1,4 +1,4 @@
-"""Flat materials: a photo of cloth or leather becomes a Blender material that repeats, on a plane of its true size."""
+"""Flat materials: a photo of cloth or leather becomes a seamless Blender material on a plane of true size."""
 
 import json
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from ..settings.declared import as_typed, take_given
 from ..settings.estimate import EstimateSettings
 from ..settings.material import MaterialSettings
 
-# Whether the colours of each picture are data.
+# Whether each texture is non-colour data.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
-# The modifier that gives the displaced plane its faces; a side has two to this power of them.
+# Levels of the modifier that subdivides the displaced plane: 2 ** level faces on a side.
 _SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
-# Stored with a material that this step made: the normals that it shows, by which it is known when they are made again.
+# Stored with a material that this step made: its normals, which identify it when they are updated.
 _MADE_OF = "mpsnet_flat_normals"
-# Kept with the normals: the file of the photo that they were made of.
+# Stored with the normals: the file of their photo.
 _PHOTO = "flat_photo"
 
 
@@ -86,7 +86,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         return operation, [output / "pictures"]
 
     def _width(self, scene: Any, image: Any, folder: Path) -> float:
-        """What the photo's width measures, in metres."""
+        """The width that the photo covers, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
         self._notes = [] if width else ["no width is given; the material's size follows from the photo's camera"]
@@ -117,7 +117,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         assign_pictures(material, images, black, white, self.relief)
         if self.relief != "DISPLACEMENT":
             remove_modifier(plane, FACES)
-        elif FACES not in plane.modifiers:  # else it may have been set to fewer
+        elif FACES not in plane.modifiers:  # otherwise the user may have reduced the levels
             subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
@@ -130,21 +130,21 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
 
 def _check_own(folder: Path, photo: str) -> None:
-    """Raises FileError where a folder holds the material of another photo, which has the same name."""
+    """Raise FileError if a folder contains the material of another photo with the same name."""
     for image in bpy.data.images:
         if image.users and folder in origin(image).parents and remembered(image, _PHOTO) not in (None, photo):
             raise FileError(f"{folder} holds the material of another photo; name another folder")
 
 
 def _is_as_laid(mesh: Any, material: Any) -> bool:
-    """Whether a mesh is one that :func:`_lay` made, for this material alone, and not an artist's by now."""
+    """Whether a mesh is as :func:`_lay` made it, for this material alone, and was not edited since."""
     return (
         list(mesh.materials) == [material] and mesh.users == 1 and len(mesh.vertices) == 4 and len(mesh.polygons) == 1
     )
 
 
 def _material_of(normals: Any, name: str) -> Any:
-    """The material that this step made of these normals, a new one where there is none: all others are the artist's."""
+    """The material that this step made from these normals, or a new one. All others are the user's."""
     for material in bpy.data.materials:
         if material.get(_MADE_OF) == normals and not material.library:
             return material
@@ -155,7 +155,7 @@ def _material_of(normals: Any, name: str) -> Any:
 
 
 def _new_plane(scene: Any, material: Any, width: float) -> Any:
-    """A plane at the scene's cursor, or to the right of what this step has laid there before."""
+    """A plane at the 3D cursor, or to the right of earlier ones of this step."""
     plane = bpy.data.objects.new(material.name, bpy.data.meshes.new(material.name))
     plane.location = scene.cursor.location
     laid = [
@@ -171,21 +171,21 @@ def _new_plane(scene: Any, material: Any, width: float) -> Any:
 
 
 def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
-    """Make a mesh a rectangle of so many tiles each way, its UVs one tile a unit."""
+    """Make a mesh a rectangle of `repeats` tiles each way, with one tile per UV unit."""
     across, down = (repeats * length / 2 for length in size)
     mesh.clear_geometry()
     mesh.from_pydata([(-across, -down, 0), (across, -down, 0), (across, down, 0), (-across, down, 0)], [], [range(4)])
     layer = mesh.uv_layers.new(name="UVMap")
     layer.uv.foreach_set("vector", [0, 0, repeats, 0, repeats, repeats, 0, repeats])
-    # On flat faces Cycles would add the bump to the displacement that is there already.
+    # With flat shading, Cycles would add the bump to the displacement.
     mesh.polygons.foreach_set("use_smooth", [True])
     mesh.update()
 
 
 def assign_pictures(material: Any, images: dict[str, Any], black: float, white: float, relief: str) -> None:
-    """Give a material that this step made the pictures "albedo", "normal" and "height"; other nodes in it stay.
+    """Assign the textures "albedo", "normal" and "height" to a material that this step made. Other nodes are kept.
 
-    black, white: heights of the height's picture, in the scene's unit. relief: "NORMAL", or "DISPLACEMENT".
+    black, white: heights of the height texture, in scene units. relief: "NORMAL" or "DISPLACEMENT".
     """
     links = material.node_tree.links
 
@@ -211,7 +211,7 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
     displacement.inputs["Scale"].default_value = white - black
     displacement.inputs["Midlevel"].default_value = -black / (white - black) if white > black else 0.5
     links.new(pictures["height"].outputs["Color"], displacement.inputs["Height"])
-    # One of them: both would show the relief twice.
+    # Only one of them: both would show the relief twice.
     for shown, end in (
         (normal.outputs["Normal"], shader.inputs["Normal"]),
         (displacement.outputs["Displacement"], output.inputs["Displacement"]),

@@ -1,1 +1,1 @@
-"""What the operators share: bad input becomes one sentence, and the core runs beside a live window."""
+"""Shared by the operators: bad input becomes one sentence, and the core runs without blocking the window."""

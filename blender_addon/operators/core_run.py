@@ -1,4 +1,4 @@
-"""What runs the core: beside the live window from a button, to its end from a script."""
+"""Operators that run the core: modal from a button, blocking from a script."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,15 +22,15 @@ from .reporting import ReportingOperator, verb_of
 TICK_SECONDS = 0.1
 SLICE_SECONDS = 0.03
 
-# Within what it returns an operator prepares and finishes one of its runs.
+# Returns the context in which an operator prepares and finishes one of its runs.
 Turn = Callable[[], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """One run of a child process, as it was prepared.
+    """A prepared run of a child process.
 
-    slices: what is to be done here before the process can start. start: starts it. known: the operator's attributes.
+    slices: work in this process before the child can start. start: starts it. known: the operator's attributes.
     """
 
     slices: list[Slices]
@@ -41,9 +41,10 @@ class _Run:
 
 @dataclass(eq=False)
 class _Job:
-    """Work beside the live window. It outlives Blender's operator, whose data goes when it is removed.
+    """Work in the background. It outlives Blender's operator, whose data is lost when it is removed.
 
-    held: goes with it. runs: those to come, the first of which is at work. finished: how many were before them.
+    held: resources released at its end. runs: the remaining ones, of which the first is active. finished: number of
+    those before.
     """
 
     held: ExitStack
@@ -53,7 +54,7 @@ class _Job:
     pace: Pace = field(default_factory=Pace)
 
     def go_on(self) -> None:
-        """Do what fits between two redraws of the window; after the last slice the process starts."""
+        """Do as many slices as fit between two redraws of the window. After the last slice, start the process."""
         run, until = self.runs[0], time.monotonic() + SLICE_SECONDS
         while run.slices:
             for is_long in run.slices[0]:
@@ -63,7 +64,7 @@ class _Job:
         self.process = run.start()
 
     def leave(self, manager: Any) -> None:
-        """Release what the run holds and end a child that still runs. Once is enough."""
+        """Release the run's resources, and end a running child. Further calls do nothing."""
         if self not in _jobs:
             return
         _jobs.remove(self)
@@ -80,14 +81,15 @@ _jobs: list[_Job] = []
 class RunsCore(ReportingOperator):
     """An operator whose work is a run of the core, or several one after the other, see :meth:`turns`.
 
-    From a button the run is modal: the window stays live, the panel shows progress, Esc or ``mps.cancel`` ends it.
-    From a script it returns when the work is done. Between the two calls below anything may happen to the file, so
-    they share paths and session numbers (:func:`by_session_uid`), never Blender's data or names, which people change.
+    From a button the run is modal: the window stays responsive, the panel shows progress, and Esc or ``mps.cancel``
+    ends it. From a script it returns when the work is done. Between :meth:`prepare` and :meth:`finish`, anything may
+    happen to the file. So they share paths and session UIDs (:func:`by_session_uid`), never Blender's data or names,
+    which users change.
     """
 
     bl_options = {"UNDO"}
-    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
-    _omitted_notes: Sequence[str] = ()  # those of the core that say nothing new
+    _notes: Sequence[str] = ()  # of `prepare`, in addition to the core's
+    _omitted_notes: Sequence[str] = ()  # redundant notes of the core
     _slices: list[Slices]
     _outputs: set[Path]
 
@@ -100,35 +102,38 @@ class RunsCore(ReportingOperator):
         self._slices, self._outputs = [], set()
 
     def turns(self) -> Sequence[Turn]:
-        """For each run of the core, what it is prepared and finished within. All are prepared before the first starts,
-        so that they work on the scene as it was then; each is finished as soon as it ends, and stays."""
+        """For each run of the core, the context in which it is prepared and finished.
+
+        All are prepared before the first one starts, from the scene as it is then. Each is finished as soon as it ends;
+        its result is kept even if later ones fail.
+        """
         return [nullcontext]
 
     def later(self, slices: Slices) -> None:
-        """Called by `prepare` with work that takes long; it is done a slice at a time before the core starts."""
+        """Called by `prepare` to schedule long work, which is done slice by slice before the core starts."""
         self._slices.append(slices)
 
     def program(self, folder: Path) -> Program:
-        """What does the work that `prepare` returned, beside a live window. folder: that of `prepare`."""
+        """The program that does the work that `prepare` returned, in the background. folder: that of `prepare`."""
         return CORE
 
     def prepare(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
-        """Write what the core reads into `folder`; return its operation and the files that this will write.
+        """Write the core's inputs into `folder`. Returns its operation, and the files that this will write.
 
-        Raises InputError, as the operation itself does where its options cannot be.
+        Raises InputError, also from the operation itself if its options are invalid.
         """
         raise NotImplementedError
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        """Take the core's result into Blender. Its notes are reported and stored already."""
+        """Load the core's result into Blender. Its notes are reported and stored already."""
         raise NotImplementedError
 
     def remarks(self, result: dict[str, Any]) -> Sequence[str]:
-        """What there is to say of the core's result, in sentences; they stay with the step."""
+        """Remarks on the core's result, as sentences that stay with the step."""
         return ()
 
     def look(self) -> None:
-        """Take what the core has written so far into Blender; called ten times a second beside a live window."""
+        """Show what the core has written so far; called ten times a second during a modal run."""
 
     def act(self, context: Any) -> None:
         for turn in self.turns():
@@ -155,7 +160,7 @@ class RunsCore(ReportingOperator):
         return work, outputs
 
     def will_write(self, outputs: Sequence[Path]) -> None:
-        """Raises InputError where that would overwrite what is needed, or what another run of this operator writes."""
+        """Raise InputError if an output would overwrite an input, or the output of another run of this operator."""
         refuse_to_overwrite(verb_of(self.bl_idname), outputs)
         meant = {resolved(path) for path in outputs}
         for path in self._outputs.intersection(meant):
@@ -241,11 +246,11 @@ class RunsCore(ReportingOperator):
             self._finished(context, process.result())
 
     def _ended(self) -> set[Any]:
-        """What the operator returns: undo takes back what is finished, though others have failed or were cancelled."""
+        """The operator's return value. Undo reverts finished runs even if others failed or were cancelled."""
         return {"FINISHED"} if self._job.finished else {"CANCELLED"}
 
     def cancel(self, context: Any) -> None:
-        """Also called by Blender, when another file is opened in the middle of the work."""
+        """Also called by Blender if another file is opened during the work."""
         self._job.leave(context.window_manager)
 
     def _show(self, context: Any) -> None:
@@ -275,7 +280,7 @@ class MPS_OT_cancel(bpy.types.Operator):
 
 
 def idle(cls: Any, context: Any) -> bool:
-    """Poll of what runs the core: one at a time."""
+    """The poll of operators that run the core: only one at a time."""
     if context.window_manager.mps.running:
         cls.poll_message_set("Wait for the running work, or cancel it")
         return False

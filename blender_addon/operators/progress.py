@@ -1,4 +1,4 @@
-"""How far work is, in the panel, at the mouse pointer and in the log, and how long it will still take."""
+"""Progress in the panel, at the mouse pointer and in the log, with an estimate of the time left."""
 
 import logging
 import time
@@ -11,8 +11,8 @@ from mpsnet_core.progress import Progress
 
 LOG_SECONDS = 10.0
 
-# Before so much is done, in at least so long, a guess would be worth nothing and is not made. In longer work it is made
-# after less of it.
+# The time left is estimated after this fraction and this many seconds; before, the estimate would be worthless. In
+# longer work, a smaller fraction suffices.
 _LEAST_SHARE, _LEAST_SECONDS = 0.03, 2.0
 _LEAST_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
 
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def at_the_pointer(manager: Any) -> Iterator[Progress]:
-    """Progress for a script's work: at the mouse pointer, and now and then as a line in the log."""
+    """Progress of a script's work: at the mouse pointer, and occasionally as a line in the log."""
     logged = time.monotonic()
 
     def show(done: float, message: str) -> None:
@@ -39,7 +39,7 @@ def at_the_pointer(manager: Any) -> Iterator[Progress]:
 
 
 def redraw_panels(manager: Any) -> None:
-    """Draw the sidebars of all 3D viewports anew, and not the viewports, which may take seconds."""
+    """Redraw the sidebars of all 3D viewports, but not the viewports, which may take seconds."""
     for window in manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -50,19 +50,19 @@ def redraw_panels(manager: Any) -> None:
 
 @dataclass
 class Pace:
-    """The pace of one run. What comes before its first progress, the start of a process, does not count.
+    """The speed of one run. The time before its first progress, in which a process starts, does not count.
 
-    Times are in seconds by a clock that does not go back.
+    Times are in seconds of a monotonic clock.
     """
 
     _begun: tuple[float, float] | None = None
     _last: float = 0.0
 
     def left(self, now: float, done: float) -> float | None:
-        """Seconds left at the time `now` with the fraction `done` (0 to 1), None where that cannot be known yet.
+        """Seconds left at the time `now` with the fraction `done` (0 to 1), None if that is not yet known.
 
-        Ask at every progress: the first one above 0 is where the pace is measured from. While nothing moves on the
-        time left grows; where `done` falls back, another part of the work begins, and its pace is measured anew.
+        Call it at every progress: the speed is measured from the first one above 0. The time left grows while nothing
+        advances. If `done` decreases, another part of the work has started, and its speed is measured anew.
         """
         if done <= 0:
             return None
@@ -76,7 +76,7 @@ class Pace:
 
 
 def in_words(seconds: float | None) -> str:
-    """ "40 s left", "3 min left", "2 h 10 min left"; "" for None. Rounded as guesses are, and never to nothing."""
+    """ "40 s left", "3 min left", "2 h 10 min left"; "" for None. Rounded like an estimate, never to zero."""
     if seconds is None:
         return ""
     if seconds <= 55:

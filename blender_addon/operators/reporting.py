@@ -1,4 +1,4 @@
-"""Bad input becomes one sentence, which stays in the operator's step of the panel until the next run."""
+"""Operators that report bad input in one sentence, which stays in their step of the panel until the next run."""
 
 from collections.abc import Callable
 from typing import Any
@@ -24,26 +24,26 @@ _MISSING = {
 
 
 class ReportingOperator(bpy.types.Operator):
-    """An operator whose :meth:`act` raises InputError on bad input, or OSError where the disk fails it.
+    """An operator whose :meth:`act` raises InputError on bad input, or OSError on a disk error.
 
-    The sentence appears in Blender's window and stays in the operator's step of the panel until the next run; a script
+    The sentence appears in Blender's window, and stays in the operator's step of the panel until the next run. A script
     that called the operator gets it as a RuntimeError.
     """
 
-    requires = ""  # the step whose image has to be there first, of those in _MISSING
+    requires = ""  # the step in _MISSING whose image is required
     _scene_uid = 0
-    _rig_place = 0  # of the rig that was chosen, in the scene's list
-    _whose = ""  # before what is said of one of several rigs: its name
+    _rig_place = 0  # position of the chosen rig in the scene's list
+    _whose = ""  # prefix of messages on one of several rigs: its name
     _made_from: Provenance
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        """What has to be there first and is not, as a sentence without a full stop; "" where nothing is missing."""
+        """What is missing to run it, as a sentence without a full stop; "" if nothing is."""
         return _MISSING[cls.requires] if cls.requires and not getattr(context.scene.mps, cls.requires).image else ""
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        """What a result would be made of now; where that has changed since, the panel says it is out of date."""
+        """The current inputs of a result. If they change later, the panel shows that the result is out of date."""
         return {}
 
     @classmethod
@@ -57,9 +57,9 @@ class ReportingOperator(bpy.types.Operator):
         raise NotImplementedError
 
     def scene(self, result: object) -> Any:
-        """The scene that the operator began in, whatever it is called by now, and whichever is open.
+        """The scene that the operator was started in, even if it was renamed or another one is shown.
 
-        Raises InputError where it was removed. result: what it would have got, and where that is now.
+        Raises InputError if it was removed. result: what it would have received, and where that is now.
         """
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is None:
@@ -67,11 +67,11 @@ class ReportingOperator(bpy.types.Operator):
         return scene
 
     def made(self, image: bpy.types.Image) -> None:
-        """Note with the image that is the result what it was made of; called once it is there."""
+        """Store its inputs with the resulting image; called once it exists."""
         store_provenance(image, verb_of(self.bl_idname), self._made_from)
 
     def begin(self, context: Any) -> None:
-        """Called before anything else; the record of an earlier run goes."""
+        """Called first: clear the record of an earlier run."""
         self._scene_uid, self._rig_place = context.scene.session_uid, context.scene.mps.chosen_rig
         self._store_record()
 
@@ -80,7 +80,7 @@ class ReportingOperator(bpy.types.Operator):
         return {"FINISHED"} if self.done(lambda: self.act(context)) else {"CANCELLED"}
 
     def done(self, step: Callable[[], None]) -> bool:
-        """Take a step; where it fails, report why in one sentence and return False."""
+        """Run a step. If it fails, report why in one sentence and return False."""
         try:
             step()
         except (InputError, CoreCrashed) as error:
@@ -107,7 +107,7 @@ class ReportingOperator(bpy.types.Operator):
 
 
 def verb_of(idname: str) -> str:
-    """ "estimate" for "mps.estimate" as well as for "MPS_OT_estimate", which is how Blender writes it itself."""
+    """ "estimate" for "mps.estimate" and for Blender's own form "MPS_OT_estimate"."""
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")
 
 

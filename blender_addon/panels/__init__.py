@@ -1,10 +1,10 @@
-"""The sidebar's tab "MPS": the steps from top to bottom; and "MPS Training", where the preferences show it."""
+"""The sidebar's tab "MPS" with the steps from top to bottom, and "MPS Training", which a preference enables."""
 
 import bpy
 
 from . import bake, estimate, heights, material, models, photo, rig, samples, start, truth, views
 
-# In the order of the sidebar.
+# In the sidebar's order.
 _STEPS = (start, rig, photo, estimate, truth, bake, heights, views, material, samples)
 
 CLASSES = [*models.CLASSES, *(cls for step in _STEPS for cls in step.CLASSES)]

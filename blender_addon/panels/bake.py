@@ -56,7 +56,7 @@ class MPS_PT_bake(Step):
 
 
 def _lacks_view(scene: Any) -> str:
-    """Whether the normals cannot be read, or nobody knows the camera that saw them."""
+    """A sentence if the normals cannot be read, or their camera is unknown; otherwise ""."""
     normals, bake = scene.mps.estimate.image, scene.mps.bake
     if normals.source == "SEQUENCE" and (bake.objects == "SELECTED" or bake.split != "ONE" or bake.tiles):
         return "A sequence goes onto the target alone: set Objects to Target, Textures to One for All, UDIM Tiles off"
@@ -71,7 +71,7 @@ def _lacks_view(scene: Any) -> str:
 
 
 def lacks_targets(context: Any, *, alone: bool = False) -> str:
-    """Why the objects that are chosen cannot get a texture; "" where they can. alone: the target in any case."""
+    """Why the chosen objects cannot get a texture; "" if they can. alone: check the target alone in any case."""
     meshes = _meshes(context, alone=alone)
     if not meshes:
         return "Choose the target, the mesh object that gets the texture"
@@ -86,11 +86,11 @@ def _meshes(context: Any, *, alone: bool = False) -> list[Any]:
 
 
 def lacks_base_map(context: Any) -> str:
-    """Why the detail cannot go on top of the objects' present normal maps; "" where it can, or shall not."""
+    """Why the detail cannot go on top of the objects' base maps; "" if it can, or need not."""
     bake, meshes = context.scene.mps.bake, _meshes(context)
     if bake.onto and bake.onto_file:
-        return "" if "<" in bake.onto_file else lacks_named(bake, "onto_file", optional=True)  # of several files
-    if not bake.onto or any(obj.modifiers or obj.mode == "EDIT" for obj in meshes):  # which may make UVs
+        return "" if "<" in bake.onto_file else lacks_named(bake, "onto_file", optional=True)  # a pattern
+    if not bake.onto or any(obj.modifiers or obj.mode == "EDIT" for obj in meshes):  # these may create UVs
         return ""
     onto = [_bake_target(obj, bake.uv_map) for obj in meshes]
     file = with_tokens(Path(Path(bake.output).stem or "texture"), bake.split, bake.tiles)
@@ -104,7 +104,7 @@ def lacks_base_map(context: Any) -> str:
 def _lacks_target(obj: Any, uv_map: str) -> str:
     if obj.library or obj.data.library:
         return f'"{obj.name}" is linked from another file; make it local first'
-    if obj.modifiers or obj.mode == "EDIT":  # which may make faces and UVs
+    if obj.modifiers or obj.mode == "EDIT":  # these may create faces and UVs
         return ""
     if not obj.data.polygons:
         return f'"{obj.name}" has no faces; choose an object with a surface'

@@ -1,4 +1,4 @@
-"""Step 5: heights, as the photo shows them and on the object."""
+"""Step 5: heights over the photo, and on the object."""
 
 from typing import Any
 

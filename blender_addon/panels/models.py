@@ -1,4 +1,4 @@
-"""Menus of models: those to choose from. The settings hold the others too, for scripts and for files that name them."""
+"""Menus of selectable models. The settings have others, too, for scripts and for files that name them."""
 
 from typing import Any
 
@@ -7,14 +7,14 @@ from bpy.app.translations import pgettext_iface as iface
 
 from ..settings.estimate import MODELS
 
-# What they are called in the menus; others go by the names that evaluations and scripts have for them.
+# Names in the menus. Other models have the same names as in evaluations and scripts.
 NAMES = {"MULTISCALE": "Default", "MULTISCALE_INT8": "Quick", "LAMBERTIAN": "Equation 2", "FILE": "File…"}
 
 
 class _Models:
     bl_label = "Model"
-    step = ""  # whose settings have the model
-    also: tuple[str, ...] = ()  # besides those that are not for comparison
+    step = ""  # the step whose settings have the model
+    also: tuple[str, ...] = ()  # listed in addition to the models that are not for comparison only
 
     def draw(self, context: Any) -> None:
         settings = getattr(context.scene.mps, self.step)
@@ -36,7 +36,7 @@ class MPS_MT_material_models(_Models, bpy.types.Menu):
 
 
 def model_menu(layout: Any, settings: Any, menu: type[_Models]) -> None:
-    """The menu as a button over the layout's whole width, for some names are longer than half a panel."""
+    """The menu as a button over the full width, because some names are longer than half a panel."""
     layout.menu(menu.__name__, text=f"{iface('Model')}: {iface(_name(settings, settings.model))}", translate=False)
 
 

@@ -1,4 +1,4 @@
-"""Step 2: the photo, how it was taken, and its mask."""
+"""Step 2: the photo, its origin, and its mask."""
 
 from typing import Any
 
@@ -88,7 +88,7 @@ class MPS_PT_render(Step):
 
 
 def note_of_step(scene: Any) -> str:
-    """A sentence where all frames will be rendered though the scene's own render leaves some out; "" elsewhere."""
+    """A sentence if all frames will be rendered although the scene has a frame step; otherwise ""."""
     if not scene.mps.photo.animation or scene.frame_step == 1:
         return ""
     return f"All frames are rendered. The scene's frame step of {scene.frame_step} would leave gaps in the texture"

@@ -1,4 +1,4 @@
-"""Step 1: the rig: real lights by their file or a calibration, or lights and a camera in the scene."""
+"""Step 1: the rig, either real lights from a file or a calibration, or lights and a camera in the scene."""
 
 from typing import Any
 
@@ -103,7 +103,7 @@ class MPS_PT_rig(Step):
         body.label(text="Orange: two lights. Red: one. Black: none")
 
     def _rigs(self, mps: Any) -> None:
-        """The list of several rigs; one alone needs none."""
+        """The list of several rigs, not shown for a single one."""
         if not mps.rigs:
             return
         column = self.layout.column(align=True)
@@ -119,7 +119,7 @@ class MPS_PT_rig(Step):
 
 
 def _standing_lights(scene: Any) -> Lights:
-    """Those of the rig file, where it counts for the scene's photo, else those in the scene."""
+    """The lights of the rig file, if it applies to the scene's photo, else those in the scene."""
     if is_real(scene.mps.photo.image) and (lights := lights_of(scene)).rig is not None:
         return lights
     return virtual_rig(scene)
@@ -131,7 +131,7 @@ def _table(layout: Any, rig: LightRig) -> None:
     for text in ("", *COLOURS):
         grid.label(text=text)
     for text, angles in (("Slant", rig.slants), ("Tilt", rig.tilts)):
-        grid.label(text=text, text_ctxt=OWN_SENSE)  # of Blender's own words both would be the same in German
+        grid.label(text=text, text_ctxt=OWN_SENSE)  # in Blender's own context, both would be the same in German
         for angle in angles:
             grid.label(text=f"{angle:.1f}°")
 
@@ -203,14 +203,14 @@ class MPS_PT_calibrate(Step):
         rows = [line.split("|") for line in calibrate.summary.splitlines()]
         grid = box.grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
         for row in rows:
-            # A column of the table is too narrow for words.
+            # Table columns are too narrow for text.
             place = grid if len(row) == len(rows[0]) else box.split(factor=0.7)
             for text in row:
                 place.label(text=text, text_ctxt=OWN_SENSE)
 
 
 def lacks_of_mixing(scene: Any) -> str:
-    """What has to be there before the mixing can be found; "" where nothing is missing."""
+    """What is missing to calibrate the mixing; "" if nothing is."""
     if not scene.mps.estimate.rig_file:
         return "Find the lights first, or choose their rig file"
     return "" if scene.mps.calibrate.grey else "Choose a photo of a matt grey ball in the mirror ball's place"

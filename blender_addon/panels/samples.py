@@ -1,4 +1,4 @@
-"""Training data, in a tab of its own that the preferences show."""
+"""Training data, in a separate tab that a preference enables."""
 
 from typing import Any
 

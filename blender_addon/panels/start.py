@@ -1,4 +1,4 @@
-"""Where everyone begins: the way to a photo, and for a newcomer one button that shows all of it."""
+"""The start: the choice of a way to a photo, and a button for newcomers that shows all steps."""
 
 from typing import Any
 

@@ -1,10 +1,10 @@
-"""A step of the sidebar: a panel whose header tells how the step stands, and whose body says what to do.
+"""Steps of the sidebar: panels whose header shows the state of a step, and whose body shows what to do.
 
-A step is a subclass with ``verbs``, its operators' names without "mps."; ``shows`` or ``result``, the image or True
-that stands for its being done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and
-``picture`` of the result. Where more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own.
-Errors, notes, progress, time left and what a result was made of come from the operators (``ReportingOperator``,
-``RunsCore``, ``provenance``).
+A step is a subclass with ``verbs``, its operators' names without "mps."; ``shows`` or ``result``, the resulting image,
+or True if it is done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and ``picture``
+of the result. If more can be missing than its operators' ``lacks`` reports, it has a ``lacks`` of its own. Errors,
+notes, progress, time left and the inputs of a result come from the operators (``ReportingOperator``, ``RunsCore``,
+``provenance``).
 """
 
 import re
@@ -22,11 +22,11 @@ from ..rig.several_rigs import OnEachRig
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 
-FOLDED = True  # whether pictures of results are, at first
+FOLDED = True  # whether images of results are folded at first
 
 
 class Kind(Enum):
-    """How a step can stand: the word and the icon in its header."""
+    """The states of a step: the word and the icon in its header."""
 
     TO_DO = ("To Do", "RADIOBUT_OFF")
     READY = ("Ready", "RADIOBUT_ON")
@@ -46,7 +46,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class State:
-    """How a step stands, and a sentence that says why; "" where there is nothing to say."""
+    """The state of a step, and a sentence that says why, or ""."""
 
     kind: Kind
     why: str = ""
@@ -57,10 +57,10 @@ class Step(bpy.types.Panel):
     bl_region_type = "UI"
     bl_category = "MPS"
 
-    way = ""  # to a photo that it belongs to, see MPS_PG_scene; "" for both
+    way = ""  # the way to a photo that shows it, see MPS_PG_scene; "" for both
     verbs: tuple[str, ...] = ()
-    shows = ""  # the settings of the scene whose image is the result
-    optional = False  # what need not be done says nothing until it is
+    shows = ""  # name of the settings group whose image is the result
+    optional = False  # an optional step shows no state until it is done
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -68,22 +68,22 @@ class Step(bpy.types.Panel):
 
     @classmethod
     def result(cls, context: Any) -> Any:
-        """The image that the step is there for, or whether it is done; None where it is not yet."""
+        """The step's resulting image, or whether it is done; None if it is not."""
         return getattr(context.scene.mps, cls.shows).image if cls.shows else None
 
     @classmethod
     def verb(cls, context: Any) -> str:
-        """The operator that makes the result."""
+        """The operator that makes the result, without "mps."."""
         return cls.verbs[0]
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        """What has to be there before the step, as a sentence without a full stop; "" where nothing is missing."""
+        """What the step is missing, as a sentence without a full stop; "" if nothing is."""
         return _operator(cls.verb(context)).lacks(context)
 
     @classmethod
     def state(cls, context: Any) -> State:
-        """How the step stands."""
+        """The state of the step."""
         if verb_of(context.window_manager.mps.running) in cls.verbs:
             return State(Kind.RUNNING)
         for verb in cls.verbs:
@@ -109,7 +109,7 @@ class Step(bpy.types.Panel):
             return
         row = self.layout.row()
         row.alert = kind is Kind.FAILED
-        # A greyed-out word is one that need not be read.
+        # Greyed out: it needs no attention.
         row.active = kind is not Kind.TO_DO
         row.label(text=kind.word, icon=kind.icon)
 
@@ -120,10 +120,10 @@ class Step(bpy.types.Panel):
         return column
 
     def progress_or(self, context: Any, verb: str, icon: str, text: str = "", lacks: str = "") -> None:
-        """The button of an operator of the step, with what is missing above it and what went wrong below.
+        """The button of an operator of the step, with what is missing above it and errors below.
 
-        While its work runs: how far it is, how long it will still take, and a way to stop it.
-        lacks: what is missing, where neither the step nor the operator itself tells.
+        While it runs, its progress, the time left and a cancel button. lacks: what is missing, if neither the step nor
+        the operator itself reports it.
         """
         if self.progress_of(context, verb):
             return
@@ -131,7 +131,7 @@ class Step(bpy.types.Panel):
         with cached_file_sizes():
             own = bool(self.verbs) and self.verb(context) == verb
             lacking = lacks or (self.lacks(context) if own else _operator(verb).lacks(context))
-        if lacking and not error_of(scene, verb):  # which says so below
+        if lacking and not error_of(scene, verb):  # the error below says so
             wrapped(self.layout, sentence(lacking), icon="INFO")
         row = self.layout.row(align=True)
         row.scale_y = 1.3
@@ -143,11 +143,11 @@ class Step(bpy.types.Panel):
         if scene.mps.rigs and issubclass(_operator(verb), OnEachRig):
             row.operator(f"mps.{verb}", text="All Rigs").all_rigs = True
         self.failure(scene, verb)
-        for note in () if lacking else notes_of(scene, verb):  # of what is gone there is nothing to note
+        for note in () if lacking else notes_of(scene, verb):  # no notes on a result whose inputs are missing
             wrapped(self.layout, sentence(note), icon="INFO")
 
     def progress_of(self, context: Any, verb: str) -> bool:
-        """How far an operator's work is, where it runs; whether it does."""
+        """Show the progress of a running operator. Returns whether it runs."""
         job = context.window_manager.mps
         if verb_of(job.running) != verb:
             return False
@@ -159,7 +159,7 @@ class Step(bpy.types.Panel):
         return True
 
     def failure(self, scene: Any, verb: str) -> None:
-        """Why the operator's last run failed, until the next one or until it is dismissed."""
+        """Show why the operator's last run failed, until the next one or until it is dismissed."""
         error = error_of(scene, verb)
         if not error:
             return
@@ -172,14 +172,14 @@ class Step(bpy.types.Panel):
         wrapped(box, sentence(error))
 
     def foldable(self, name: str) -> tuple[Any, Any]:
-        """Header and body, None where it is folded, of what is shown where it is unfolded."""
+        """Header and body of a foldable section. The body is None while it is folded."""
         header, body = self.layout.panel(f"MPS_{name}", default_closed=FOLDED)
         return header, body
 
     def picture(self, image: Any, scale: float = 8, *, folded: str = "") -> None:
-        """An image that a step made: how it looks, whether it is out of date, when it was made and where it is.
+        """Show an image that a step made: its preview, whether it is out of date, its time and its file.
 
-        folded: a name, for a picture that is shown where it is unfolded; Blender remembers that with the window.
+        folded: name of a foldable section for the preview, whose state Blender stores with the window.
         """
         if image is None:
             return
@@ -206,7 +206,7 @@ def _operator(verb: str) -> Any:
 
 
 def _changed(context: Any, image: Any) -> list[str]:
-    """What an image was made of that has changed since."""
+    """The inputs of an image that have changed since it was made."""
     operator = getattr(bpy.types, f"MPS_OT_{made_by(image)}", None)
     if operator is None or not issubclass(operator, ReportingOperator):
         return []
@@ -214,6 +214,6 @@ def _changed(context: Any, image: Any) -> list[str]:
 
 
 def sentence(text: str) -> str:
-    """A core's message as the panel shows it: without the options of the command line, which follow in brackets."""
+    """A message of the core for the panel: without the options of the command line, which follow in brackets."""
     text = re.sub(r" \(--[^()]*\)", "", text)
     return text[:1].upper() + text[1:]

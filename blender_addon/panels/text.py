@@ -1,4 +1,4 @@
-"""Text in a panel: as wide as the region allows, at every scale of the interface and in every language's letters."""
+"""Text layout in a panel, to the width of the region, for any UI scale and script."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,8 +8,8 @@ import bpy
 
 from mpsnet_core.errors import LONGEST, in_one_line
 
-# What stands left and right of a label besides its text, in Blender's unit of widgets (20 pixels at scale 1): the
-# panel's and a box's margins, the label's own, and the tabs at the region's edge.
+# Width around a label's text, in Blender's widget units (20 pixels at scale 1): margins of the panel, a box and the
+# label, and the tabs at the region's edge.
 _BESIDE = 3.2
 _ICON = 1.1
 _LEAST = 4.0
@@ -17,7 +17,7 @@ _WIDGET = 20.0
 
 
 def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
-    """A sentence over as many labels as it takes: Blender cuts a label off where the panel ends."""
+    """Show a sentence wrapped over several labels: Blender cuts off a label at the panel's edge."""
     column = layout.column(align=True)
     for number, line in enumerate(lines(sentence, available(with_icon=icon != "NONE"), text_width)):
         if icon == "NONE":
@@ -27,12 +27,12 @@ def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
 
 
 def fitted(text: str, take: float = 0.0) -> str:
-    """A text in one line, with its middle left out where it does not fit. take: units of widgets that others need."""
+    """A text in one line, with its middle left out if it does not fit. take: widget units that other items need."""
     return shortened(text, available() - take * _unit(), text_width)
 
 
 def lines(sentence: str, width: float, measure: Callable[[str], float]) -> list[str]:
-    """Break a sentence at its spaces into lines up to `width` wide; a longer word, a path, where it has to."""
+    """Break a sentence at spaces into lines up to `width` wide. Longer words, such as paths, are broken anywhere."""
     broken: list[str] = []
     line = ""
     for word in in_one_line(sentence).split():
@@ -51,7 +51,7 @@ def lines(sentence: str, width: float, measure: Callable[[str], float]) -> list[
 
 
 def shortened(text: str, width: float, measure: Callable[[str], float]) -> str:
-    """The text with as much of its middle as must go replaced by "…"."""
+    """The text with as much of its middle as necessary replaced by "…"."""
     for kept in range(min(len(text), LONGEST), 1, -1):
         head = kept - kept // 2
         shorter = text if kept == len(text) else f"{text[:head]}…{text[len(text) - kept // 2 :]}"
@@ -61,7 +61,7 @@ def shortened(text: str, width: float, measure: Callable[[str], float]) -> str:
 
 
 def available(*, with_icon: bool = False) -> float:
-    """How wide a label's text may be in the region that is drawn now, in pixels."""
+    """Available width of a label's text in the region that is being drawn, in pixels."""
     view = bpy.context.region.view2d
     # Not the region's width: its contents may be zoomed.
     width = view.region_to_view(bpy.context.region.width, 0)[0] - view.region_to_view(0, 0)[0]
@@ -70,7 +70,7 @@ def available(*, with_icon: bool = False) -> float:
 
 
 def text_width(text: str) -> float:
-    """How wide a label writes a text, in pixels."""
+    """Width of a label's text, in pixels."""
     preferences = bpy.context.preferences
     blf.size(0, preferences.ui_styles[0].widget.points * preferences.system.ui_scale)
     return float(blf.dimensions(0, text)[0])

@@ -1,4 +1,4 @@
-"""The estimate against the truth, which a rendered photo has."""
+"""The estimate compared with the true normals, which a rendered photo has."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Which lights and which camera count for the photo, in a line each, and what is missing for it to be estimated."""
+"""The lights and the camera that apply to the photo, in a line each, and what is missing for an estimate."""
 
 import time
 from collections.abc import Callable
@@ -25,8 +25,11 @@ NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 
 @dataclass(frozen=True)
 class Lights:
-    """words: which they are. rig: as they stand, where that can be told. lacks: why they cannot be used. doubt: why
-    they may not be the photo's."""
+    """The lights of a photo.
+
+    words: what they are. rig: their current state, if it is valid. lacks: why they cannot be used. doubt: why they may
+    not be the photo's.
+    """
 
     words: str
     rig: LightRig | None = None
@@ -35,7 +38,7 @@ class Lights:
 
 
 def lights_of(scene: Any) -> Lights:
-    """The lights that count for the scene's photo, as :func:`.rig_path` chooses them."""
+    """The lights that apply to the scene's photo, as :func:`.rig_path` chooses them."""
     photo, settings = scene.mps.photo.image, scene.mps.estimate
     if file := rig_file_for(photo, settings):
         path = Path(bpy.path.abspath(file))
@@ -61,12 +64,12 @@ def _lights(words: str, read: Callable[[], LightRig]) -> Lights:
 
 @lru_cache(maxsize=1)
 def _rig_in(path: Path, second: int) -> LightRig:
-    """The rig in a file, which is read once a second: panels are drawn many times, and its folder may be far away."""
+    """The rig in a file, read at most once a second: panels are drawn often, and its folder may be on a network."""
     return read_rig(path)
 
 
 def camera_of(scene: Any) -> str:
-    """The camera that counts for the scene's photo, in words; "" where none is known, and far away is assumed."""
+    """The camera that applies to the scene's photo, in words; "" if it is unknown, and a distant one is assumed."""
     photo, lens = scene.mps.photo.image, scene.mps.estimate.lens
     entered = f"lens {lens:g} mm" if lens else ""
     camera = chosen_camera(scene, photo) if photo is not None else None
@@ -83,7 +86,7 @@ def camera_of(scene: Any) -> str:
 
 
 def lacks_of_estimate(scene: Any) -> str:
-    """What has to be there before the photo can be estimated with the settings as they are; "" where nothing is."""
+    """What is missing to estimate the photo with the current settings; "" if nothing is."""
     photo, settings = scene.mps.photo.image, scene.mps.estimate
     lights = lights_of(scene)
     if lacking := lacks_file(photo, "photo") or lights.lacks:
@@ -94,14 +97,14 @@ def lacks_of_estimate(scene: Any) -> str:
 
 
 def lacks_file(image: Any, what: str) -> str:
-    """Whether an image has no file to read it from, in words."""
+    """A sentence if an image has no file to read it from; otherwise ""."""
     if image.packed_file or is_there(origin(image)):
         return ""
     return f'The {what} "{image.name}" has no file on disk; save it, or choose another'
 
 
 def lacks_mask(settings: Any) -> str:
-    """Which picture the mask needs and has not."""
+    """The image that the mask setting needs and lacks, in words; "" if nothing is missing."""
     needed = {"FILE": "mask_file", "BACKGROUND": "background"}.get(settings.mask)
     return lacks_named(settings, needed, optional=False) if needed else ""
 

@@ -1,4 +1,4 @@
-"""Align Photo: the camera of a real photo, found from the mesh that it shows."""
+"""Align Photo: finds the camera of a real photo from the mesh that it shows."""
 
 import json
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from ..settings.declared import as_typed, from_option, take_given
 from .camera import chosen_camera, is_real
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 
-# On a camera object that was made here and so may be moved; others are the user's own.
+# Marks a camera object that was created here and so may be moved; others are the user's own.
 _MADE_HERE = "mpsnet_aligned"
 
 
@@ -93,7 +93,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         return operation, [self._camera, overlay]
 
     def _lens(self, scene: Any, photo: Any, folder: Path) -> dict[str, Any]:
-        """The core's option for the lens; none where it is to be found."""
+        """The core's option for the lens; empty if it is to be estimated."""
         given = self.properties.is_property_set("lens")
         camera = scene.mps.align.lens_of if not given else None
         if self.lens_of and self.lens:
@@ -112,7 +112,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         return {"lens": str(folder / "lens.json")}
 
     def _place(self, context: Any, photo: Any, folder: Path) -> dict[str, Any]:
-        """The core's options for where the camera is about; none where all views are tried."""
+        """The core's options for the camera's approximate pose; empty to try all views."""
         if photo.mps.pairs:
             pairs = [{"pixel": list(pair.pixel), "point": list(pair.point)} for pair in photo.mps.pairs]
             (folder / "pairs.json").write_text(json.dumps({"pairs": pairs}), encoding="utf-8")
@@ -151,13 +151,13 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
 
 def mesh_of_photo(context: Any) -> Any:
-    """The mesh object that a photo is of unless another is named; None where there is none."""
+    """The default mesh object of a photo; None if there is none."""
     target = target_of(context)
     return target if target is not None and target.type == "MESH" else None
 
 
 def _viewport(context: Any) -> Camera:
-    """The 3D viewport's view as a camera. Raises InputError where there is none."""
+    """The 3D viewport's view as a camera. Raises InputError if there is none."""
     view = getattr(context, "region_data", None)
     if view is None or bpy.app.background:
         raise InputError('start "VIEWPORT" needs a 3D viewport to take it from; choose "SEARCH" or "CAMERA"')
@@ -170,9 +170,9 @@ def _viewport(context: Any) -> Camera:
 
 
 def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
-    """The camera that was found, as an object of the scene with the photo behind it.
+    """The found camera as an object in the scene, with the photo as background image.
 
-    That of an earlier run is moved. The scene's pictures get the photo's size, or the camera would show it otherwise.
+    That of an earlier run is moved. The scene gets the photo's resolution: otherwise its view would differ.
     """
     camera = chosen_camera(scene, photo)
     if camera is None or not camera.get(_MADE_HERE):

@@ -1,10 +1,10 @@
-"""Rendering beside the live window: a second Blender without a window renders a copy of the file.
+"""Rendering in the background: a second Blender without a window renders a copy of the file.
 
-It is the one way that is safe in all versions. Blender's own render job reads the scene while people go on working in
-it: an edit, an undo or another file then ends or crashes it, and the frames of an animation, the lights that are taken
-out in turn and the scene that is rendered would all be seen, saved and undone in the person's own file. A copy is as
-the file was when the button was pressed whatever happens to that, nothing has to be put back, and ending the process is
-all that cancelling takes. The price is a start of two or three seconds, and the scene is in memory twice.
+This is the only way that is safe in all versions. Blender's own render job reads the scene while the user keeps working
+in it: an edit, an undo or another file then ends or crashes it. Frame changes, lights that are switched off in turn and
+the temporary scene would also be visible, saved and undone in the user's file. A copy does not change after the button
+was pressed, nothing has to be restored, and ending the process cancels it. The price is a start of two or three seconds
+and a second copy of the scene in memory.
 
 `written_job` and `rendering_blender` are for the Blender that requests it, `render_job` for the one that renders. Both
 speak the protocol of :mod:`mpsnet_core.io.child_process`; the request is a :class:`RenderJob`.
@@ -50,18 +50,18 @@ from .studio import RenderKind, RenderProgress, render
 
 REPORT_SECONDS = 0.5
 
-_REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # as Cycles writes hours, minutes and seconds
-# A render that takes longer than it should have never looks done.
+_REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # hours, minutes and seconds, as Cycles prints them
+# Limit of a render's estimated progress: one that takes longer than expected must not look done.
 _MOST = 0.98
 
 
 @dataclass(frozen=True)
 class RenderJob:
-    """What the other Blender shall render.
+    """What the other Blender renders.
 
-    file: the copy. rig: its number in the scene's list. output: the file, or the frames' folder. use_scripts: see
-    trust.py. painted: files of images as they are in memory only, by the images' names. missing: linked data that the
-    open file has not found itself. bakes: folders that the copy may not.
+    file: the copy. rig: index in the scene's list. output: the file, or the frames' folder. use_scripts: see trust.py.
+    painted: files with the pixels of images that are in memory only, by image name. missing: linked data that is
+    missing in the open file, too. bakes: bake folders that the copy may not find.
     """
 
     file: str
@@ -80,17 +80,17 @@ class RenderJob:
 
 
 def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> dict[str, Any]:
-    """Write a copy of the open file into `folder`; return the request for :func:`rendering_blender`.
+    """Write a copy of the open file into `folder`. Returns the request for :func:`rendering_blender`.
 
-    What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
+    Simulation caches on disk are copied, too, not linked: the other Blender may clear unbaked ones.
 
-    Raises InputError where the copy of the file cannot be written, OSError where something else cannot.
+    Raises InputError if the copy of the file cannot be written, OSError if something else cannot.
     """
     painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
     original = Path(bpy.data.filepath or "scene.blend")
     copy = folder / original.name
     save_copy(copy, compress=False, mend="make room for a copy of this file")
-    caches = original.with_name(f"blendcache_{original.stem}")  # beside a file and called after it, as the copy is
+    caches = original.with_name(f"blendcache_{original.stem}")  # next to a file and named after it, as for the copy
     if bpy.data.filepath and caches.is_dir():
         shutil.copytree(caches, folder / caches.name, ignore=_no_files)
     job = RenderJob(
@@ -109,15 +109,15 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> d
 
 
 def _no_files(folder: str, names: list[str]) -> list[str]:
-    """What cannot be copied to an end: pipes, devices, and links to folders, which may lead back."""
+    """Files that cannot be copied completely: pipes, devices, and links to folders, which may be cyclic."""
     paths = {name: Path(folder, name) for name in names}
     return [name for name, path in paths.items() if not path.is_file() and (path.is_symlink() or not path.is_dir())]
 
 
 def _only_in_memory(image: bpy.types.Image) -> bool:
-    """Whether neither a file nor the copy holds the pixels: they were painted, or the file is gone since it was read.
+    """Whether neither a file nor the copy contains the pixels: they were painted, or the file was deleted since.
 
-    An image that nothing uses is not in the copy.
+    Unused images are not in the copy.
     """
     painted = image.is_dirty and image.source in {"FILE", "GENERATED", "TILED"}
     outlived = image.source == "FILE" and image.has_data and is_gone(image)
@@ -125,14 +125,14 @@ def _only_in_memory(image: bpy.types.Image) -> bool:
 
 
 def _painted(image: bpy.types.Image, folder: Path) -> Path:
-    """The image's pixels as they are, in a file: Blender's own way to save an image converts colours beyond 1."""
+    """Write the image's unmodified pixels to a file. Blender's own saving converts colours above 1."""
     if image.source == "TILED":
         raise InputError(f'the tiles of the image "{image.name}" were changed and not saved; save or pack them first')
     found = pixels_of(image)
     pixels = np.ones((*found.shape[:2], 4), np.float32)
     pixels[..., : 4 if image.channels == 4 else 3] = found
     path = folder / f"painted_{image.session_uid}.npy"
-    # The copy cannot tell what numbers the file had that is gone.
+    # The copy cannot determine the type of a deleted file's pixels.
     np.save(path, pixels if image.is_float else np.rint(pixels * 255).astype(np.uint8))
     return path
 
@@ -149,7 +149,7 @@ def _paint(image: bpy.types.Image, file: str) -> None:
 
 
 def rendering_blender(folder: Path) -> Program:
-    """A Blender without a window that renders what is requested; what it writes on its way goes to `folder`."""
+    """A Blender without a window that renders requests. Its temporary files go to `folder`."""
     places = {name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}
     return Program(tuple(blender_command("render", str(folder))), "the rendering Blender", places)
 
@@ -163,7 +163,7 @@ def render_job(folder: Path) -> int:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _cancel)
     parent = Parent()
-    tempfile.tempdir = str(folder)  # not as the preferences say: this folder goes, however this process ends
+    tempfile.tempdir = str(folder)  # not that of the preferences: this folder is removed, however this process ends
     try:
         request = only_request()
         job = RenderJob(**{**request, "bakes": [BakeFolder(**one) for one in request["bakes"]]})
@@ -182,7 +182,7 @@ def render_job(folder: Path) -> int:
     except (Cancelled, ParentGone):
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
-        parent.send(error=describe_unexpected_error(error, folder.parent))  # the folder itself goes
+        parent.send(error=describe_unexpected_error(error, folder.parent))  # the folder itself is removed
         return EXIT_UNFORESEEN
     parent.send(result={"output": str(rendered.file), "notes": [*blocked_scripts_note(), *rendered.notes]})
     return 0
@@ -193,9 +193,9 @@ def _cancel(*_: Any) -> None:
 
 
 def _opened(job: RenderJob) -> Any:
-    """The copy's scene, in the window as it was there. Raises InputError where what was linked into it is lost."""
+    """Open the copy, and return its scene in the window. Raises InputError if linked data is lost."""
     _open(job)
-    if name_bake_folders(job.bakes):  # they are looked into when the file is opened, and not again
+    if name_bake_folders(job.bakes):  # Blender reads them only when the file is opened
         bpy.ops.wm.save_mainfile()
         _open(job)
     scene = bpy.data.scenes[job.scene]
@@ -219,7 +219,7 @@ def _open(job: RenderJob) -> None:
 
 @contextmanager
 def _reporting(parent: Parent) -> Iterator[RenderProgress]:
-    """Report how far the renders are twice a second; Cycles reports little of it without a window."""
+    """Report the progress of the renders twice a second; Cycles reports little of it without a window."""
     progress, ended = _Progress(parent), threading.Event()
     on_stats = progress.on_stats
 
@@ -229,7 +229,7 @@ def _reporting(parent: Parent) -> Iterator[RenderProgress]:
 
     clock = threading.Thread(target=report, daemon=True)
     clock.start()
-    render_stats.append(on_stats)  # not before the file is open, which takes all handlers away
+    render_stats.append(on_stats)  # after the file is opened, which removes all handlers
     try:
         yield progress.begin
     finally:
@@ -239,9 +239,9 @@ def _reporting(parent: Parent) -> Iterator[RenderProgress]:
 
 
 class _Progress:
-    """How far the renders are: by their number, and within one by how long it should take.
+    """The progress of renders: by their number, and within one by its expected time.
 
-    That is what Cycles guesses after the first sample of the first, and later what the one before took.
+    That is Cycles' estimate after the first sample of the first render, and then the time of the previous one.
     """
 
     def __init__(self, parent: Parent) -> None:

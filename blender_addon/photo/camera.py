@@ -1,4 +1,4 @@
-"""The camera that took a photo: an object chosen for it, or what is stored with it when it was rendered or opened."""
+"""The camera of a photo: a chosen object, or the data stored with the photo when it was rendered or opened."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ def is_real(photo: Any) -> bool:
 
 
 def chosen_camera(scene: Any, image: Any) -> Any:
-    """The camera object that stands for what took a real photo, or the photo of a normal map; None for none."""
+    """The camera object of a real photo, or of a normal map's photo; None if there is none."""
     photo = image.mps.photo or image
     camera = photo.mps.camera if is_real(photo) else None
     if camera is None or camera.type != "CAMERA" or scene.objects.get(camera.name) != camera:
@@ -26,15 +26,15 @@ def chosen_camera(scene: Any, image: Any) -> Any:
 
 
 def lacks_camera(scene: Any, normals: Any) -> bool:
-    """Whether normals were estimated from a real photo of which nobody knows the camera."""
+    """Whether normals were estimated from a real photo whose camera is unknown."""
     known = remembered(normals, "camera") is not None or chosen_camera(scene, normals) is not None
     return made_by(normals) == "estimate" and not known
 
 
 def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None) -> bool:
-    """Write the camera that took a photo, or the photo of a normal map.
+    """Write the camera of a photo, or of a normal map's photo.
 
-    Where none is known, the camera object `otherwise` as it stands; False where there is none either.
+    If it is unknown, write the camera object `otherwise`. Returns False if there is none either.
     """
     camera, stored = chosen_camera(scene, image), remembered(image, "camera")
     if camera is None and stored is not None:
@@ -47,7 +47,7 @@ def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None
 
 
 def cameras_place(scene: Any, image: Any) -> Provenance:
-    """Where the camera object of a photo stands and its lens, as an ingredient; none where there is no such object."""
+    """The pose and lens of a photo's camera object, as provenance; empty if there is no such object."""
     camera = chosen_camera(scene, image) if image else None
     if camera is None:
         return {}
@@ -55,7 +55,7 @@ def cameras_place(scene: Any, image: Any) -> Provenance:
 
 
 def lens_stamp(camera: Any) -> str:
-    """Text that changes with what a camera object's lens and sensor show."""
+    """Fingerprint of a camera object's lens and sensor settings."""
     data = camera.data
     sizes = data.lens, data.ortho_scale, data.sensor_width, data.sensor_height, data.shift_x, data.shift_y
     return f"{data.type} {data.sensor_fit} {rounded(sizes, 4)}"

@@ -1,4 +1,4 @@
-"""The check of a photo: exposure, lights and focus, before normals are estimated from it."""
+"""The check of a photo's exposure, lights and focus, before normals are estimated from it."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A photo that is dropped into a 3D viewport or an image editor opens as the photo."""
+"""Drag and drop: a photo dropped into a 3D viewport or an image editor becomes the photo."""
 
 from typing import Any
 

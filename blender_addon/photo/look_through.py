@@ -1,4 +1,4 @@
-"""The viewport as the photo's camera sees it, in the photo's frame."""
+"""The viewport through the photo's camera, in the photo's frame."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from .camera import chosen_camera, is_real
 
 WATCH_SECONDS = 0.5
 
-# Stored with a scene: its resolution and pixel aspect before, and the photo's, which it has now.
+# Stored with a scene: its previous resolution and pixel aspect, and the photo's, which it has now.
 _BEFORE = "mpsnet_frame_before"
 _FRAME = ("resolution_x", "resolution_y", "pixel_aspect_x", "pixel_aspect_y")
 
@@ -43,7 +43,7 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
             space.use_local_camera = False
             watch()
             return
-        # This viewport's own, so that the scene's camera stays what it is.
+        # A local camera of this viewport leaves the scene's camera unchanged.
         space.use_local_camera, space.camera = True, camera
         if not in_camera:
             bpy.ops.view3d.view_camera()
@@ -52,16 +52,16 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
 
 
 def _photos_camera(scene: Any) -> Any:
-    """The camera object of the photo, or of the rig that photos are rendered with; None where there is none."""
+    """The camera object of the photo, or of the rig that renders photos; None if there is none."""
     image = scene.mps.photo.image
     camera = chosen_camera(scene, image) if is_real(image) else scene.mps.rig.camera
     return camera if camera is not None and scene.objects.get(camera.name) == camera else None
 
 
 def _take_frame(scene: Any) -> None:
-    """Give the scene's pictures the photo's size, and note with it what they had."""
+    """Set the scene's resolution to the photo's, and store the previous one with the scene."""
     photo, render = scene.mps.photo, scene.render
-    before = _numbers(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
+    before = _stored_frames(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
     size = picture_size(photo.image) if is_real(photo.image) else (photo.width, photo.height)
     for name, value in zip(_FRAME, (*size, 1, 1), strict=True):
         setattr(render, name, value)
@@ -69,8 +69,8 @@ def _take_frame(scene: Any) -> None:
 
 
 def _put_back(scene: Any) -> None:
-    """Give the scene's pictures the size again that they had, unless somebody has changed it meanwhile."""
-    numbers, render = _numbers(scene), scene.render
+    """Restore the scene's resolution, unless the user has changed it meanwhile."""
+    numbers, render = _stored_frames(scene), scene.render
     del scene[_BEFORE]
     before, taken = numbers[: len(_FRAME)], numbers[len(_FRAME) :]
     if numbers and [getattr(render, name) for name in _FRAME] == taken:
@@ -78,8 +78,8 @@ def _put_back(scene: Any) -> None:
             setattr(render, name, int(value) if name.startswith("resolution") else value)
 
 
-def _numbers(scene: Any) -> list[float]:
-    """What is noted with a scene; [] where it is nothing of ours, as in a hostile file."""
+def _stored_frames(scene: Any) -> list[float]:
+    """The values stored with a scene; [] if they are invalid, as in a hostile file."""
     try:
         numbers = [float(one) for one in scene.get(_BEFORE, ())]
     except (TypeError, ValueError):
@@ -88,7 +88,7 @@ def _numbers(scene: Any) -> list[float]:
     return numbers if whole and len(numbers) == 2 * len(_FRAME) else []
 
 
-def _looks(window: Any) -> bool:
+def _shows_photos_camera(window: Any) -> bool:
     """Whether a viewport of a window shows its scene through the photo's camera."""
     scene, camera = window.scene, _photos_camera(window.scene)
     spaces = [area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"]
@@ -100,11 +100,13 @@ def _looks(window: Any) -> bool:
 
 
 def watch() -> float | None:
-    """Put the frame back of scenes that no viewport looks at through the photo's camera any more; ends where none is
-    left, else returns when to look again."""
+    """Restore the resolution of scenes that no viewport shows through the photo's camera any more.
+
+    A timer: it returns the time until the next call, or None, which ends it, if no such scene is left.
+    """
     windows = bpy.context.window_manager.windows
     for scene in _framed():
-        if not any(window.scene == scene and _looks(window) for window in windows):
+        if not any(window.scene == scene and _shows_photos_camera(window) for window in windows):
             _put_back(scene)
     return WATCH_SECONDS if _framed() else None
 
@@ -115,7 +117,7 @@ def _framed() -> list[Any]:
 
 @persistent
 def _watch_on(*_: Any) -> None:
-    """Also called when a file is opened that was saved while it was looked through."""
+    """Start the timer. Also called for an opened file that was saved while its camera was looked through."""
     if not bpy.app.background and not bpy.app.timers.is_registered(watch):
         bpy.app.timers.register(watch, first_interval=WATCH_SECONDS, persistent=True)
 

@@ -1,4 +1,4 @@
-"""Markers over a photo or a viewport, and their colours; for a region's draw handler."""
+"""Markers over a photo or a viewport, and their colours, for a region's draw handler."""
 
 from collections.abc import Iterable, Sequence
 
@@ -14,13 +14,13 @@ from .places import Place
 
 Colour = tuple[float, float, float]
 
-_RADIUS = 7.0  # in pixels at the interface's scale 1
-# By how far a pair is off.
+_RADIUS = 7.0  # pixels at UI scale 1
+# Colours by the residual of a pair.
 OPEN, _FITS, _OFF, _WRONG = (1.0, 1.0, 1.0), (0.25, 0.9, 0.35), (1.0, 0.75, 0.15), (1.0, 0.25, 0.2)
 
 
 def colour_of(residual: float, size: tuple[int, int]) -> Colour:
-    """Green, yellow or red by how many pixels of a photo of this size a pair is off; white where nobody knows."""
+    """Green, yellow or red by a pair's residual in pixels, for a photo of this size; white if it is unknown."""
     unit = max(size) / 1024
     if residual < 0:
         return OPEN
@@ -28,7 +28,7 @@ def colour_of(residual: float, size: tuple[int, int]) -> Colour:
 
 
 def draw_marker(place: Place, text: str, colour: Colour, alpha: float = 1.0) -> None:
-    """Draw a ring with a cross in it, and words beside it."""
+    """Draw a ring with a cross in it, and text next to it."""
     scale = bpy.context.preferences.system.ui_scale
     (x, y), reach, turns = place, 2.5 * scale, np.linspace(0, 2 * np.pi, 25)
     draw_line(_RADIUS * scale * np.stack([np.cos(turns), np.sin(turns)], axis=-1) + place, colour, alpha)
@@ -42,7 +42,7 @@ def draw_line(places: Iterable[Sequence[float]], colour: Colour, alpha: float = 
     shader, region = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR"), bpy.context.region
     batch = batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0.0) for place in places]})
     gpu.state.blend_set("ALPHA")
-    # A dark line beneath, so that it is seen on every photo.
+    # A dark line beneath makes it visible on any photo.
     for width, ink in ((4.0, (0.0, 0.0, 0.0, alpha / 2)), (2.0, (*colour, alpha))):
         shader.uniform_float("viewportSize", (region.width, region.height))
         shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
@@ -52,7 +52,7 @@ def draw_line(places: Iterable[Sequence[float]], colour: Colour, alpha: float = 
 
 
 def draw_text(place: Place, text: str, colour: Colour, alpha: float = 1.0) -> None:
-    """Draw words that begin at a place."""
+    """Draw text that starts at a place."""
     blf.size(0, 14 * bpy.context.preferences.system.ui_scale)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 6, 0.0, 0.0, 0.0, alpha)  # an outline

@@ -1,4 +1,4 @@
-"""The core's options for a photo: its rig and camera, how it is read, and the model that estimates its normals."""
+"""The core's options for a photo: its rig and camera, how it is read, and the model for its normals."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -51,9 +51,9 @@ class Network(TypedDict):
 
 
 def rig_file_for(photo: Any, settings: Any) -> str:
-    """The rig file that the settings name, if it is for this photo; else "".
+    """The rig file in the settings if it applies to this photo; otherwise "".
 
-    A photo that was rendered here has its own rig: a file that was measured for another photo is not for it.
+    It does not apply to a photo that was rendered here, which has its own rig.
     """
     rendered = photo is not None and made_by(photo) == "render_photo" and remembered(photo, "rig") is not None
     return "" if rendered else settings.rig_file
@@ -62,10 +62,10 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 def rig_and_camera_options(
     context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
 ) -> RigAndViewpoint:
-    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
+    """The core's options for the photo's rig and camera, by the scene's settings.
 
-    later: that of the operator, see :class:`.RunsCore`.
-    rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
+    later: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
+    settings if it applies to this photo.
     """
     scene = context.scene
     if rig_file is None:
@@ -75,9 +75,9 @@ def rig_and_camera_options(
 
 
 def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
-    """The file of the rig that lit a photo: `rig_file`, else what is stored with the photo, else the scene's rig.
+    """The file of a photo's rig: `rig_file`, else the one stored with the photo, else the scene's rig.
 
-    Raises SettingsError where none is known of a photo that somebody took.
+    Raises SettingsError if the rig of a real photo is unknown.
     """
     if rig_file:
         return Path(bpy.path.abspath(rig_file))
@@ -94,7 +94,7 @@ def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
 def _viewpoint_options(
     context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]
 ) -> Viewpoint:
-    """The camera that took the photo, and for near lights how far the object is from it."""
+    """The core's options for the photo's camera and, for near lights, its distance to the object."""
     scene = context.scene
     settings = scene.mps.estimate
     viewpoint = seen_through(scene, image, settings.lens, folder)
@@ -115,8 +115,7 @@ def _viewpoint_options(
 
 
 def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint:
-    """The core's option for a picture's camera: its lens where that is known, else the camera that took it, else the
-    rig's; nothing where there is none.
+    """The core's option for a photo's camera: its lens if known, else the photo's camera, else the rig's, else nothing.
 
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
     """
@@ -131,13 +130,13 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint
 
 
 def network(settings: Any) -> Network:
-    """The core's options for the settings' model and, by the preferences, for what networks run on."""
+    """The core's options for the model from the settings, and for the device of networks from the preferences."""
     provider, threads = preference("provider").lower(), preference("threads")
     return {"model": model_name(settings), "provider": provider, "threads": threads}
 
 
 def model_name(settings: Any) -> str:
-    """The model's name for the core. Raises SettingsError where it is a file and none is named."""
+    """The model's name for the core. Raises SettingsError if it is from a file but no file is set."""
     if settings.model != "FILE":
         return MODELS[settings.model].name
     if not settings.model_file:
@@ -148,9 +147,9 @@ def model_name(settings: Any) -> str:
 def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> Reading:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
-    unmasked: the mask unless one is chosen. painted: the file of :func:`painted_mask`, "" where there is none.
+    unmasked: the default for the mask. painted: the file from :func:`painted_mask`, "" if there is none.
 
-    Raises SettingsError where a file is chosen and none is named, or a painted mask and none is painted.
+    Raises SettingsError if a mask from a file is chosen but no file is set, or a painted one but none is painted.
     """
     if settings.mask == "PAINTED" and not painted:
         raise SettingsError("no mask is painted for this; press Paint Mask in the step Photo, or choose another mask")
@@ -158,9 +157,9 @@ def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> Reading:
 
 
 def painted_mask(estimate: Any, folder: Path) -> str:
-    """Write the mask as it is painted now into `folder`; returns its file, "" where none is chosen or painted.
+    """Write the painted mask into `folder`. Returns its file, "" if none is chosen or painted.
 
-    What was painted is packed, so that it is saved with the .blend file.
+    The painted image is packed, and so saved with the .blend file.
     """
     image = estimate.painted_mask
     if estimate.mask != "PAINTED" or image is None or not all(image.size):
@@ -182,7 +181,7 @@ def painted_mask(estimate: Any, folder: Path) -> str:
 
 
 def reading_without_mask(settings: Any) -> ReadingWithoutMask:
-    """The same but for the mask."""
+    """The options of :func:`reading` without the mask."""
     dark, flat = (bpy.path.abspath(path) if path else None for path in (settings.dark, settings.flat))
     return {"encoding": settings.encoding.lower(), "dark": dark, "flat": flat}
 

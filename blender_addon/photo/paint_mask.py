@@ -1,7 +1,7 @@
-"""The mask is painted: a picture of the photo, bright on the object and dark elsewhere, which any brush changes.
+"""Painting of the mask: an image of the photo, bright on the object and dark elsewhere, for any brush.
 
-What is brighter than half and opaque is the object, so white adds to it, and black or an eraser takes away. The next
-estimate reads the picture as it is painted then.
+Opaque pixels above half brightness are the object: white adds to it, black or an eraser removes from it. The next
+estimate reads the current state of the image.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at
 from .options import painted_mask, reading
 
-# The picture's darkest and brightest values outside of the object, and on it; between them is half.
+# Ranges of values outside the object and on it, below and above one half.
 _OUTSIDE, _INSIDE = (0.02, 0.4), (0.6, 0.95)
 
 
@@ -41,7 +41,7 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
         scene = context.scene
         estimate = scene.mps.estimate
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
-        there = Path(bpy.app.tempdir)  # until it is read; the picture itself goes into the .blend file
+        there = Path(bpy.app.tempdir)  # a temporary file; the image itself is packed into the .blend file
         self._mask, self._shown = there / "mpsnet_mask.png", there / "mpsnet_mask_shown.png"
         options = reading(estimate, painted=painted_mask(estimate, folder))
         operation = FindMask(image=str(photo), output=str(self._mask), overlay=str(self._shown), **options)
@@ -63,10 +63,10 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
 
 
 def _values(file: Path) -> NDArray[np.float32]:
-    """(H, W) the mean of a picture's colours, the lowest row first; its file goes."""
+    """(H, W) the mean of an image's colours, bottom row first. Removes the file."""
     image = bpy.data.images.load(str(file), check_existing=False)
     try:
-        image.colorspace_settings.is_data = True  # as the file has them
+        image.colorspace_settings.is_data = True  # values as stored in the file
         pixels = pixels_of(image)
     finally:
         bpy.data.images.remove(image)
@@ -76,12 +76,12 @@ def _values(file: Path) -> NDArray[np.float32]:
 
 
 def _between(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
-    """Values from 0 to 1 as values from `low` to `high`."""
+    """Map values from 0 to 1 to the range from `low` to `high`."""
     return low + (high - low) * np.clip(values, 0, 1)
 
 
 def _show(context: Any, image: bpy.types.Image) -> None:
-    """Open an image to be painted on: in the editor that the button was pressed in, in another, or in a new window."""
+    """Open an image for painting: in the editor in which the button was pressed, in another, or in a new window."""
     area, window = context.area, context.window
     if window is None:
         return
@@ -91,7 +91,7 @@ def _show(context: Any, image: bpy.types.Image) -> None:
         bpy.ops.wm.window_new()
         area = context.window_manager.windows[-1].screen.areas[0]
         area.type = "IMAGE_EDITOR"
-        area.spaces.active.uv_editor.show_uv = False  # the photo is on no UVs
+        area.spaces.active.uv_editor.show_uv = False  # the photo has no UVs
     if area is not None:
         area.spaces.active.image = image
         area.spaces.active.ui_mode = "PAINT"

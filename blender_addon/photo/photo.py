@@ -1,4 +1,4 @@
-"""The photo: rendered under the rig alone, opened from a file, or made of three; and the true normals of its view."""
+"""The photo: rendered under the rig alone, opened from a file, or combined from three; and its true normals."""
 
 import hashlib
 import os
@@ -36,21 +36,21 @@ _LIGHTS = ("first", "second", "third")
 
 
 class _Renders(RunsCore):
-    """An operator that renders: from a button in a Blender beside this one, from a script here."""
+    """An operator that renders: from a button in another Blender process, from a script in this one."""
 
-    _first_job: dict[str, Any] | None = None  # whose copy of the file serves all rigs
+    _first_job: dict[str, Any] | None = None  # its copy of the file serves all rigs
 
     @classmethod
     def lacks(cls, context: Any) -> str:
         return "" if context.scene.mps.rig.lights else "Add a rig first"
 
     def target(self, scene: Any) -> tuple[RenderKind, Path]:
-        """What is rendered with the operator's settings, and into which file or folder."""
+        """What the operator's settings render, and the file or folder."""
         raise NotImplementedError
 
     def prepare(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         what, output = self.target(context.scene)
-        light_rig(context.scene)  # what is wrong with it is reported at once
+        light_rig(context.scene)  # report errors of the rig at once
         self._notes = not_found(context.scene)
         self._first_job = self._first_job or written_job(context, what, output, folder)
         work = {**self._first_job, "what": what, "output": str(output), "rig": context.scene.mps.chosen_rig}
@@ -126,7 +126,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
-        if self.filepath:  # it was dropped
+        if self.filepath:  # by drag and drop
             return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
@@ -137,7 +137,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         path = Path(bpy.path.abspath(self.filepath))
         image = load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
         if self.sequence and path.suffix.lower() not in VIDEO_SUFFIXES:
-            frame_pattern(path)  # says so where it has no number
+            frame_pattern(path)  # raises without a frame number
             image.source = "SEQUENCE"
         self._made_from = self.provenance(context)
         self.made(image)
@@ -176,15 +176,15 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         rig = rig_at(self.scene(result_is), self._rig_place, result_is)
         image = load_photo(photo, photo.stem)
         self.made(image)
-        rig.estimate.encoding = "AUTO"  # that of the three photos; this one's file says that it is linear
+        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states that it is linear
         _take(rig, image)
         self.report({"INFO"}, f"Photo written to {photo}")
 
 
 def _take(rig: Any, image: bpy.types.Image) -> None:
-    """Make an image the photo of a rig."""
+    """Make an image the photo of a rig, and reset settings of the previous photo."""
     if rig.photo.image not in (None, image):
-        # They are of the other photo.
+        # They belong to the previous photo.
         rig.estimate.white, rig.estimate.painted_mask = "", None
         if (checked := rig.records.find("check_photo")) >= 0:
             rig.records.remove(checked)
@@ -194,14 +194,14 @@ def _take(rig: Any, image: bpy.types.Image) -> None:
 
 
 def _drawn(scene: Any) -> Provenance:
-    """Lights and camera as Blender last evaluated them; nothing where no photo can be taken with them."""
+    """Lights and camera at Blender's last evaluation, as provenance; empty if they cannot take a photo."""
     lights = lights_stand(scene)
     return {**lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
 
 
 def _is_shown_as_read(path: Path) -> bool:
-    """Whether Blender shows a photo as the core reads it: it knows no camera raw and leaves turned photos lying."""
-    load_openimageio()  # which Blender need not load as it starts
+    """Whether Blender shows a photo as the core reads it: it cannot read camera raw, and ignores EXIF orientation."""
+    load_openimageio()  # not needed at Blender's start
     from mpsnet_core.io.image_reading import read_orientation
 
     suffix = path.suffix.lower()
@@ -209,8 +209,8 @@ def _is_shown_as_read(path: Path) -> bool:
 
 
 def load_converted(path: Path) -> bpy.types.Image:
-    """A photo as the core reads it, as an image to look at; what reads the photo goes on reading its own file."""
-    # Cameras count alike: photos of different folders have the same names.
+    """An image that shows a photo as the core reads it. Operations still read the photo's own file."""
+    # Cameras number files in the same way: photos in different folders may have the same name.
     number = hashlib.sha256(os.fsencode(path.absolute())).hexdigest()[:8]
     shown = Path(bpy.app.tempdir) / f"{path.stem}_{number}.exr"
     run(Superpose(image=(str(path),), encoding="auto", channels=False, output=str(shown)), [shown])

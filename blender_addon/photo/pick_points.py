@@ -1,4 +1,4 @@
-"""Pick Points: places in the photo and the same places on the mesh, clicked side by side, for Align Photo."""
+"""Pick Points: pairs of points in the photo and on the mesh, clicked side by side, for Align Photo."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -20,10 +20,10 @@ from .camera import chosen_camera
 from .markers import OPEN, colour_of, draw_line, draw_marker, draw_text
 from .places import Place, mesh_point, photo_pixel, photo_place, seen_at
 
-# In pixels at the interface's scale 1: how near the mouse grabs a marker, and the column of the viewport's own buttons
-# at the right, which go on working.
+# In pixels at UI scale 1: distance at which the mouse grabs a marker, and width of the column of the viewport's own
+# gizmos at the right, which stay usable.
 _GRAB, _BUTTONS = 12.0, 110.0
-_HIDDEN = 0.3  # the alpha of a marker where the mesh hides the place
+_HIDDEN = 0.3  # alpha of a marker whose point the mesh occludes
 _ENDS, _DELETES = {"ESC", "RET", "NUMPAD_ENTER"}, {"X", "DEL"}
 
 Side = Literal["pixel", "point"]
@@ -31,10 +31,10 @@ Side = Literal["pixel", "point"]
 
 @dataclass(eq=False)
 class _Picking:
-    """What lasts from the first press of the button to the last: the photo's editor, and what is drawn.
+    """The state while points are picked: the photo's editor, and what is drawn.
 
-    editor: the address of the area. was: what that showed before; None for an area that was made for this.
-    half: the first place of a pair, by where it is. held: the number of a pair that is dragged, and where.
+    editor: pointer of the area. was: what the area showed before; None if it was created for this. half: the first
+    point of an incomplete pair, with its location. held: index of the pair that is dragged, and its location.
     """
 
     window: Any
@@ -49,7 +49,7 @@ class _Picking:
     handles: list[tuple[Any, Any]] = field(default_factory=list)
 
     def area(self) -> Any:
-        """The photo's editor; None where it was closed."""
+        """The photo's editor; None if it was closed."""
         return next((area for area in self.window.screen.areas if area.as_pointer() == self.editor), None)
 
     def begin(self) -> None:
@@ -58,13 +58,13 @@ class _Picking:
         _running.append(self)
 
     def leave(self, *, put_back: bool = True) -> None:
-        """Take away what is drawn, and put the window back as it was, unless it goes itself. Once is enough."""
+        """Remove what is drawn, and restore the window unless it is being closed. Further calls do nothing."""
         if self not in _running:
             return
         _running.remove(self)
         for space, handle in self.handles:
             space.draw_handler_remove(handle, "WINDOW")
-        for workspace in bpy.data.workspaces:  # it may be another one by now
+        for workspace in bpy.data.workspaces:  # it may have moved to another one
             workspace.status_text_set(None)
         if put_back:
             self._put_back()
@@ -93,10 +93,10 @@ class _Picking:
         with bpy.context.temp_override(window=self.window, area=area, region=region), suppress(RuntimeError):
             bpy.ops.image.view_all(fit_view=True)
 
-    # What the mouse does.
+    # Mouse input.
 
     def press(self, context: Any, spot: "_Spot") -> bool:
-        """Grab a marker, or set a place; whether the click was of use to that."""
+        """Grab a marker, or set a point. Returns whether the click was used."""
         number = spot.marker(_pairs(context))
         if number is not None:
             self.held = number, spot.side
@@ -129,7 +129,7 @@ class _Picking:
             pairs.remove(len(pairs) - 1)
 
     def message(self, context: Any) -> str:
-        """What to do next, in words."""
+        """A sentence on what to do next."""
         number = len(_pairs(context)) + 1
         next_is = "click in the photo, then on the mesh"
         if self.half:
@@ -138,7 +138,7 @@ class _Picking:
         return f"{hint}Pair {number}: {next_is}"
 
     def show(self, context: Any) -> None:
-        """Draw anew where something has changed, whoever changed it."""
+        """Redraw if something has changed, by whatever means."""
         pairs = [(tuple(pair.pixel), tuple(pair.point), pair.residual) for pair in _pairs(context)]
         text = self.message(context)
         if self.shown == (pairs, dict(self.half), text):
@@ -148,7 +148,7 @@ class _Picking:
         context.workspace.status_text_set(f"{text}.    {keys}")
         _redraw(self.window)
 
-    # What is drawn.
+    # Drawing.
 
     def _draw_photo(self) -> None:
         context = bpy.context
@@ -210,13 +210,13 @@ _running: list[_Picking] = []
 
 
 def picking() -> bool:
-    """Whether points are picked at the moment."""
+    """Whether points are being picked."""
     return bool(_running)
 
 
 @dataclass(frozen=True)
 class _Spot:
-    """A place under the mouse where a pair's half can be: in the photo ("pixel") or in a viewport ("point")."""
+    """A position under the mouse for one point of a pair: in the photo ("pixel") or in a viewport ("point")."""
 
     side: Side
     area: Any
@@ -232,7 +232,7 @@ class _Spot:
         return self.region.width, self.region.height
 
     def found(self, context: Any) -> Sequence[float] | None:
-        """The photo's pixel or the place on the mesh; None where there is neither."""
+        """The photo's pixel or the point on the mesh; None if there is neither."""
         if self.side == "point":
             depsgraph = context.evaluated_depsgraph_get()
             return mesh_point(mesh_of_photo(context), depsgraph, self.view, self.size, self.at)
@@ -241,7 +241,7 @@ class _Spot:
         return pixel if all(0 <= at <= length for at, length in zip(pixel, size, strict=True)) else None
 
     def marker(self, pairs: Any) -> int | None:
-        """The number of the pair whose marker is nearest, None where none is near."""
+        """Index of the pair whose marker is nearest, None if none is near."""
         near = [(self._distance(pair), number) for number, pair in enumerate(pairs)]
         distance, number = min(near, default=(np.inf, 0))
         return number if distance <= _GRAB * bpy.context.preferences.system.ui_scale else None
@@ -255,18 +255,18 @@ class _Spot:
         return np.inf if place is None else float(np.hypot(place[0] - self.at[0], place[1] - self.at[1]))
 
     def among_buttons(self, context: Any) -> bool:
-        """Whether the viewport's own buttons, by which it is turned, may be here."""
+        """Whether the viewport's navigation gizmos may be here."""
         sidebar = next((region.width for region in self.area.regions if region.type == "UI"), 0)
         right = self.region.width - sidebar - _BUTTONS * context.preferences.system.ui_scale
         return self.side == "point" and self.at[0] > right
 
 
 def _spot(context: Any, event: Any) -> _Spot | None:
-    """What is under the mouse; None where clicks are none of ours, as in a sidebar."""
+    """The position under the mouse; None where clicks are not handled, as in a sidebar."""
     photo = context.scene.mps.photo.image
     for area in context.window.screen.areas:
         regions = [region for region in area.regions if _contains(region, event)]
-        if {region.type for region in regions} != {"WINDOW"}:  # sidebars lie over the window
+        if {region.type for region in regions} != {"WINDOW"}:  # sidebars overlap the window region
             continue
         region = regions[0]
         at = event.mouse_x - region.x, event.mouse_y - region.y
@@ -291,9 +291,9 @@ def _pairs(context: Any) -> Any:
 
 
 def _projection(scene: Any, photo: Any, size: tuple[int, int]) -> Any:
-    """The rows (3, 4) by which the photo's camera sees the world in pixels; None where it is not known."""
+    """The projection matrix (3, 4) from world to pixels of the photo's camera; None if it is unknown."""
     camera = chosen_camera(scene, photo)
-    with suppress(InputError):  # of a kind that takes no photos
+    with suppress(InputError):  # an unsupported type of camera
         return scene_camera(camera, scene, size).projection_rows() if camera else None
     return None
 
@@ -358,7 +358,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         return {"RUNNING_MODAL"} if used else {"PASS_THROUGH"}
 
     def _use(self, context: Any, event: bpy.types.Event) -> bool:
-        """Do what a key or the mouse means here; whether that is all that it shall do."""
+        """Handle a key or mouse event. Returns whether it was consumed."""
         mine, pressed = self._picking, event.value in {"PRESS", "DOUBLE_CLICK"}
         if event.type == "MOUSEMOVE" and mine.held:
             mine.drag(context, _spot(context, event))
@@ -382,12 +382,12 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         return True
 
     def cancel(self, context: Any) -> None:
-        """Also called by Blender, when another file is opened meanwhile, or the window is closed."""
+        """Also called by Blender if another file is opened or the window is closed."""
         self._picking.leave(put_back=False)
 
 
 def _beside_viewport(context: Any) -> Any:
-    """A part of the viewport, as an Image Editor. Raises InputError where there is no viewport, or no room."""
+    """Split an Image Editor off the viewport. Raises InputError if there is no viewport, or no room."""
     screen = context.window.screen
     views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]
     if not views:
@@ -401,7 +401,7 @@ def _beside_viewport(context: Any) -> Any:
     made.type = "IMAGE_EDITOR"
     space = made.spaces.active
     space.show_region_ui = space.show_region_toolbar = False
-    space.uv_editor.show_uv = False  # the photo is on no UVs
+    space.uv_editor.show_uv = False  # the photo has no UVs
     return made
 
 

@@ -1,4 +1,4 @@
-"""Places that are clicked: in a photo, in a viewport, and on the mesh that it shows there."""
+"""Clicked positions: in a photo, in a viewport, and on the mesh in it."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from mathutils import Matrix, Vector
 
-# In a region's pixels from its lower left corner, or in the photo's from its upper left one.
+# In pixels of a region from its lower left corner, or of the photo from its upper left corner.
 Place = tuple[float, float]
 
 
 def photo_pixel(place: Place, size: tuple[int, int]) -> Place:
-    """The photo's pixel, from its upper left corner, at Blender's own place in an image, from 0 to 1 and upwards."""
+    """The photo's pixel, from its upper left corner, at Blender's image coordinates, from 0 to 1 with y up."""
     return place[0] * size[0], (1 - place[1]) * size[1]
 
 
@@ -21,18 +21,18 @@ def photo_place(pixel: Sequence[float], size: tuple[int, int]) -> Place:
 
 
 def seen_at(point: Sequence[float], view: Matrix, size: tuple[int, int]) -> Place | None:
-    """Where a region shows a point of the world; None where that is behind the viewer.
+    """The position of a world-space point in a region; None if it is behind the viewer.
 
-    view: brings the world into the region, from -1 to 1 along each of its sides. size: of the region in pixels.
+    view: projection from world space to the region, from -1 to 1 along each side. size: of the region in pixels.
     """
     x, y, _, w = view @ Vector((*point, 1))
     return None if w <= 0 else ((1 + x / w) * size[0] / 2, (1 + y / w) * size[1] / 2)
 
 
 def mesh_point(target: Any, depsgraph: Any, view: Matrix, size: tuple[int, int], place: Place) -> Vector | None:
-    """The place in the world that a region shows of an object's surface; None where it shows none.
+    """The point of an object's surface, in world space, at a position in a region; None if there is none.
 
-    view, size: as :func:`seen_at` takes them. What stands before the object does not count.
+    view, size: see :func:`seen_at`. Other objects in front of it are ignored.
     """
     inverse = np.linalg.inv(np.array(view, np.float64))
     across = [2 * at / length - 1 for at, length in zip(place, size, strict=True)]
@@ -42,6 +42,6 @@ def mesh_point(target: Any, depsgraph: Any, view: Matrix, size: tuple[int, int],
     start = into @ near
     try:
         hit, there, _, _ = evaluated.ray_cast(start, into @ far - start)
-    except RuntimeError:  # it has no mesh now
+    except RuntimeError:  # it has no evaluated mesh
         return None
     return evaluated.matrix_world @ there if hit else None

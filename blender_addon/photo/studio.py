@@ -1,4 +1,4 @@
-"""The studio: what the rig's camera sees of the scene under the rig's lights alone, and its true normals, rendered."""
+"""The studio: renders of the scene from the rig's camera, under the rig's lights alone, and of its true normals."""
 
 import glob
 from collections.abc import Callable, Iterator, Mapping
@@ -27,45 +27,46 @@ from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import surfaces
 
-# Called before each of Cycles's renders, with how many are done of how many, and words for the one that begins.
+# Called before each Cycles render with the number done, the total, and words for the one that starts.
 RenderProgress = Callable[[int, int, str], None]
 
 _NORMAL_SAMPLES = 16
 _SUBDIVISION = ("dicing_rate", "offscreen_dicing_scale", "max_subdivisions")
-# As a share of a box's diagonal: as much as the box of a low-poly object differs from that of the detailed one.
+# Tolerance of equal bounding boxes, as a fraction of the diagonal: those of a low-poly and a detailed object differ.
 _SAME_PLACE = 0.1
 
 
-# A photo, one of each frame, or the true normals of the photo's view.
+# A photo, a photo of each frame, or the true normals of the photo's view.
 RenderKind = Literal["photo", "frames", "normals"]
 
 
 def no_render_progress(done: int, renders: int, words: str) -> None:
-    """Renders that nobody waits for."""
+    """Ignore the progress of renders."""
 
 
 class Rendered(NamedTuple):
-    """A file that was rendered, of frames the first; and what there is to say of it, in sentences."""
+    """A rendered file, or the first one of several frames, with notes as sentences."""
 
     file: Path
     notes: list[str]
 
 
 def render(what: RenderKind, scene: Any, output: Path, progress: RenderProgress = no_render_progress) -> Rendered:
-    """Render into a file, or frames into a folder. Raises InputError."""
+    """Render to a file, or frames to a folder. Raises InputError."""
     if what == "frames":
         return render_frames(scene, output, progress)
     return (render_photo if what == "photo" else render_normals)(scene, output, progress)
 
 
 def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
-    """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
+    """Render a photo from the rig's camera, under the rig's lights alone, as a linear float EXR with alpha.
 
-    Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where
-    something else is in its place.
+    Size and samples are those of ``scene.mps.photo``. Rig and camera are written to sidecar files, see
+    :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is left out if another object
+    is at the same place.
 
-    Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
+    Raises InputError if the rig is incomplete, something else emits light, nothing is visible or the file cannot be
+    written.
     """
     render_path(path)
     photo, (camera, _, lights) = scene.mps.photo, rig_parts(scene)
@@ -76,7 +77,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
-        # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
+        # Each Cycles sample picks one of the lights at random; rendering one light at a time avoids this noise.
         parts = [folder / f"{number}.exr" for number in range(len(lights))]
         for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
             progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
@@ -96,9 +97,9 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
 
 
 def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render_progress) -> Rendered:
-    """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first.
+    """:func:`render_photo` for each frame of the scene into `folder`, named by frame number. Returns the first file.
 
-    Raises InputError as that does.
+    Raises InputError as that function does.
     """
     current, subframe = scene.frame_current, scene.frame_subframe
     digits = max(4, len(str(scene.frame_end)))
@@ -135,11 +136,11 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
 def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
     """Render the true normals of the photo's view as a float multi-layer EXR, H x W as the photo.
 
-    Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (rotate by the transpose of
-    ``Camera.rotation`` to come to camera space), averaged over each pixel and so a little shorter than 1 at edges;
+    Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (the transpose of
+    ``Camera.rotation`` rotates it to camera space), averaged over each pixel and so a little shorter than 1 at edges;
     ``ViewLayer.Combined.A`` holds the alpha. Blender 4.5 writes one part with these names, 5.x a part for each pass.
 
-    The camera is written beside it. Raises InputError where the rig is incomplete or the file cannot be written.
+    The camera is written to a sidecar file. Raises InputError if the rig is incomplete or the file cannot be written.
     """
     render_path(path)
     camera, photo = rig_camera(scene), scene.mps.photo
@@ -157,21 +158,21 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
 
 @contextmanager
 def _studio(scene: Any) -> Iterator[Any]:
-    """A scene that lives as long as the context: the objects of `scene` under its rig's lights and nothing else.
+    """A temporary scene with the objects of `scene` under its rig's lights and nothing else.
 
-    It has no simulation of rigid bodies: apply or bake to keyframes what shall stand where physics brought it.
+    It has no rigid body simulation: apply or bake to keyframes the objects that physics has moved.
     """
     camera, _, lights = rig_parts(scene)
     photo = scene.mps.photo
     studio = bpy.data.scenes.new("MPS Studio")
     try:
-        # In order and each once: the order decides how Cycles numbers things, and so its noise.
+        # In order and each once: the order determines Cycles' numbering, and so its noise.
         for obj in dict.fromkeys([*rendered(view_layer(scene).layer_collection), *lights, camera]):
             studio.collection.objects.link(obj)
         studio.camera = camera
         _take_time_and_subdivision(studio, scene)
         studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)
-        # As it is in this frame: animation may change its type, too, and a custom camera is a shader that would run.
+        # Check the camera at this frame: animation may change its type, too, and a custom camera would run a shader.
         scene_camera(camera.evaluated_get(studio.view_layers[0].depsgraph), scene)
         studio.view_layers[0].name = "ViewLayer"
         render = studio.render
@@ -181,7 +182,7 @@ def _studio(scene: Any) -> Iterator[Any]:
         render.use_compositing = render.use_sequencer = False
         render.use_simplify = False
         cycles = studio.cycles
-        cycles.device = scene.cycles.device or "CPU"  # "" where the file has one that there is not
+        cycles.device = scene.cycles.device or "CPU"  # "" if the file has an unknown one
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_indirect = 0.0
         yield studio
@@ -190,8 +191,8 @@ def _studio(scene: Any) -> Iterator[Any]:
 
 
 def _take_time_and_subdivision(studio: Any, scene: Any) -> None:
-    """Give the studio what animation, modifiers and drivers read of the scene: its frames' times, adaptive subdivision,
-    properties of its own."""
+    """Copy to the studio what animation, modifiers and drivers read from the scene: frame times, adaptive subdivision,
+    custom properties."""
     for settings, ours, names in (
         (scene.render, studio.render, ("fps", "fps_base", "frame_map_old", "frame_map_new")),
         (scene.cycles, studio.cycles, ("feature_set", *_SUBDIVISION)),
@@ -204,9 +205,9 @@ def _take_time_and_subdivision(studio: Any, scene: Any) -> None:
 
 
 def _leave_target_out(studio: Any, bake: Any) -> list[str]:
-    """Take the object that is baked onto out of the studio where another, or several together, are in its place.
+    """Remove the bake target from the studio if another object, or several together, are at the same place.
 
-    Gives a sentence for that, or where two are in one place and none of them is known as the target.
+    Returns a sentence on that, or if two objects are at the same place and neither is known to be the target.
     """
     if bake.objects != "ACTIVE":
         return []
@@ -216,7 +217,7 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     # (2, 3) each: the lowest and the highest coordinates.
     boxes = {obj: np.stack([np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]]) for obj, ends in clouds.items()}
     if bake.target is None:
-        return _two_in_one_place({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
+        return _note_coinciding({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
     place = boxes.pop(bake.target, None)
     if place is None:
         return []
@@ -229,7 +230,7 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     if not within:
         return []
     ends = np.stack(list(within.values()))
-    if not _in_one_place(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
+    if not _coincide(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
         return []
     studio.collection.objects.unlink(bake.target)
     studio.view_layers[0].update()
@@ -238,10 +239,10 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
 
 
-def _two_in_one_place(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
-    """A sentence where two objects are in one place."""
+def _note_coinciding(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
+    """A sentence if two objects are at the same place; otherwise nothing."""
     for one, other in combinations(boxes, 2):
-        if _in_one_place(boxes[one], boxes[other]):
+        if _coincide(boxes[one], boxes[other]):
             return [
                 f'"{one.name}" and "{other.name}" are in one place and both in the photo; choose the one that is baked '
                 "onto as Target of the step Bake, and it is left out"
@@ -249,23 +250,23 @@ def _two_in_one_place(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
     return []
 
 
-def _in_one_place(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    """Whether two boxes (2, 3) are nearly one."""
+def _coincide(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether two boxes (2, 3) nearly coincide."""
     reach = _SAME_PLACE * np.linalg.norm(one[1] - one[0])
-    # Most pairs of a scene with many objects are told apart by a single number.
+    # In scenes with many objects, a single coordinate distinguishes most pairs.
     return bool(abs(one[0, 0] - other[0, 0]) < reach and np.abs(one - other).max() < reach)
 
 
 def _out_of_focus(camera: Any) -> list[str]:
-    """A sentence where the camera blurs what is out of its focus."""
+    """A sentence if the camera has depth of field; otherwise nothing."""
     if not camera.data.dof.use_dof:
         return []
     return [f'"{camera.name}" has depth of field on: where the photo is blurred, so are its normals; switch it off']
 
 
 def _refuse_other_light(studio: Any) -> None:
-    """A photo under the three lights alone cannot have a fourth in it, not even one that an instance brings."""
-    for obj in studio.objects:  # also those that the viewport, and so the dependency graph, hides
+    """Raise InputError if anything else in the studio emits light, even an instance."""
+    for obj in studio.objects:  # also those hidden in the viewport, and so missing in the dependency graph
         refuse_glow(obj, obj.name)
     for instance in studio.view_layers[0].depsgraph.object_instances:
         owner = (instance.parent or instance.object).name
@@ -280,7 +281,7 @@ def _refuse_other_light(studio: Any) -> None:
 
 
 def refuse_glow(obj: Any, owner: str) -> None:
-    """Raises InputError where one of the object's materials glows. owner: the object's name for people."""
+    """Raise InputError if one of the object's materials emits light. owner: the object's name in the message."""
     for slot in obj.material_slots:
         if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
             raise InputError(
@@ -318,7 +319,7 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
             raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
-        load_openimageio()  # which Blender need not load as it starts
+        load_openimageio()  # not needed at Blender's start
         from mpsnet_core.io.image_writing import is_whole
 
         if not is_whole(unfinished):

@@ -1,4 +1,4 @@
-"""Calibration: where the real lights are and how their colours mix, from photos of a mirror ball and a grey ball."""
+"""Calibration of real lights from photos of a mirror ball (directions) and a grey ball (mixing)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,15 +18,15 @@ from ..settings.declared import as_typed, take_given
 from .several_rigs import result_name, rig_at
 
 _OVERLAY = "MPS Calibration"
-# Words of the tables that stand nowhere else; the panel translates them.
+# Words that occur in these tables alone; the panel translates them.
 CHANNEL, UNEXPLAINED, EQUATION_2 = "Channel", "Unexplained", "Equation 2 Error"
 
 
 class _Calibrates(RunsCore, CalibrateSettings):
-    """What both calibrations share: photos of a ball in, a rig file and a picture of what was found out."""
+    """Common to both calibrations: photos of a ball as input, a rig file and an overlay image as output."""
 
     def _options(self, what: str, balls: int) -> dict[str, Any]:
-        """The core's options for the ball and what is written."""
+        """The core's options for the ball and the output files."""
         rig = self._rig = self._rig_path(file_name(result_name(bpy.context.scene, "rig")))
         self._overlay = rig.with_name(f"{rig.stem}_{what}.png")
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
@@ -41,16 +41,16 @@ class _Calibrates(RunsCore, CalibrateSettings):
         }
 
     def _rig_path(self, name: str) -> Path:
-        """The rig file to write: the one that is named, else `name` in the output folder."""
+        """The rig file to write: the one that the settings name, or `name` in the output folder."""
         path = requested_path(self.output) if self.output else output_folder() / f"{name}.json"
         if path.suffix.lower() != ".json":
             raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
         return path
 
     def _take(self, table: Sequence[Sequence[str]]) -> None:
-        """Show the picture and the table of what was found (headings first); estimate with the rig.
+        """Show the overlay and the table of results (headings first), and use the rig for estimates.
 
-        Rows of the table that have two cells only are lines of their own below it.
+        Rows with only two cells are shown as separate lines below the table.
         """
         result_is = f"the rig is in {self._rig}"
         scene = self.scene(result_is)

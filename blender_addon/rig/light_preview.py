@@ -1,8 +1,8 @@
-"""The light preview: a small photo of the rig's object, traced anew whenever a light, the camera or the object moves.
+"""The light preview: a small photo of the rig's object, updated whenever a light, the camera or the object moves.
 
-A timer compares how things stand with what the picture shows; where they differ, one child process of the core traces
-them. While it runs nothing else is started, so the next one shows the newest state. Nothing of it is in the .blend
-file: the pictures are icons of the panel, and the files are in a folder that goes with it.
+A timer compares the scene's state with the one that the preview shows. If they differ, a child process of the core ray
+traces the scene. Only one runs at a time, so the next one shows the newest state. Nothing is stored in the .blend file:
+the images are icons of the panel, and the files are in a temporary folder.
 """
 
 import json
@@ -63,9 +63,9 @@ class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
 class LightPreview:
     """A preview that is switched on.
 
-    scene_uid: of the scene that it shows. error: why there is no newer picture. moved: whether a shape changed since
-    the last tick. mesh_of, shown: as JSON, the objects in the mesh file and where they are, and all that the last child
-    was started with.
+    scene_uid: of the scene that it shows. error: why there is no newer image. moved: whether a shape changed since the
+    last tick. mesh_of, shown: as JSON, the objects in the mesh file with their transforms, and the complete state that
+    the last child was started with.
     """
 
     scene_uid: int
@@ -83,12 +83,12 @@ class LightPreview:
 
     @property
     def scene(self) -> Any:
-        """None where it is gone, or has no rig any more."""
+        """The scene, None if it was removed or no longer has a rig."""
         scene = by_session_uid(bpy.data.scenes, self.scene_uid)
         return scene if scene is not None and scene.mps.rig.lights else None
 
     def go_on(self, scene: Any) -> None:
-        """Show what the child has traced, and start the next one where something moved."""
+        """Show the child's result, and start the next one if something moved."""
         if self.process is not None:
             if self.process.running():
                 return
@@ -97,7 +97,7 @@ class LightPreview:
             self._show(np.load(self.folder / "preview.npy"))
             self.error = ""
             redraw_panels(bpy.context.window_manager)
-        if scene != bpy.context.scene or scene.mps.way != "RENDER":  # nobody sees it
+        if scene != bpy.context.scene or scene.mps.way != "RENDER":  # the preview is not visible
             return
         if self.moved:  # wait for the end of a movement: the mesh may be large
             self.moved, self.mesh_of, self.shown = False, "", ""
@@ -106,14 +106,14 @@ class LightPreview:
             objects, rig = _objects(scene), drawn_rig(scene)
             camera = scene_camera(rig_camera(scene), scene, (scene.mps.photo.width, scene.mps.photo.height))
         except InputError:
-            self.shown = ""  # it is traced again once that is mended
+            self.shown = ""  # trace again once the error is mended
             raise
         near = [] if rig.near is None else [rig.near.positions.tolist(), rig.near.target.tolist(), rig.near.lobe]
         mesh_of = json.dumps([(obj.session_uid, [list(row) for row in obj.matrix_world]) for obj in objects])
         shown = json.dumps([mesh_of, rig.directions.tolist(), rig.mixing.tolist(), near, camera_data(camera)])
         if shown == self.shown:
             return
-        self.shown = shown  # also where the rest fails: the next try is after the next change
+        self.shown = shown  # even if the rest fails: try again after the next change
         files = {name: str(self.folder / file) for name, file in _FILES.items()}
         if mesh_of != self.mesh_of:
             self.mesh_of = ""
@@ -124,7 +124,7 @@ class LightPreview:
         self.process = CoreProcess(PreviewLights(**files, size=PIXELS), [Path(files["output"])])
 
     def _show(self, picture: NDArray[np.float32]) -> None:
-        """picture: (H, 2 W, 4), its two halves side by side."""
+        """Show (H, 2 W, 4), two images side by side, as icons."""
         for name, half in zip(PICTURES, np.split(picture, 2, axis=1), strict=True):
             height, width = half.shape[:2]
             square = np.zeros((PIXELS, PIXELS, 4), np.float32)
@@ -151,12 +151,12 @@ _open: list[LightPreview] = []  # the one that is switched on
 
 
 def light_preview() -> LightPreview | None:
-    """The preview, where it is switched on."""
+    """The preview, None if it is switched off."""
     return _open[0] if _open else None
 
 
 def _objects(scene: Any) -> list[Any]:
-    """The objects that the photo shows: not the bake's target beside the object that is photographed."""
+    """The objects in the photo: without a bake target that is separate from the photographed object."""
     target, surface = scene.mps.bake.target, scene.mps.estimate.surface
     left_out = target if surface not in (None, target) else None
     return [
@@ -167,7 +167,7 @@ def _objects(scene: Any) -> list[Any]:
 
 
 def tick() -> float | None:
-    """Let the preview go on; it ends where its scene or its rig is gone."""
+    """Update the preview, or end it if its scene or rig was removed."""
     for preview in list(_open):
         scene = preview.scene
         if scene is None:
@@ -191,7 +191,7 @@ def _close() -> None:
 
 @persistent
 def end(*_: Any) -> None:
-    """Switch the preview off, and remove what it holds."""
+    """Switch the preview off, and free its resources."""
     _close()
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)

@@ -1,4 +1,4 @@
-"""The rig as the core's noun: where its lights shine from as they stand now, and how their colours mix."""
+"""The scene's rig as the core's LightRig: the current directions of its lights, and how their colours mix."""
 
 import math
 from collections.abc import Collection
@@ -15,30 +15,30 @@ from ..provenance import Provenance, rounded
 from ..scene.objects import view_layer
 
 COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
-# How the brightness of lights with a place falls off their axis: a disc is seen smaller from the side.
+# Angular falloff of positioned lights, as a power of the cosine: an area light appears smaller from the side.
 _LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
-# A light of this many watts of a kind is as bright, straight ahead, as an area light of one watt.
+# The watts at which each kind of light is as bright on its axis as an area light of one watt.
 _WATTS = {"AREA": 1.0, "POINT": 4.0, "SPOT": 4.0}
 
 
 def light_rig(scene: Any) -> LightRig:
-    """The rig as its objects stand now, in the camera's axes.
+    """The rig with its objects' current positions, in camera space.
 
-    A sun shines along its own axis wherever it stands; any other light shines from its place towards the target. Where
-    all three are of one such kind they are near lights, which differ from pixel to pixel. The mixing matrix follows
+    A sun shines along its own axis, wherever it is; any other light shines from its position towards the target. If all
+    three are of one such kind, they are near lights, whose directions vary over the image. The mixing matrix follows
     from the lights' colours and their brightness at the target.
 
-    Raises InputError where a part of the rig is missing, the lights' brightness cannot be compared, or no normal can be
-    told from how they stand.
+    Raises InputError if a part of the rig is missing, the lights' brightness cannot be compared, or their directions do
+    not determine a normal.
     """
     view_layer(scene).update()
     return drawn_rig(scene)
 
 
 def drawn_rig(scene: Any, depsgraph: Any = None) -> LightRig:
-    """:func:`light_rig` as Blender last evaluated the scene, for panels, which must not evaluate it.
+    """:func:`light_rig` from Blender's last evaluation of the scene, for panels, which must not evaluate it.
 
-    depsgraph: one that evaluates the rig, where the scene's may not: it leaves out what is disabled in viewports.
+    depsgraph: one that evaluates the rig. The scene's own omits objects that are disabled in viewports.
     """
     camera, target, lights = rig_parts(scene)
     if depsgraph is not None:
@@ -56,7 +56,7 @@ def drawn_rig(scene: Any, depsgraph: Any = None) -> LightRig:
 
 
 def lights_stand(scene: Any) -> Provenance:
-    """How the lights stand and shine, as an ingredient of a photo; none where no photo can be taken with them."""
+    """The lights' positions and brightness as provenance of a photo; empty if they cannot take a photo."""
     try:
         rig = drawn_rig(scene)
     except InputError:
@@ -65,7 +65,7 @@ def lights_stand(scene: Any) -> Provenance:
 
 
 def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
-    """The rig's camera, target and three lights. Raises InputError where one is missing."""
+    """The rig's camera, target and three lights. Raises InputError if one is missing."""
     settings = scene.mps.rig
     camera = rig_camera(scene)
     in_scene = set(scene.objects)
@@ -83,7 +83,7 @@ def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
 
 
 def rig_camera(scene: Any) -> Any:
-    """The rig's camera. Raises InputError where there is none."""
+    """The rig's camera. Raises InputError if there is none."""
     settings = scene.mps.rig
     if not settings.lights:
         raise InputError("there is no rig in this scene; select the object and add one first")
@@ -104,7 +104,7 @@ def _direction(light: Any, centre: Vector) -> Vector:
 
 
 def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
-    if len({_beyond_power(light) for light in lights}) > 1:
+    if len({_settings_besides_power(light) for light in lights}) > 1:
         raise InputError(
             "the rig's lights differ in spread, normalisation, nodes or whether surfaces see them, so their brightness "
             "cannot be compared; set these alike"
@@ -115,8 +115,8 @@ def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
     return columns / columns.max()
 
 
-def _beyond_power(light: Any) -> tuple[Any, ...]:
-    """What else changes how bright a light is: of three lights that have it alike it changes nothing."""
+def _settings_besides_power(light: Any) -> tuple[Any, ...]:
+    """Settings other than power that change a light's brightness. They do not matter if all three lights share them."""
     data = light.data
     emission = [node for node in data.node_tree.nodes if node.type == "EMISSION"] if data.node_tree else []
     strengths = [
@@ -138,7 +138,7 @@ def _beyond_power(light: Any) -> tuple[Any, ...]:
 
 
 def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
-    """(3,) red, green and blue that the light brings to the target."""
+    """(3,) irradiance of the light at the target in red, green and blue, in relative units."""
     data = light.data
     colour = np.array(data.color) * data.energy * 2.0**data.exposure
     if data.use_temperature:
@@ -149,5 +149,5 @@ def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
 
 
 def area_power(distance: float) -> float:
-    """Watts with which an area light at `distance` lights a surface facing it as a sun of strength π does."""
+    """Watts of an area light that, at `distance`, gives a facing surface the irradiance of a sun of strength π."""
     return (math.pi * distance) ** 2

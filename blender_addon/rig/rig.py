@@ -21,10 +21,10 @@ from ..settings.rig import RigSettings
 from .light_rig import COLOURS, area_power
 
 COLLECTION = "MPS Rig"
-# How near a perspective camera comes to a tip that points at it, in radii of the object.
+# Least distance of a perspective camera from the nearest point, in radii of the object.
 _NEAREST = 0.1
 
-# Columns are the camera's x, y and z axes in the world.
+# Columns are the camera's x, y and z axes in world space.
 _VIEWS = {
     "FRONT": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
     "BACK": ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
@@ -80,9 +80,9 @@ class MPS_OT_remove_rig(bpy.types.Operator):
 
 
 def add_rig(context: Any) -> None:
-    """Build the rig around the selected objects with the scene's settings, in place of an earlier one.
+    """Build the rig around the selected objects with the scene's settings, and replace an earlier one.
 
-    Raises InputError where nothing with a surface is selected.
+    Raises InputError if nothing with a surface is selected.
     """
     scene, settings = context.scene, context.scene.mps.rig
     refuse_linked_scene(scene)
@@ -116,9 +116,9 @@ def add_rig(context: Any) -> None:
 
 
 def remove_rig(scene: Any) -> None:
-    """Remove the rig's objects, and its collection unless something else lies in it.
+    """Remove the rig's objects, and its collection unless it contains something else.
 
-    A scene that is a copy of another names that one's rig as its own; it stays there.
+    A copy of a scene refers to the original's rig, which is kept there.
     """
     settings = scene.mps.rig
     elsewhere = {obj for other in bpy.data.scenes if other != scene for obj in other.objects}
@@ -143,7 +143,7 @@ def remove_rig(scene: Any) -> None:
 def rig_objects(scene: Any) -> Iterable[Any]:
     """The rig's own objects that still exist in the file: lights, camera, target.
 
-    A camera that was there before the rig and only takes its photos is not one of them.
+    An existing camera that takes the rig's photos is not one of them.
     """
     settings = scene.mps.rig
     every = [light.object for light in settings.lights] + [settings.target]
@@ -153,11 +153,11 @@ def rig_objects(scene: Any) -> Iterable[Any]:
 
 
 def _selected(context: Any) -> list[Any]:
-    """The selected objects that are not the rig's own. Raises InputError where there are none."""
+    """The selected objects that are not the rig's own. Raises InputError if there are none."""
     old, objects = set(rig_objects(context.scene)), context.view_layer.objects
     selected = [obj for obj in objects.selected if obj not in old]
     if not selected:
-        if objects.active is not None:  # a hidden one becomes that by a click in the outliner
+        if objects.active is not None:  # a click in the outliner can make a hidden object active
             refuse_unselectable(objects.active)
         raise InputError("nothing is selected; select the object that the rig shall stand around")
     return selected
@@ -173,14 +173,14 @@ def _orientation(context: Any, view: str) -> Matrix:
 
 
 def _add_camera(scene: Any, seen: NDArray[np.float64], radius: float) -> Any:
-    """A camera that looks along the target's -z axis, from where what it sees fits the photo with its margin.
+    """A camera that looks along the target's -z axis, at the distance where the object fits the photo with its margin.
 
-    seen: (N, 3) points of the surface in the target's axes. radius: how far they reach from the target.
+    seen: (N, 3) points of the surface in the target's axes. radius: their largest distance from the target.
     """
     settings, photo = scene.mps.rig, scene.mps.photo
     data = bpy.data.cameras.new("MPS Camera")
     data.sensor_fit, data.sensor_width, data.lens = "AUTO", FULL_FRAME, settings.focal_length
-    # (2,) the part of the picture that the object may fill, in units of its longer side.
+    # (2,) the part of the image that the object may fill, in units of its longer side.
     fill = np.array([photo.width, photo.height]) / max(photo.width, photo.height) / (1 + settings.margin)
     if settings.projection == "ORTHOGRAPHIC":
         data.type = "ORTHO"
@@ -190,7 +190,7 @@ def _add_camera(scene: Any, seen: NDArray[np.float64], radius: float) -> Any:
         data.type = "PERSP"
         place = _where_it_fits(seen, fill * FULL_FRAME / 2 / settings.focal_length, radius)
     nearest, away = place[2] - seen[:, 2].max(), place[2]
-    # Room for an object that is moved within the rig, without the loss of depth that 0.1 mm to 1 km would cost.
+    # A range with room to move the object within the rig, and a better depth precision than 0.1 mm to 1 km.
     data.clip_start, data.clip_end = nearest / 100, (away + radius) * 10
     camera = bpy.data.objects.new("MPS Camera", data)
     camera.location = place
@@ -198,8 +198,8 @@ def _add_camera(scene: Any, seen: NDArray[np.float64], radius: float) -> Any:
 
 
 def _where_it_fits(seen: NDArray[np.float64], slopes: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """(3,) the nearest place from which points (N, 3) lie within a view along -z whose sides have slopes (2,)."""
-    # Each side of the view is a plane that moves with the camera; its outermost point bounds where it may be.
+    """(3,) the nearest camera position with points (N, 3) in view, along -z, of a frustum with side slopes (2,)."""
+    # Each side of the frustum is a plane that moves with the camera; its outermost point bounds the position.
     reach = seen[:, 2:] * slopes
     high, low = (seen[:, :2] + reach).max(axis=0), (reach - seen[:, :2]).max(axis=0)
     away = ((high + low) / (2 * slopes)).max()
@@ -207,7 +207,7 @@ def _where_it_fits(seen: NDArray[np.float64], slopes: NDArray[np.float64], radiu
 
 
 def _add_light(settings: Any, name: str, location: Vector) -> Any:
-    """A light of pure colour at `location` in the target's axes, which turns to the target wherever it is moved."""
+    """A light of pure colour at `location` in the target's axes, which tracks the target when it is moved."""
     reach, angle = location.length, math.radians(settings.light_size)
     data = bpy.data.lights.new(f"MPS {name}", settings.light_type)
     data.color = COLOURS[name]

@@ -1,7 +1,7 @@
-"""Several rigs in one scene: one of them is chosen, and the panel and the operators work with that one.
+"""Several rigs in one scene: one of them is chosen, and the panel and the operators work with it.
 
-``scene.mps.rig``, ``.photo`` and ``.estimate`` are always those of the chosen rig, so a scene with one rig has no list
-at all. Those of the others wait in ``scene.mps.rigs``.
+``scene.mps.rig``, ``.photo`` and ``.estimate`` are always those of the chosen rig; a scene with one rig has no list.
+Those of the others are stored in ``scene.mps.rigs``.
 """
 
 import math
@@ -36,7 +36,7 @@ _VERBS = (
 
 
 class _OnRigs(bpy.types.Operator):
-    """Changes which rigs there are, or which one is chosen."""
+    """Adds or removes rigs, or chooses one."""
 
     bl_options = {"REGISTER", "UNDO"}
 
@@ -131,7 +131,7 @@ class MPS_OT_drop_rig(_OnRigs):
 class OnEachRig(RunsCore):
     """An operator that works with the chosen rig or, one after the other, with all rigs of the scene.
 
-    It is as if each rig had been chosen and the button pressed: settings, results and notes are those of each rig.
+    This is like choosing each rig and pressing the button: settings, results and notes are those of each rig.
     """
 
     all_rigs: BoolProperty(
@@ -141,7 +141,7 @@ class OnEachRig(RunsCore):
         default=False,
         options=GIVEN,
     )
-    step = ""  # whose settings it has, of those in _STEPS
+    step = ""  # the step in _STEPS whose settings it uses
 
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:
@@ -158,20 +158,20 @@ class OnEachRig(RunsCore):
             return super().turns()
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
-        for one in all_rigs(scene):  # all before the first begins, as renders share one copy of the file
+        for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
             for name in self._given.intersection(_STEPS[self.step].__annotations__):
                 setattr(getattr(one, self.step), name, getattr(self, name))
         return [partial(self._with_rig, place) for place in range(len(scene.mps.rigs))]
 
     @contextmanager
     def _with_rig(self, place: int) -> Iterator[None]:
-        """Within, the rig at a place in the list is the chosen one, as long as it is there."""
+        """Within the with block, the rig at a position in the list is the chosen one, while it exists."""
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is None or place >= len(scene.mps.rigs):
             yield
             return
         self._rig_place, self._whose = place, f"{scene.mps.rigs[place].name}: "
-        for name in set(_names(self.properties)) - self._given:  # what the rig before had
+        for name in set(_names(self.properties)) - self._given:  # values of the previous rig
             self.properties.property_unset(name)
         chosen = scene.mps.chosen_rig
         choose_rig(scene, place)
@@ -182,11 +182,11 @@ class OnEachRig(RunsCore):
 
 
 def new_rig(scene: Any) -> None:
-    """Begin another rig and choose it: it has the settings of the one that was, and none of its files or results."""
+    """Add a rig and choose it. It has the settings of the previous one, but none of its files or results."""
     mps = scene.mps
     if not mps.rigs:
         mps.rigs.add().name = "Rig 1"
-    _put_away(scene)
+    _store_chosen(scene)
     taken = {one.name for one in mps.rigs}
     number = next(number for number in range(1, len(taken) + 2) if f"Rig {number}" not in taken)
     mps.rigs.add().name = f"Rig {number}"
@@ -200,15 +200,17 @@ def new_rig(scene: Any) -> None:
 
 
 def add_rig_ring(context: Any, count: int, elevation: float) -> None:
-    """Build rigs around the selected objects, their cameras evenly around the vertical and `elevation` degrees above
-    the horizon. The chosen rig is the first of them where it was never built; the last one is chosen then.
+    """Build rigs around the selected objects, with cameras evenly spaced around the vertical axis.
 
-    Raises InputError where nothing with a surface is selected.
+    elevation: of the cameras above the horizon, in degrees. If the chosen rig was never built, it becomes the first of
+    them. The last one is chosen at the end.
+
+    Raises InputError if nothing with a surface is selected.
     """
     scene = context.scene
     bounding_sphere(
         context.evaluated_depsgraph_get(), context.view_layer.objects.selected
-    )  # refused before any is made
+    )  # rejected before any is built
     for number in range(count):
         if scene.mps.rig.lights:
             new_rig(scene)
@@ -220,25 +222,25 @@ def add_rig_ring(context: Any, count: int, elevation: float) -> None:
 
 
 def choose_rig(scene: Any, index: int) -> None:
-    """Work with another rig of the scene's list."""
+    """Choose another rig of the scene's list."""
     if index == scene.mps.chosen_rig:
         return
-    _put_away(scene)
-    _take_up(scene, index)
+    _store_chosen(scene)
+    _load_rig(scene, index)
 
 
 def drop_rig(scene: Any) -> None:
-    """Remove the chosen rig's objects and its place in the list, and choose the one before it."""
+    """Remove the chosen rig's objects and its list entry, and choose the previous rig."""
     mps, index = scene.mps, scene.mps.chosen_rig
     remove_rig(scene)
     mps.rigs.remove(index)
-    _take_up(scene, max(index - 1, 0))
+    _load_rig(scene, max(index - 1, 0))
     if len(mps.rigs) == 1:
         mps.rigs.clear()
 
 
 def all_rigs(scene: Any) -> Iterator[Any]:
-    """What holds ``rig``, ``photo`` and ``estimate``, for each of the scene's rigs in the list's order."""
+    """The settings group with ``rig``, ``photo`` and ``estimate`` of each of the scene's rigs, in the list's order."""
     mps = scene.mps
     if not mps.rigs:
         yield mps
@@ -247,9 +249,9 @@ def all_rigs(scene: Any) -> Iterator[Any]:
 
 
 def rig_at(scene: Any, place: int, result: object) -> Any:
-    """What holds ``rig``, ``photo`` and ``estimate`` at a place in the scene's list of rigs, chosen or not.
+    """The settings group with ``rig``, ``photo`` and ``estimate`` at a position in the scene's list of rigs.
 
-    Raises InputError where there is none any more. result: what it would have got, and where that is now.
+    Raises InputError if it no longer exists. result: what it would have received, and where that is now.
     """
     rigs = list(all_rigs(scene))
     if place >= len(rigs):
@@ -258,8 +260,7 @@ def rig_at(scene: Any, place: int, result: object) -> Any:
 
 
 def result_name(scene: Any, what: str) -> str:
-    """Name of a file that the chosen rig's step makes: those of several .blend files, scenes and rigs do not write over
-    each other."""
+    """File name for a result of the chosen rig, distinct between .blend files, scenes and rigs."""
     parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
     parts.append(unique_name([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
     if len(scene.mps.rigs):
@@ -267,7 +268,7 @@ def result_name(scene: Any, what: str) -> str:
     return "_".join([*parts, what])
 
 
-def _put_away(scene: Any) -> None:
+def _store_chosen(scene: Any) -> None:
     place = scene.mps.rigs[scene.mps.chosen_rig]
     for step in _STEPS:
         _copy(getattr(scene.mps, step), getattr(place, step))
@@ -277,7 +278,7 @@ def _put_away(scene: Any) -> None:
             _copy(record, place.records.add())
 
 
-def _take_up(scene: Any, index: int) -> None:
+def _load_rig(scene: Any, index: int) -> None:
     mps = scene.mps
     place = mps.rigs[index]
     for step in _STEPS:
@@ -295,7 +296,7 @@ def _forget(mps: Any) -> None:
 
 
 def _copy(source: Any, target: Any) -> None:
-    """Make a group of settings equal to another of its kind."""
+    """Copy a group of settings to another one of its kind."""
     for name in _names(source):
         kind = source.bl_rna.properties[name].type
         if kind == "COLLECTION":

@@ -1,1 +1,1 @@
-"""What a scene holds, as the core takes it: objects, surfaces, cameras, meshes."""
+"""Scene data in the core's form: objects, surfaces, cameras, meshes."""

@@ -11,9 +11,9 @@ from mpsnet_core.scene.camera import Camera
 def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -> Camera:
     """A Blender camera as the core's: its pose, and its focal length and centre in pixels.
 
-    size: width and height of the picture in pixels, which are square; the scene's own resolution unless given.
+    size: width and height of the image in square pixels; the scene's resolution by default.
 
-    Raises InputError for a panoramic or custom camera and for one that its parents shear.
+    Raises InputError for a panoramic or custom camera, and for one that its parents shear.
     """
     data = camera.data
     if data.type not in {"PERSP", "ORTHO"}:

@@ -1,6 +1,7 @@
 """An object's mesh as the core's mesh file: as a render sees it, with Blender's own normals.
 
-It is read at once, whatever happens to the object later, and written in slices: a live window goes on between them.
+It is read at once, so later changes to the object do not matter, and written in slices, between which the window stays
+responsive.
 """
 
 import ctypes
@@ -24,24 +25,24 @@ from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modif
 from ..slices import Slices
 from .surfaces import SURFACES
 
-# What a modifier shows in the viewport, and what in a render.
+# Settings of modifiers for the viewport, and their counterparts for renders.
 _SHOWN_AND_RENDERED = (
     ("show_viewport", "show_render"),
     ("levels", "render_levels"),
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-MOST_TRIANGLES = 4_000_000  # of what is read while the window waits
+MOST_TRIANGLES = 4_000_000  # limit of what is read while the window waits
 
 _ROWS_A_SLICE = 100_000
 
 
 @dataclass(frozen=True)
 class BegunMesh:
-    """A mesh file that is begun.
+    """A mesh file that is being written.
 
-    uv_map: its name, "" for none. used: the materials that faces have, by their names in the file, see
-    :func:`slot_labels`. slices: what is left to do; the file is there after the last.
+    uv_map: name of the UV map, "" for none. used: the materials that faces have, by their names in the file, see
+    :func:`slot_labels`. slices: the remaining work; the file exists after the last one.
     """
 
     uv_map: str
@@ -49,19 +50,19 @@ class BegunMesh:
     slices: Slices
 
     def whole(self) -> "BegunMesh":
-        """The same, once all slices are done."""
+        """Finish all slices, and return it."""
         for _ in self.slices:
             pass
         return self
 
 
 def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: Matrix | None = None) -> BegunMesh:
-    """Begin to write an object as the render sees it, modifiers applied, as the core's mesh file.
+    """Start writing an object as the render sees it, with modifiers applied, as the core's mesh file.
 
-    The normals of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None where only
-    the shape counts. turn: brings Blender's world into that of the cameras, where they differ.
+    The corner normals are Blender's own. uv_map: "" for the one that is active for rendering, None if only the shape is
+    needed. turn: rotation from Blender's world to that of the cameras, if they differ.
 
-    Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
+    Raises InputError if the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
     if obj.type == "EMPTY" and obj.instance_collection is not None:
         raise GeometryError(
@@ -74,7 +75,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         raise GeometryError(f'"{obj.name}" is being sculpted with Multiresolution; leave Sculpt Mode first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
-    if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tag what they changed; tagging redraws
+    if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tag their changes; tagging causes a redraw
         obj.data.update_tag()
     with _without_simplify(depsgraph.scene), as_rendered(obj):
         depsgraph.update()
@@ -83,7 +84,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
             raise GeometryError(
                 f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first'
             )
-        # One more mesh in bpy.data would have the viewports drawn anew.
+        # Adding a mesh to bpy.data would redraw the viewports.
         mesh = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
         try:
             if not mesh.polygons:
@@ -115,10 +116,10 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
 
 
 def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
-    """Write the surfaces of objects, as modifiers and instances make them in the viewport, as one mesh in the world;
-    their shape alone.
+    """Write the surfaces of objects, with modifiers and instances as in the viewport, as one mesh in world space.
 
-    Raises InputError where they have none, or too many triangles to be written while a window waits.
+    Only their shape is written. Raises InputError if they have none, or too many triangles to be written while a window
+    waits.
     """
     wanted, meshes, count = set(objects), [], 0
     for instance in depsgraph.object_instances:
@@ -155,12 +156,12 @@ def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
         pass
 
 
-# In the file; a pair is values and, for each place in the file, the number of the one that goes there.
+# An array to write, or a pair of values and indices, whose gather is written.
 _Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer[Any]]]
 
 
 def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
-    """Write arrays as ``np.savez`` does, some rows at a time."""
+    """Write arrays like ``np.savez``, some rows at a time."""
     with zipfile.ZipFile(path, "w") as archive:
         for name, array in arrays.items():
             values, rows = array if isinstance(array, tuple) else (array, None)
@@ -177,7 +178,7 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
 
 @contextmanager
 def _without_simplify(scene: Any) -> Iterator[None]:
-    """Within, the scene's Simplify is off, as in the photo."""
+    """Within the with block, the scene's Simplify is off, as in the photo."""
     before = scene.render.use_simplify
     if before:
         scene.render.use_simplify = False
@@ -190,8 +191,10 @@ def _without_simplify(scene: Any) -> Iterator[None]:
 
 @contextmanager
 def as_rendered(obj: Any) -> Iterator[None]:
-    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without
-    the displacement that the add-on made."""
+    """Within the with block, the object's modifiers have their render settings in the viewport's dependency graph.
+
+    The add-on's own displacement is off.
+    """
     changed = []
     try:
         for modifier in obj.modifiers:
@@ -205,7 +208,7 @@ def as_rendered(obj: Any) -> Iterator[None]:
                 }
             for shown, value in wanted.items():
                 before = getattr(modifier, shown)
-                if before != value:  # what is set counts as changed, and the viewport draws the object anew
+                if before != value:  # setting a property, even to its own value, redraws the object
                     changed.append((modifier, shown, before))
                     setattr(modifier, shown, value)
         yield
@@ -215,22 +218,22 @@ def as_rendered(obj: Any) -> Iterator[None]:
 
 
 def slot_labels(obj: Any) -> list[str]:
-    """For each of an object's material slots, the name of its material for the core; there is always one.
+    """For each of an object's material slots, the name of its material for the core; at least one.
 
-    The name that the material will have, where it has to be made.
+    For a material that has yet to be created, its future name.
     """
     return [_label(slot.material, obj) for slot in obj.material_slots] or [_label(None, obj)]
 
 
 def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[str, Any]:
-    """The object's and its materials' names for the core's mesh file, of an evaluated mesh.
+    """The arrays of object and material names for the core's mesh file, from an evaluated mesh.
 
-    polygons: (T,) that of each triangle. Arrays for the triangles are pairs or views, for :func:`_written`.
+    polygons: (T,) polygon of each triangle. Arrays per triangle are pairs or views, for :func:`_written`.
     """
     held = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
     labels = [_label(held.get(number, one), obj) for number, one in enumerate(mesh.materials)] or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
-    if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
+    if "material_index" in mesh.attributes:  # much faster than the triangles' own
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
     names = list(dict.fromkeys(labels))
     slots = np.array([names.index(label) for label in labels], np.int32)
@@ -239,19 +242,19 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
         "triangle_material": (
             slots[np.minimum(of_polygon, len(slots) - 1)],
             polygons,
-        ),  # as Blender takes numbers beyond the last
+        ),  # Blender clamps indices beyond the last slot, too
         "objects": np.array([obj.name], str),
         "triangle_object": np.broadcast_to(np.int32(0), polygons.shape),
     }
 
 
 def _label(material: Any, obj: Any) -> str:
-    # Materials of other files may have the same name as one of this file's.
+    # Linked materials may have the same name as one of this file.
     return material.name_full if material else f"MPS {obj.name}"
 
 
 def _lacking(obj: Any, what: str, mend: str, before: Any) -> str:
-    """A sentence for what an object has not as a render sees it. before: that of the object without its modifiers."""
+    """A sentence on what an object lacks in a render. before: the same of the object without its modifiers."""
     if before:
         return f'the modifiers of "{obj.name}" leave {what}; Geometry Nodes need Realize Instances and a UV map'
     return f'"{obj.name}" has {what}; {mend}'
@@ -269,7 +272,7 @@ def _uv_map(obj: Any, mesh: Any, name: str) -> str:
 
 
 def _shape(mesh: Any) -> tuple[NDArray[Any], ...]:
-    """A mesh's vertices (V, 3), vertices (C,) and normals (C, 3) of its corners, corners (T, 3) of its triangles."""
+    """A mesh's vertices (V, 3), its corners' vertices (C,) and normals (C, 3), and its triangles' corners (T, 3)."""
     return (
         _read(mesh.attributes["position"].data, "vector", 3),
         _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
@@ -285,10 +288,10 @@ def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) ->
 
 
 def _triangle_corners(mesh: Any) -> NDArray[np.int32]:
-    """(T, 3) the corners of Blender's own triangles, as ``foreach_get`` reads them.
+    """(T, 3) corners of Blender's own triangles, the same as by ``foreach_get``.
 
-    That goes from one triangle to the next and blocks the window for 0.08 s with a million. They lie one behind the
-    other, as their addresses show; where a Blender stores them otherwise, `foreach_get` reads them.
+    `foreach_get` goes from triangle to triangle and blocks the window for 0.08 s per million. The triangles are
+    contiguous in memory, which their addresses confirm; if a Blender stores them differently, `foreach_get` reads them.
     """
     triangles = mesh.loop_triangles
     count, first, last = len(triangles), triangles[0], triangles[-1]

@@ -1,4 +1,4 @@
-"""What is found in a scene: by what outlives a name, by its name, and by whether a render shows it."""
+"""Look-up of objects in a scene: by session UID, by name, and by visibility in a render."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,12 +9,12 @@ from mpsnet_core.errors import InputError
 
 
 def by_session_uid(datablocks: Any, session_uid: int) -> Any:
-    """The datablock with this number, whatever it is called by now; None where it is gone."""
+    """The data-block with this session UID, even if it was renamed; None if it was removed."""
     return next((one for one in datablocks if one.session_uid == session_uid), None)
 
 
 def find_object(scene: Any, name: str) -> Any:
-    """The scene's object of that name. Raises InputError where there is none."""
+    """The scene's object of that name. Raises InputError if there is none."""
     target = scene.objects.get(name)
     if target is None:
         raise InputError(f'there is no object "{name}" in the scene; check its name')
@@ -22,43 +22,43 @@ def find_object(scene: Any, name: str) -> Any:
 
 
 def check_in_scene(scene: Any, obj: Any, what: str) -> None:
-    """Raises InputError where an object that a setting names is not in the scene: deleted ones live on in settings."""
+    """Raise InputError if an object in a setting is not in the scene: settings keep deleted objects alive."""
     if scene not in obj.users_scene:
         raise InputError(f'the {what} "{obj.name}" was deleted, or is in another scene; choose one of this scene')
 
 
 def refuse_linked_scene(scene: Any) -> None:
-    """Raises InputError where a scene is another file's, which cannot be given objects."""
+    """Raise InputError if a scene is linked from another file, and so cannot get objects."""
     if scene.library is not None:
         raise InputError(f'the scene "{scene.name}" is linked from {scene.library.filepath}; make it local first')
 
 
 def refuse_unselectable(obj: Any) -> None:
-    """Raises InputError where Blender does not let an object be selected."""
+    """Raise InputError if Blender does not let an object be selected."""
     if obj.hide_select or not obj.visible_get():
         raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
 
 
 def target_of(context: Any) -> Any:
-    """The object that is worked on: the target of the step Bake, else the active one; None where there is none."""
+    """The object to work on: the target of the step Bake, else the active object; None if there is none."""
     return context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
 
 
 def view_layer(scene: Any) -> Any:
-    """The view layer in use, or the first one of a scene that is not open."""
+    """The view layer in use; for a scene that is not shown, the first one."""
     return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
 
 
 def rendered(layer: Any, special: str = "") -> Iterator[Any]:
-    """Objects of a view layer that its render shows, apart from lights and from strokes, which take no light.
+    """Objects of a view layer that its render shows, except lights and Grease Pencil, which is not lit.
 
-    special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
+    special: the parent collection that is holdout or indirect only in the view layer, which a photo does not support.
     """
     if layer.collection.hide_render:
         return
     if layer.holdout or layer.indirect_only:
         special = layer.collection.name
-    # A collection within an excluded one may be included again.
+    # A collection in an excluded one may be included again.
     for obj in () if layer.exclude else layer.collection.objects:
         if obj.type in {"LIGHT", "GREASEPENCIL"} or obj.hide_render:
             continue

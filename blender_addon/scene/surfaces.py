@@ -1,4 +1,4 @@
-"""The surfaces of objects as points in the world, as modifiers and instances make them, and a sphere around them."""
+"""The surfaces of objects, with modifiers and instances, as points in world space, and a sphere around them."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -9,25 +9,25 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 
-# Types of objects whose surface is a mesh once it is evaluated.
+# Types of objects that evaluate to a mesh.
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
 def middle_of(obj: Any) -> Vector:
-    """The middle of an object's box, in the world; the origin of a scan may be far away from what was scanned."""
+    """The centre of an object's bounding box, in world space. The origin of a scan may be far from its surface."""
     return obj.matrix_world @ (sum(map(Vector, obj.bound_box), Vector()) / 8)
 
 
 def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:
-    """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
+    """Centre and radius, in world space, of a sphere around the objects' surfaces with modifiers and instances.
 
-    Raises InputError where none of them has a surface.
+    Raises InputError if none of them has a surface.
     """
     return sphere_around(surface_points(depsgraph, objects), Matrix.Identity(3))
 
 
 def surface_points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64]:
-    """(N, 3) points of all the objects' surfaces, in the world. Raises InputError where there is none."""
+    """(N, 3) points of all the objects' surfaces, in world space. Raises InputError if there are none."""
     clouds = [points for _, points in surfaces(depsgraph, objects)]
     if not clouds:
         raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")
@@ -35,7 +35,7 @@ def surface_points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64
 
 
 def sphere_around(points: NDArray[np.float64], axes: Matrix) -> tuple[Vector, float]:
-    """Centre of the points' box along the axes, the columns, and how far they reach from there."""
+    """Centre of the points' bounding box along the axes (columns), and their largest distance from it."""
     turned = points @ np.array(axes)
     centre = np.array(axes) @ (turned.min(axis=0) + turned.max(axis=0)) / 2
     radius = float(np.linalg.norm(points - centre, axis=1).max())
@@ -45,7 +45,7 @@ def sphere_around(points: NDArray[np.float64], axes: Matrix) -> tuple[Vector, fl
 
 
 def surfaces(depsgraph: Any, objects: Iterable[Any]) -> Iterator[tuple[Any, NDArray[np.float64]]]:
-    """The surfaces of objects as modifiers and instances make them: whose, and the points (N, 3) in the world."""
+    """The surfaces of objects with modifiers and instances: the object, and its points (N, 3) in world space."""
     wanted = set(objects)
     for instance in depsgraph.object_instances:
         owner = (instance.parent or instance.object).original

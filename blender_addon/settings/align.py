@@ -1,4 +1,4 @@
-"""Settings of a photo's alignment, and what is kept with the photo: its camera and the pairs of points."""
+"""Settings of a photo's alignment, and the data stored with the photo: its camera and the pairs of points."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from .declared import GIVEN
 
 
 class AlignSettings:
-    """From where the camera of a real photo is looked for."""
+    """Where the search for a real photo's camera starts."""
 
     start: EnumProperty(
         name="Start",

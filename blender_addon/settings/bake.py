@@ -13,12 +13,12 @@ from ..outputs import FORMAT_OF
 from .declared import OWN_SENSE, BoolSetting, EnumSetting, StringSetting, format_setting, from_option, items_of
 from .detail import cut_off, detail_only
 
-# What each format can hold.
+# The bit depths of each format.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
 
 
 def _take_preset(settings: Any, context: Any) -> None:
-    # An operator has its preset from the scene's settings, which may have been changed since it was chosen.
+    # Not for operators: they take the preset from the scene, whose settings may have changed since it was chosen.
     if settings.preset == "CUSTOM" or not isinstance(settings, bpy.types.PropertyGroup):
         return
     preset = PRESETS[settings.preset.lower()]
@@ -37,7 +37,7 @@ def _take_detail(settings: Any, context: Any) -> None:
 
 
 class BakeSettings:
-    """The texture and how it is baked. What sets others stands before them: those that are given as well win."""
+    """The texture and how it is baked. Settings that set others come before them, so explicit values win."""
 
     preset: from_option(
         Bake,
@@ -99,7 +99,7 @@ class BakeSettings:
     )
     samples: from_option(Bake, "samples", labels={2: "2 x 2", 4: "4 x 4"})
     padding: from_option(Bake, "padding")
-    # In the core it is None unless given, as it goes with one padding alone.
+    # The core's default is None, because it applies to one padding only.
     margin: from_option(Bake, "margin", default=MARGIN)
     file_format: format_setting(
         "File format of the texture; one that cannot hold the chosen depth takes its own", update=_take_format

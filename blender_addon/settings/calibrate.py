@@ -9,7 +9,7 @@ from .declared import OWN_SENSE, FileSetting, FloatSetting, from_option
 
 
 class CalibrateSettings:
-    """Photos of balls from which the places of real lights and the mixing of their colours follow."""
+    """Photos of balls to calibrate the positions of real lights and the mixing of their colours."""
 
     ball: FileSetting(
         name="Mirror Ball",

@@ -1,7 +1,7 @@
-"""The artist's choices among the settings, and how they go on from one file to the next.
+"""The user's choices among the settings, carried over from one file to the next.
 
-What was changed in a file since it was opened is kept in the add-on's preferences, and a scene in which nothing was
-ever set begins with it. Files, names and what was measured in one photo stay where they are.
+Choices that were changed since a file was opened are stored in the add-on's preferences. A scene in which nothing was
+ever set starts with them. Files, names and measurements of a photo are not carried over.
 """
 
 import json
@@ -18,18 +18,18 @@ from ..preferences import PACKAGE
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _OF_ONE_PHOTO = ("calibrate.circle", "calibrate.second", "material.crop", "material.width")
 
-# The choices of each scene, by its session number, as they stood when its file was opened.
+# The choices of each scene at the time its file was opened, by session UID.
 _opened: dict[int, dict[str, Any]] = {}
 
 
 def choice_names(group: Any) -> list[str]:
-    """The names of a step's settings that are choices, in their order: what sets others stands before them."""
-    # Settings are never taken from an operator's last run; results are not marked so.
+    """The names of a step's settings that are choices, in order: those that set others come first."""
+    # Settings have SKIP_SAVE, so that operators do not take them from their last run; results do not.
     return [one.identifier for one in group.bl_rna.properties if one.type in _KINDS and one.is_skip_save]
 
 
 def choices(scene: Any) -> dict[str, Any]:
-    """All choices of a scene as JSON can hold them, "rig.slant" and so on."""
+    """All choices of a scene as JSON data, by names such as "rig.slant"."""
     found = {}
     for step, group in _steps(scene):
         for name in choice_names(group):
@@ -39,7 +39,7 @@ def choices(scene: Any) -> dict[str, Any]:
 
 
 def keep_choices() -> None:
-    """Keep in the preferences what was changed in the open scene since its file was opened."""
+    """Store the choices that were changed since the file was opened in the preferences."""
     preferences, scene = _preferences(), bpy.context.scene
     if preferences is None or not preferences.remember or scene.session_uid not in _opened:
         return
@@ -47,18 +47,18 @@ def keep_choices() -> None:
     changed = {path: value for path, value in choices(scene).items() if opened.get(path) != value}
     if changed:
         preferences.remembered = json.dumps({**from_json(preferences.remembered, dict), **changed})
-        bpy.context.preferences.is_dirty = True  # else Blender would not save them when it quits
+        bpy.context.preferences.is_dirty = True  # otherwise Blender would not save them when it quits
 
 
 def begin_with_choices() -> None:
-    """Give scenes in which nothing was ever set what is kept in the preferences."""
+    """Apply the stored choices to scenes in which nothing was ever set."""
     preferences = _preferences()
     kept = from_json(preferences.remembered, dict) if preferences is not None and preferences.remember else {}
     _opened.clear()
     for scene in bpy.data.scenes:
         if not scene.library and not _touched(scene.mps):
             for path, value in choices(scene).items():
-                # What one that came before has set goes back to what it was.
+                # Reset values that an earlier choice has set.
                 _set(scene, path, kept.get(path, value))
         _opened[scene.session_uid] = choices(scene)
 
@@ -73,20 +73,20 @@ def _set(scene: Any, path: str, value: Any) -> None:
     step, _, name = path.partition(".")
     group, value = getattr(scene.mps, step), set(value) if isinstance(value, list) else value
     if getattr(group, name) != value:
-        with suppress(TypeError, ValueError, OverflowError):  # what another version kept
+        with suppress(TypeError, ValueError, OverflowError):  # stored by another version
             setattr(group, name, value)
 
 
 def _touched(group: Any) -> bool:
     """Whether anything in a group was ever set."""
     for one in group.bl_rna.properties:
-        if one.identifier in {"rna_type", "way"}:  # the way counts as set though nobody chose it
+        if one.identifier in {"rna_type", "way"}:  # the way counts as set even if nobody chose it
             continue
         value = getattr(group, one.identifier)
         if isinstance(value, bpy.types.PropertyGroup):
             if _touched(value):
                 return True
-        elif one.type in {"POINTER", "COLLECTION"}:  # which count as set from the start
+        elif one.type in {"POINTER", "COLLECTION"}:  # these count as set from the start
             if value:
                 return True
         elif group.is_property_set(one.identifier):
@@ -95,7 +95,7 @@ def _touched(group: Any) -> bool:
 
 
 def _preferences() -> Any:
-    """The add-on's preferences; None where it runs as a plain module."""
+    """The add-on's preferences; None if it runs as a plain module."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     return addon.preferences if addon is not None else None
 
@@ -110,17 +110,17 @@ def _open(*_: Any) -> None:
     begin_with_choices()
 
 
-# Blender 5.1 and later say when they quit.
+# exit_pre exists from Blender 5.1 on.
 _LEAVING = [name for name in ("load_pre", "save_pre", "exit_pre") if hasattr(bpy.app.handlers, name)]
 
 
 def register() -> None:
-    if bpy.app.background:  # a script's settings are the script's, and it must not depend on an artist's
+    if bpy.app.background:  # scripts set their own values, and must not depend on the user's
         return
     for name in _LEAVING:
         getattr(bpy.app.handlers, name).append(_leave)
     bpy.app.handlers.load_post.append(_open)
-    bpy.app.timers.register(begin_with_choices, first_interval=0)  # the file that is open already
+    bpy.app.timers.register(begin_with_choices, first_interval=0)  # for the file that is already open
 
 
 def unregister() -> None:

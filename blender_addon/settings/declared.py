@@ -1,6 +1,6 @@
-"""How settings are declared: once, stored in the scene, shared by the operators.
+"""Declaration of settings: once, stored in the scene, shared by the operators.
 
-What an operation of the core has as an option is described there, and made a property of by :func:`from_option`.
+Options of the core's operations are described there, and :func:`from_option` makes properties from them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,13 +12,13 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from mpsnet_core.operation import Operation, Setting, settings
 
-# Without it Blender fills an operator's unset properties with those of its last run instead of the scene's settings.
+# Without it, Blender fills an operator's unset properties from its last run instead of the scene's settings.
 GIVEN = {"SKIP_SAVE"}
-# Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
+# Without the second, Blender marks relative paths ("//photo.png") red, as if they were unsupported.
 PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
-# The context that Blender translates words in which its own tables have in another sense: "Mirror Ball" as a command,
-# the "Space" that is free, the "Tangent" of an angle.
+# Translation context of words that Blender's own tables have in another sense: "Mirror Ball" as a command, "Space" as
+# free space, "Tangent" of an angle.
 OWN_SENSE = "MPS"
 
 # Properties that are stored in the scene and that operators fill in from there.
@@ -35,10 +35,10 @@ _FILE_FORMATS = (
     ("EXR", "OpenEXR", "32-bit float OpenEXR"),
 )
 
-# Whole numbers in Blender have 32 bits.
+# Integers in Blender have 32 bits.
 _LARGEST = 2**31 - 1
 _SUBTYPES = {"file": "FILE_PATH", "folder": "DIR_PATH"}
-# Choices that are not called as they are written.
+# Labels of choices that differ from their values.
 _LABELS = {"auto": "Automatic", "srgb": "sRGB", "opengl": "OpenGL", "directx": "DirectX"}
 
 # An identifier, a label and a tooltip.
@@ -51,14 +51,14 @@ def option_of(operation: type[Operation], name: str) -> Setting:
 
 
 def identifier(value: object) -> str:
-    """What Blender calls a value of the core's: upper case, words joined by underscores."""
+    """Blender's identifier of a core value: upper case, words joined by underscores."""
     return str(value).upper().replace("-", "_")
 
 
 def items_of(operation: type[Operation], option: str, labels: Mapping[Any, str] | None = None) -> list[Item]:
-    """An option's choices. .blend files keep their places in this order: new ones go to the end.
+    """An option's choices. .blend files store their index: add new ones at the end.
 
-    labels: of those that are not called here as they are written.
+    labels: of choices whose label differs from their value.
     """
     known = {**_LABELS, **(labels or {})}
     choices = option_of(operation, option).option.choices
@@ -83,22 +83,22 @@ def from_option(
 ) -> Any:
     """A property for an option of an operation, with its range, default, choices and description.
 
-    An option that may stay None is 0, "" or the first item here; what that means goes into the description.
+    An option that may be None is 0, "" or the first item here. The description says what that means.
 
     Parameters
     ----------
     operation, option
-        What is described there.
+        The described option.
     name
-        Its label, where it is not the option's name.
+        The label, if it differs from the option's name.
     labels, items
-        As :func:`items_of` takes them; or the items, where not all of them are the option's choices.
+        See :func:`items_of`; or the items themselves, if they are not just the option's choices.
     default, low, unset
-        In place of the option's: what is proposed, the smallest value of a number, and what 0 or "" means.
+        Override the option's default, its lower bound, and the meaning of 0 or "".
     switch
-        Whether the option names a file that the add-on finds a name for: what is set is whether it is written.
+        Make a switch for an option that names an output file, for which the add-on chooses the name.
     facts
-        What concerns Blender alone: ``update``, ``precision``, ``translation_context``.
+        Arguments of the Blender property: ``update``, ``precision``, ``translation_context``.
     """
     setting = option_of(operation, option)
     described = setting.option
@@ -134,9 +134,9 @@ def _sentence(words: str) -> str:
 
 
 def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
-    """Write what the caller gave the operator to the scene's settings, and fill in the rest from there.
+    """Copy the operator's given properties to the scene's settings, and the other settings to the operator.
 
-    Afterwards operator and scene agree, and the "Adjust Last Operation" panel shows what was used.
+    Afterwards operator and scene agree, and the "Adjust Last Operation" panel shows the values in use.
     """
     for name in settings.__annotations__:
         if operator.properties.is_property_set(name):
@@ -146,5 +146,5 @@ def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.Pr
 
 
 def as_typed(number: float) -> float:
-    """The number that was typed: Blender stores 0.1 as 0.10000000149."""
+    """The number as it was typed: Blender stores 0.1 as 0.10000000149."""
     return float(f"{number:g}")

@@ -1,4 +1,4 @@
-"""Detail only: the settings that the bake of one photo and that of many views share."""
+"""Detail only: settings shared by the bakes of one photo and of many views."""
 
 from typing import Any
 

@@ -9,7 +9,7 @@ from .declared import BoolSetting, EnumSetting, FileSetting, IntSetting, format_
 
 
 class DisplaceSettings:
-    """What the baked texture's heights are and how the object wears them."""
+    """The heights of the baked texture, and how they displace the object."""
 
     method: EnumSetting(
         name="Displace By",
@@ -52,8 +52,8 @@ class DisplaceSettings:
         ],
         default="SIMPLE",
     )
-    # The core's default keeps all, for any normals. Here they are estimated, which err most in broad shapes; and those
-    # are in a low poly of some thousand faces already.
+    # The core's default keeps all, for any normals. The errors of estimated ones are largest in broad shapes, which a
+    # low-poly mesh of a few thousand faces has already.
     scale: from_option(Integrate, "scale", name="Broadest", default=0.01)
     keep_normals: BoolSetting(
         name="Keep the Normals",

@@ -13,7 +13,7 @@ MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items(
 
 
 class EstimateSettings:
-    """How the photo is read and which model turns it into normals."""
+    """How the photo is read, and which model estimates the normals."""
 
     mask: EnumSetting(
         name="Mask",

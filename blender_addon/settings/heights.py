@@ -1,4 +1,4 @@
-"""The settings of what is made of the photo's normals beside the texture: heights, a mesh, pictures."""
+"""Settings of the other products of the photo's normals: heights, a mesh, images."""
 
 import bpy
 from bpy.props import PointerProperty
@@ -9,7 +9,7 @@ from .declared import FileSetting, format_setting, from_option
 
 
 class HeightsSettings:
-    """How the normals are integrated, and what is made of the heights."""
+    """How the normals are integrated, and the products of the heights."""
 
     method: from_option(Integrate, "method", name="Surface", labels={"fast": "Smooth", "bilateral": "With Steps"})
     distance: from_option(Integrate, "distance", unset="as far as the target is in this scene")

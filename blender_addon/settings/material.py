@@ -10,7 +10,7 @@ from .estimate import MODEL_ITEMS
 
 
 class MaterialSettings:
-    """How a photo of something flat becomes a material that repeats."""
+    """How a photo of a flat material becomes a seamless one."""
 
     width: FloatSetting(
         name="Photo Width",

@@ -12,7 +12,7 @@ class MPS_PG_record(bpy.types.PropertyGroup):
 
 
 def error_of(scene: bpy.types.Scene, verb: str) -> str:
-    """Why the last run of an operator failed; "" where it did not."""
+    """Why the last run of an operator failed; "" if it did not."""
     record = scene.mps.records.get(verb)
     return record.error if record else ""
 
@@ -24,7 +24,7 @@ def notes_of(scene: bpy.types.Scene, verb: str) -> list[str]:
 
 
 def store_record(scene: bpy.types.Scene, verb: str, *, error: str = "", notes: list[str] | None = None) -> None:
-    """Store how a run ended, in place of the one before it; without an error or notes, nothing is stored."""
+    """Store how a run ended, in place of the previous record. Without an error or notes, nothing is stored."""
     records = scene.mps.records
     place = records.find(verb)
     if not error and not notes:

@@ -1,4 +1,4 @@
-"""What relighting restores when it ends."""
+"""The state that relighting restores when it ends."""
 
 import bpy
 from bpy.props import CollectionProperty, PointerProperty, StringProperty

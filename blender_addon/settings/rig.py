@@ -7,7 +7,7 @@ from .declared import EnumSetting, FloatSetting
 
 
 class RigSettings:
-    """Where the three lights and the camera stand around the object."""
+    """Positions of the three lights and the camera around the object."""
 
     light_type: EnumSetting(
         name="Lights",

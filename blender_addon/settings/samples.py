@@ -9,7 +9,7 @@ from .declared import GIVEN, BoolSetting, EnumSetting, IntSetting, from_option
 
 
 class SamplesSettings:
-    """What training data is rendered, how, and where to."""
+    """Content, rendering and folder of training data."""
 
     source: EnumSetting(
         name="Shapes",
@@ -32,7 +32,7 @@ class SamplesSettings:
             ("BLOBS", "Blobs", "Closed lumps: smooth, folded, ridged, wrinkled or faceted"),
             ("DRAPERY", "Drapery", "Hanging and falling cloth"),
             ("RELIEFS", "Reliefs", "Slabs with a relief"),
-            # 8 was a kind that .blend files may still hold.
+            # 8 was another kind, which old .blend files may still contain.
             ("GROUPS", "Groups", "Several objects beside each other on a ground", "NONE", 16),
         ],
         default={"BLOBS", "DRAPERY", "RELIEFS", "GROUPS"},
@@ -54,7 +54,7 @@ class SamplesSettings:
         description="Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces",
         default=True,
     )
-    # More than the core's: each bounce costs the synthesis about as much again, and Cycles little.
+    # More than the core's default: each bounce costs the core's synthesis as much again, but Cycles little.
     bounces: from_option(Synthesize, "bounces", default=3)
     views: from_option(Synthesize, "views")
     output: from_option(Synthesize, "output", name="Folder", unset="a folder of its own in the output folder")

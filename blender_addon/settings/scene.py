@@ -1,4 +1,4 @@
-"""Where the settings live: in the scene, with a photo, and what runs at the moment in the window manager."""
+"""Storage of settings in the scene and in photos, and of the running job in the window manager."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ _CHOSEN = "mpsnet_way"
 
 
 def _way(mps: Any) -> int:
-    """The way that was chosen; else the one that fits what the scene holds, as files of earlier versions do."""
+    """The chosen way; without a choice, as in files of earlier versions, the one that fits the scene's content."""
     chosen, photo = mps.get(_CHOSEN), mps.photo.image
     if chosen in (_PHOTOGRAPH, _RENDER):
         return int(chosen)

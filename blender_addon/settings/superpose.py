@@ -1,4 +1,4 @@
-"""Settings of the photo that is made of three."""
+"""Settings of a photo that is combined from three."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from .declared import FileSetting, from_option
 
 
 class SuperposeSettings:
-    """Three photos under one white light each, in the order of the rig's lights, and the photo that is made of them."""
+    """Three photos under one white light each, in the order of the rig's lights, and the combined photo."""
 
     first: FileSetting(
         name="First Light",

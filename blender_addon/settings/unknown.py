@@ -1,4 +1,4 @@
-"""Settings as a .blend file has them may be none that can be set: it is a later version's, or somebody made it so."""
+"""Invalid settings in a .blend file: it may be from a later version, or manipulated."""
 
 from typing import Any
 
@@ -8,9 +8,9 @@ from bpy.app.handlers import persistent
 
 @persistent
 def take_back_unknown(*_: Any) -> None:
-    """Give settings of the open file that nobody could have set in the panel their defaults.
+    """Reset settings of the open file that could not be set in the panel to their defaults.
 
-    Called when a file is opened or linked, so that whatever reads a setting can take it for one of its own.
+    Called when a file is opened or linked: code that reads a setting can rely on a valid value.
     """
     for image in bpy.data.images:
         _take_back(image.mps)
@@ -39,10 +39,10 @@ def _can_be(group: Any, setting: Any) -> bool:
     except UnicodeDecodeError:
         return False
     if setting.type == "ENUM":
-        return setting.is_enum_flag or bool(value)  # "" where the file's number is of no item
+        return setting.is_enum_flag or bool(value)  # "" if the file's number belongs to no item
     if setting.type in {"INT", "FLOAT"}:
         values = value if setting.is_array else [value]
-        return all(setting.hard_min <= one <= setting.hard_max for one in values)  # not so for what is no number
+        return all(setting.hard_min <= one <= setting.hard_max for one in values)  # False for NaN
     return True
 
 

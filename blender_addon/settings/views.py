@@ -10,7 +10,7 @@ from .detail import cut_off, detail_only
 
 
 class ViewsSettings:
-    """Photos from all around with their cameras, and how they become one texture."""
+    """Photos from all around with their cameras, and how they are baked into one texture."""
 
     cameras: from_option(BakeViews, "cameras", unset="this scene's cameras, each with its photo as background image")
     photos: from_option(BakeViews, "photos", unset="")

@@ -1,4 +1,4 @@
-"""The demo: a scene with a detailed object, its low-poly copy with UVs, and nothing that comes from a file."""
+"""The demo: a scene with a detailed object and its low-poly copy with UVs, generated without any files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ NAME = "MPS Demo"
 
 @dataclass(frozen=True)
 class _Relief:
-    """A pattern that a surface is displaced by. strength: from its lowest to its highest point, in metres."""
+    """A displacement pattern. strength: from its lowest to its highest point, in metres."""
 
     pattern: str
     strength: float
@@ -27,9 +27,9 @@ _GRAIN = _Relief("CLOUDS", 0.008, {"noise_scale": 0.05})
 
 
 def make_demo() -> tuple[Any, Any, Any]:
-    """A new scene, and in it a monkey with scales and its smooth low-poly copy, which share Blender's own UV layout.
+    """A new scene with a monkey with scales and its smooth low-poly copy, which share Blender's own UV layout.
 
-    The copy stands in the same place and is hidden from renders.
+    The copy is at the same position and hidden from renders.
     """
     scene = bpy.data.scenes.new(NAME)
     detailed = _monkey(scene, "Demo Detailed", 5, [_SCALES, _GRAIN])
@@ -40,10 +40,10 @@ def make_demo() -> tuple[Any, Any, Any]:
 
 
 def remove_demo(scene: Any, made: Sequence[Any]) -> None:
-    """Remove a demo: its rig, pictures, the objects `made` for it, and its scene where nothing else stands there."""
+    """Remove a demo: its rig, images, the objects `made` for it, and its scene if nothing else is in it."""
     remove_rig(scene)
     settings = scene.mps
-    # Normals name their photo, which counts as a use of it.
+    # Normals refer to their photo, which counts as a user.
     pictures = [one for one in (settings.bake.image, settings.estimate.image, settings.photo.image) if one is not None]
     meshes = {obj.data for obj in made}
     materials = {material for mesh in meshes for material in mesh.materials if material}
@@ -94,7 +94,7 @@ def _apply_modifiers(scene: Any, obj: Any) -> None:
 
 
 def _matt() -> Any:
-    """A grey that does not shine."""
+    """A matt grey material."""
     material = new_material(NAME)
     shader = material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)

@@ -1,4 +1,4 @@
-"""Try It: the four steps on a scene of its own, with no file needed."""
+"""Try It: the four steps on a new scene, without any files."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from ..settings.declared import PATH
 from ..settings.record import error_of
 from .demo import make_demo, remove_demo
 
-# From the front, a little to the right and above, as far away as shows all of the object.
+# The view from the front, a little to the right and above, at a distance that shows the whole object.
 _LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
 _AWAY = 5.5
 
@@ -55,7 +55,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         options=PATH,
     )
 
-    _before = 0  # the scene that the demo's took the place of
+    _before = 0  # session UID of the scene that was shown before
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -98,11 +98,11 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             return {"PASS_THROUGH"}
         redraw_panels(manager)
         self._ticks += 1
-        if running and self._ticks % 3:  # until the window has shown what is about to happen
+        if running and self._ticks % 3:  # let the window redraw first, to show the next step
             return {"PASS_THROUGH"}
         try:
             went_well = self.done(lambda: self._step(context))
-        except BaseException:  # else all operators would wait for this one for ever
+        except BaseException:  # otherwise all operators would wait for this one for ever
             self._end(context, "CANCELLED")
             raise
         if not went_well:
@@ -120,10 +120,10 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             raise
 
     def _take_away(self, context: Any) -> None:
-        """Remove an unfinished demo, and go back to the scene that Try It was pressed in, which shows why."""
+        """Remove an unfinished demo, and return to the scene in which Try It was pressed, which shows the error."""
         demo, before = by_session_uid(bpy.data.scenes, self._scene_uid), by_session_uid(bpy.data.scenes, self._before)
         if demo is None or before in (None, demo) or context.scene != demo:
-            return  # whoever has gone elsewhere meanwhile may have taken something along
+            return  # the user has switched scenes, and may be using its objects
         self._scene_uid = self._before
         context.window.scene = before
         remove_demo(
@@ -138,7 +138,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         return {how}
 
     def _build(self, context: Any) -> None:
-        if self.output:  # a folder that cannot be made is reported before there is a scene
+        if self.output:  # report a folder that cannot be created before making a scene
             ensure_folder(requested_path(self.output), "files")
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
@@ -186,7 +186,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         self.report({"INFO"}, "The low-poly copy wears the photo's normals. To stop the lamp press Relight in 4 Bake")
 
     def _demo(self, context: Any) -> Any:
-        """The demo's scene, as long as the window shows it."""
+        """The demo's scene, if the window still shows it."""
         if context.scene.session_uid != self._scene_uid:
             raise Cancelled
         return context.scene
@@ -197,13 +197,13 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
     def _forget_files(self, context: Any) -> None:
-        """What is done next in the demo's scene goes where it goes in any scene."""
+        """Reset the output paths: later results in the demo's scene go to the default folders."""
         settings = context.scene.mps
         settings.photo.output = settings.estimate.output = settings.bake.output = ""
 
 
 def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
-    """Call one of the add-on's operators. Raises InputError where it fails, with its report."""
+    """Call one of the add-on's operators. Raises InputError if it fails, with its report."""
     try:
         operator(*how, **settings)
     except RuntimeError as error:
@@ -211,7 +211,7 @@ def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
 
 
 def _why(scene: Any, verb: str) -> Exception:
-    """Why a step has left nothing: its error, or else it was cancelled."""
+    """Why a step has no result: its error, or cancellation."""
     error = error_of(scene, verb)
     return InputError(error) if error else Cancelled()
 

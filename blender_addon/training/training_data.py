@@ -1,4 +1,4 @@
-"""Training data: samples rendered by Blenders beside this one, of generated shapes, mesh files or this scene."""
+"""Training data: samples of generated shapes, mesh files or this scene, rendered by separate Blender processes."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -36,7 +36,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     bl_idname = "mps.render_samples"
     bl_label = "Render Samples"
 
-    # Not the scene's: a .blend file must not name the hosts that this machine connects to.
+    # Not stored in the scene: a .blend file must not name hosts that this machine connects to.
     cluster: StringProperty(
         name="Cluster",
         description="Address of a Dask scheduler whose machines render, such as tls://host:8786. "
@@ -74,14 +74,16 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             cluster=cluster,
             cluster_trusted=trusted,
             blender="" if bpy.app.module else bpy.app.binary_path,
-            # Where the extension was enabled just now, the preferences may not be saved yet.
+            # If the extension was just enabled, the preferences may not be saved yet.
             addon="" if bpy.app.module else PACKAGE,
         )
         return operation, [self._sheet]
 
     def _cluster(self) -> tuple[str, bool]:
-        """The cluster's address, "" for none, and whether its network is trusted: by the caller or the preferences,
-        never by a file."""
+        """The cluster's address, "" for none, and whether its network is trusted.
+
+        Both come from the caller or the preferences, never from a file.
+        """
         own = bool(self.cluster)
         address = self.cluster if own else preference("cluster")
         if not address:
@@ -120,7 +122,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         )
 
     def _store_scene(self, path: Path) -> None:
-        """The scene as the rendering Blenders open it. One that is there stays: the samples beside it show it."""
+        """Save the scene for the rendering processes. An existing one is kept: the samples in the folder show it."""
         if path.exists():
             self.report({"INFO"}, f"The scene is as it was when it was first rendered, see {path}")
             return
@@ -130,13 +132,13 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         with written_whole(path) as unfinished:
             try:
                 save_copy(unfinished, compress=True, mend="choose another folder")
-            finally:  # Blender backs up what it saves over
+            finally:  # Blender keeps a backup of a file that it overwrites
                 unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 
     def look(self) -> None:
-        """Show the contact sheet, where the core has written it anew."""
+        """Show the contact sheet if the core has updated it."""
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
-        with suppress(InputError, OSError):  # a sheet that is not there yet or cannot be shown is no reason to stop
+        with suppress(InputError, OSError):  # a sheet that is missing or cannot be shown is no reason to stop
             changed = self._sheet.stat().st_mtime_ns
             if scene is not None and changed != self._seen:
                 self._seen = changed
@@ -153,7 +155,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
 
 def samples_folder(scene: Any) -> Path:
-    """Where the scene's samples go."""
+    """The folder of the scene's samples."""
     given = scene.mps.samples.output
     if given:
         return Path(bpy.path.abspath(given)).resolve()
@@ -161,16 +163,16 @@ def samples_folder(scene: Any) -> Path:
 
 
 def can_denoise() -> bool:
-    """Whether this Blender was built with OpenImageDenoise; those of some Linux distributions are not."""
+    """Whether this Blender was built with OpenImageDenoise. Those of some Linux distributions are not."""
     import _cycles  # type: ignore[import-not-found]
 
     return bool(_cycles.with_openimagedenoise)
 
 
 def samples_status(folder: Path) -> str:
-    """How many samples a folder holds of how many, in words; "" where it holds no job that can be read."""
+    """A folder's sample count and total as text; "" if it has no readable job."""
     try:
-        # A folder changes with every file that appears in it, and counting thousands takes too long for every redraw.
+        # Counting thousands of files is too slow for every redraw; a folder's time changes with every new file.
         return _counted(folder, folder.stat().st_mtime_ns) if (folder / JOB_FILE).is_file() else ""
     except OSError:
         return ""
@@ -186,7 +188,7 @@ def _counted(folder: Path, changed: int) -> str:
 
 
 def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
-    """The selected mesh objects; where nothing is selected, those that the folder's samples show already."""
+    """The selected mesh objects or, if nothing is selected, those that the folder's samples show already."""
     chosen = sorted(obj.name for obj in context.view_layer.objects.selected if obj.type == "MESH")
     if chosen:
         return tuple(chosen)

@@ -1,1 +1,1 @@
-"""Arrays: algorithms on images, masks, graphs and vectors, and statistics, that know of no photo."""
+"""General algorithms on images, masks, graphs and vectors, and statistics."""

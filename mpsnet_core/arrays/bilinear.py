@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 def bilinear(
     image: NDArray[np.floating[Any]], x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]]
 ) -> NDArray[np.floating[Any]]:
-    """Values of an image (H, W) or (H, W, C) at places in pixels, `x` to the right and `y` down: those of their shape.
+    """Values of an image (H, W) or (H, W, C) at pixel coordinates `x` to the right and `y` down, in their shape.
 
-    A pixel's own value is at its middle, 0.5 beyond its number. Beyond the outermost middles the border's values go on.
+    Pixel centres are at index + 0.5. Beyond the outermost centres, values are clamped to the border.
 
     >>> bilinear(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([0.5, 1.0, 9.0]), np.array([0.5, 1.0, 0.0])).tolist()
     [0.0, 1.5, 1.0]

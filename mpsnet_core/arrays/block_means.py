@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.float32]:
-    """(⌈H/factor⌉, ⌈W/factor⌉, C) means of blocks of factor x factor pixels; values that are not finite count as 0."""
+    """(⌈H/factor⌉, ⌈W/factor⌉, C) means of blocks of factor x factor pixels. Non-finite values count as 0."""
     height, width, channels = pixels.shape
     starts = np.arange(0, width, factor)
     counts = np.diff([*starts, width])[:, None]
@@ -21,8 +21,11 @@ def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.fl
 def means_inside(
     image: NDArray[np.float32], mask: NDArray[np.bool_], halvings: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Means (h, w, C) of an image (H, W, C) over the pixels of a mask (H, W), in blocks of 2**halvings pixels a side,
-    and which blocks (h, w) hold any; where none, the mean is 0. The image has to be finite outside the mask, too."""
+    """Means (h, w, C) of an image (H, W, C) over a mask (H, W), in blocks of 2**halvings pixels on a side.
+
+    Also returns (h, w) which blocks contain pixels of the mask; the mean of others is 0. The image must be finite
+    outside the mask, too.
+    """
     if halvings == 0:
         return np.where(mask[..., None], image, np.float32(0)), mask
     total = np.concatenate([image, np.ones((*mask.shape, 1), np.float32)], axis=-1) * mask[..., None]

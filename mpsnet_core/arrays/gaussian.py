@@ -10,7 +10,7 @@ Floats = NDArray[np.floating[Any]]
 
 
 def gaussian(values: Floats, sigma: float, axes: Iterable[int]) -> Floats:
-    """Values under a Gaussian of standard deviation `sigma` along some of their axes; zero beyond their ends.
+    """Values smoothed by a Gaussian of standard deviation `sigma` along these axes; zero beyond their ends.
 
     >>> gaussian(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.5, [0]).round(2).tolist()
     [0.0, 0.11, 0.79, 0.11, 0.0]

@@ -1,4 +1,4 @@
-"""Derivatives of a surface's gradients, which say whether normals are those of a surface: then their curl is zero."""
+"""Derivatives of a surface's gradients. If their curl is zero, the normals are integrable to a surface."""
 
 from typing import Any
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 def gradient_derivatives(
     normals: NDArray[np.floating[Any]], usable: NDArray[np.bool_], least_facing: float
 ) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
-    """Derivatives of the gradients along x, (N, 2), and along y, (N, 2), of all cells of four usable pixels.
+    """Derivatives of the gradients along x, (N, 2), and along y, (N, 2), in all cells of four usable pixels.
 
-    normals: (H, W, 3) unit vectors; those whose z is not above `least_facing` have no reliable gradients and are left
-    out. Steep places have large gradients by nature, so all is multiplied by the square of z.
+    normals: (H, W, 3) unit vectors. Those with z up to `least_facing` have no reliable gradients and are left out.
+    Gradients of steep surfaces are large, so the derivatives are multiplied by the square of z.
     """
     usable = usable & (normals[..., 2] > least_facing)
     facing = np.maximum(normals[..., 2:], least_facing)

@@ -1,12 +1,12 @@
-"""Least squares over texels that hang together in the texture, and over its seams.
+"""Poisson's equation on the graph of a texture's texels, connected within UV islands and across their seams.
 
-Sought are the heights h whose differences come nearest to those that are known between neighbours, in the texture and
-across its seams alike: the least sum w (h_j - h_i - d_ij)², and, where low frequencies shall be held, s_i h_i² besides.
-The normal equations are Poisson's on a surface that is cut into islands and sewn together again: each picture row goes
-on somewhere else, so that the solver for pictures (:mod:`mpsnet_core.relief.integration.poisson`) cannot take them: it
-knows a pixel's neighbours by their place, which makes it several times as fast where that holds. Here each texel keeps
-a list of its neighbours. Else the way is the same, conjugate gradients preconditioned by a multigrid cycle: of every 2
-x 2 texels those of one island become one unknown, over and over, and in the end islands that share a seam do.
+It finds the heights h that minimise sum w (h_j - h_i - d_ij)², for known differences d_ij between neighbours in the
+texture and across its seams, plus s_i h_i² to hold low frequencies.
+
+The solver for images (:mod:`mpsnet_core.relief.integration.poisson`) finds neighbours by their position, which makes it
+several times as fast, but does not work across seams. Here each texel has a list of its neighbours. The method is the
+same: conjugate gradients, preconditioned by a multigrid cycle. A coarser level merges the texels of one island in every
+2 x 2 cells into one unknown; when every island is a single unknown, islands that share a seam are merged.
 """
 
 import logging
@@ -20,13 +20,13 @@ from mpsnet_core.progress import Progress, silent
 
 log = logging.getLogger(__name__)
 
-# What a step across a seam weighs, where one between neighbours in the texture weighs 1: seams crack, gradients do not.
+# Weight of a step across a seam, relative to one between neighbours in the texture: a step at a seam is a crack.
 TOGETHER = 4.0
-# Fewer unknowns than this are solved at once.
+# Fewer unknowns than this are solved directly.
 DIRECT = 400
-# Damping of Jacobi's method that smooths best what a 2 x 2 coarser level cannot hold (2D Laplacian).
+# Damping of Jacobi's method that best smooths what a level of 2 x 2 blocks cannot represent (2D Laplacian).
 DAMPING = 0.8
-# The residual, as a share of the right side, at which the solution counts as found: far below any normals' own errors.
+# Relative residual at which the solver stops: far below the errors of any normals.
 TOLERANCE = 1e-4
 MOST_STEPS = 200
 
@@ -35,12 +35,11 @@ Vector = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Graph:
-    """What hangs together with what: N unknowns in the texture's cells and M ties between any of them.
+    """The connections of N unknowns in the texture's cells: to grid neighbours, and by M ties between any two.
 
-    cells: (N, 2) row and column. islands: (N,).
-    neighbours: (4, N) the unknown to the right, below, to the left and above; its own number where there is none.
-    weights: (4, N) of those; 0 where there is none. ties: (M, 2) and tie_weights: (M,).
-    hold: (N,) what h² itself weighs.
+    cells: (N, 2) row and column. islands: (N,) UV islands.
+    neighbours: (4, N) the unknown to the right, below, to the left and above; its own index if there is none. weights:
+    (4, N) of these links; 0 if there is none. ties: (M, 2) and tie_weights: (M,). hold: (N,) weights of h² itself.
     """
 
     cells: NDArray[np.int32]
@@ -69,8 +68,8 @@ class Graph:
         return out
 
     def right_side(self, right: Vector, below: Vector, across: Vector) -> Vector:
-        """(N,) the normal equations' right side for the differences that are known: to the neighbours on the right
-        and below, (N,) each, and over the ties, (M,), from the first to the second."""
+        """(N,) the right side of the normal equations for known differences: to the neighbours on the right and below,
+        (N,) each, and over the ties, (M,), from the first to the second."""
         out = np.zeros(len(self.islands), np.float32)
         for axis, known in enumerate((right, below)):
             out -= self.weights[axis] * known
@@ -82,8 +81,10 @@ class Graph:
 
 
 def graph_of(islands: NDArray[np.int32], ties: NDArray[np.int32], hold: Vector) -> Graph:
-    """The graph of a texture's N covered texels, numbered row by row. islands: (S, S) the island that holds each texel,
-    -1 where none does. ties: (M, 2). hold: (N,)."""
+    """The graph of a texture's N covered texels in row-major order.
+
+    islands: (S, S) the island of each texel, -1 for none. ties: (M, 2). hold: (N,).
+    """
     covered = islands >= 0
     cells = np.argwhere(covered).astype(np.int32)
     number = np.full(islands.shape, -1, np.int32)
@@ -100,8 +101,8 @@ def graph_of(islands: NDArray[np.int32], ties: NDArray[np.int32], hold: Vector) 
 
 
 class Solver:
-    """Solves a graph's normal equations for any right side. Where nothing holds a connected part, its heights are
-    known up to a constant."""
+    """Solves a graph's normal equations for any right side. A connected part without hold is determined up to a
+    constant."""
 
     def __init__(self, graph: Graph) -> None:
         self.levels = [_Level(graph, graph.diagonal(), None)]
@@ -117,7 +118,7 @@ class Solver:
         self.inverse = _pseudo_inverse(last) if len(last.islands) <= DIRECT else None
 
     def solve(self, right_side: Vector, start: Vector, progress: Progress = silent) -> Vector:
-        """(N,) the heights. start: where to begin.
+        """(N,) the heights. start: initial guess.
 
         Flexible conjugate gradients (Notay 2000): the cycle in float32 is not quite symmetric.
         """
@@ -137,7 +138,7 @@ class Solver:
             direction = step + np.float32(turned) * direction
             image = level.graph.times(direction, level.diagonal)
             scale, size = _dot(step, residual), _dot(direction, image)
-            if scale <= 0 or size <= 0:  # only rounding is left
+            if scale <= 0 or size <= 0:  # only rounding errors remain
                 break
             length = np.float32(_dot(direction, residual) / size)
             before = residual
@@ -148,7 +149,7 @@ class Solver:
         return heights
 
     def _cycle(self, number: int, residual: Vector) -> Vector:
-        """One V-cycle from nothing: smoothed before and after, corrected from the coarser level in between."""
+        """One V-cycle from zero: smoothing, correction from the coarser level, smoothing."""
         level = self.levels[number]
         if level.parent is None and self.inverse is not None:
             return (self.inverse @ residual).astype(np.float32)
@@ -165,7 +166,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class _Level:
-    """A graph, its diagonal, and for each unknown its number on the coarser level; None on the coarsest."""
+    """A graph, its diagonal, and for each unknown its index on the coarser level; None on the coarsest."""
 
     graph: Graph
     diagonal: Vector
@@ -173,8 +174,8 @@ class _Level:
 
 
 def _parents(graph: Graph) -> NDArray[np.int64]:
-    """(N,) which unknowns become one: of one island in 2 x 2 cells; where every island is one, islands that share most
-    of a seam."""
+    """(N,) the coarse unknown of each: one per island and 2 x 2 cells. If every island is a single unknown, those that
+    share most of a seam are merged."""
     cells = graph.cells.astype(np.int64) // 2
     if not (graph.neighbours == np.arange(len(cells))).all():
         width = int(cells[:, 1].max()) + 1
@@ -183,7 +184,7 @@ def _parents(graph: Graph) -> NDArray[np.int64]:
     best = np.arange(len(cells))
     order = np.argsort(graph.tie_weights, kind="stable")
     for one, other in (graph.ties[order].T, graph.ties[order, ::-1].T):
-        best[one] = other  # the last one stays, which is the strongest
+        best[one] = other  # the last write remains, which is the strongest
     return _numbered(connected(len(cells), np.arange(len(cells)), best))
 
 
@@ -203,7 +204,7 @@ def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
         beyond = parent[graph.neighbours[side]]
         leaves = beyond != parent
         neighbours[side, parent[leaves]] = beyond[leaves]
-        # Twice as many differences cross to a neighbour twice as far away: half of their sum is the Laplacian again.
+        # Twice as many links cross to a neighbour twice as far away: half of their sum is the Laplacian again.
         weights[side] = np.bincount(parent[leaves], graph.weights[side, leaves], count) / 2
     ties, weight = _merged(np.sort(parent[graph.ties], axis=1), graph.tie_weights, count)
     hold = np.bincount(parent, graph.hold, count).astype(np.float32)
@@ -211,7 +212,7 @@ def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
 
 
 def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArray[np.int32], Vector]:
-    """Ties between the same two as one, those from one to itself left out."""
+    """Merge ties between the same two unknowns, and drop those from one to itself."""
     apart = ties[:, 0] != ties[:, 1]
     keys, which = np.unique(ties[apart, 0] * count + ties[apart, 1], return_inverse=True)
     summed = np.bincount(which.reshape(-1), weights[apart], len(keys)).astype(np.float32)
@@ -219,7 +220,7 @@ def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArr
 
 
 def _pseudo_inverse(graph: Graph) -> NDArray[np.float64]:
-    """(N, N): the parts that nothing holds keep a mean of 0."""
+    """(N, N) the pseudo-inverse of the matrix, which gives parts without hold a mean of 0."""
     count = len(graph.islands)
     matrix = np.diag(graph.diagonal().astype(np.float64))
     for neighbour, weight in zip(graph.neighbours, graph.weights, strict=True):

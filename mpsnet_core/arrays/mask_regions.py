@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 
-# From regions' labels (H, W) and sizes, (regions + 1,) which of them to select.
+# Maps regions' labels (H, W) and sizes to (regions + 1,) which of them to select.
 Chosen = Callable[[NDArray[np.int32], NDArray[np.int64]], NDArray[np.bool_]]
 
 
@@ -25,7 +25,7 @@ def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArra
     padded = np.zeros((height, width + 2), np.int8)
     padded[:, 1:-1] = mask
     steps = np.diff(padded, axis=1).ravel()
-    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)  # places in rows of width + 1
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)  # positions in rows of width + 1
     roots = connected(len(starts), *_touching(starts, ends, width + 1, int(diagonal)))
     parts = np.unique(roots, return_inverse=True)[1].reshape(-1)
     sizes = np.bincount(parts, ends - starts, parts.max(initial=-1) + 1).astype(np.int64)
@@ -37,8 +37,10 @@ def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArra
 
 
 def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
-    """The rows and columns that a mask, which is not empty, lies in, with a margin in pixels; as slices, whose stop may
-    be beyond the picture's border."""
+    """The rows and columns of the bounding box of a non-empty mask, with a margin in pixels.
+
+    They are slices, whose stop may be beyond the image.
+    """
     rows, columns = (np.flatnonzero(mask.any(axis=axis)).tolist() for axis in (1, 0))
     return (
         slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),

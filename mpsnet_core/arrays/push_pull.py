@@ -10,9 +10,9 @@ from mpsnet_core.arrays.upsample import upsampled
 def push_pull(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Values (H, W) or (H, W, C), extrapolated smoothly from where they are `known`, (H, W) bool, to all other pixels.
 
-    An image pyramid: each level halves the image by the mean of the known ones of four pixels, and unknown pixels are
-    interpolated bilinearly from the coarser level: push-pull of Gortler et al., "The Lumigraph" (SIGGRAPH 1996), with
-    full weight for a pixel that has any known one. Where nothing is known, values stay unchanged.
+    An image pyramid: each level halves the image by the mean of the known pixels among four, and unknown pixels are
+    interpolated bilinearly from the coarser level. This is push-pull of Gortler et al., "The Lumigraph" (SIGGRAPH
+    1996), with full weight for a coarse pixel that contains any known one. If nothing is known, values are unchanged.
     """
     if known.all() or known.size == 1:
         return values

@@ -9,7 +9,7 @@ from mpsnet_core.arrays.row_bands import ROWS, bands, on_all_cores
 
 # Triangles of a smaller area, in texels, are degenerate.
 NO_AREA = 1e-9
-# Texels, and rows of triangles, that are rasterised at once; a hundred bytes each.
+# Texels, and triangle rows, that are rasterised at once; a hundred bytes each.
 AT_ONCE = 1 << 20
 
 
@@ -29,14 +29,14 @@ def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
 def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int32]:
     """(size, size) index of the triangle that covers each texel's centre, -1 where none does.
 
-    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the highest index wins; degenerate ones cover
-    nothing. Memory stays bounded, however many overlap.
+    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the highest index wins. Degenerate ones cover
+    nothing. Memory is bounded, however many overlap.
     """
     return Raster(corners, size).rows(slice(0, size))
 
 
 class Raster:
-    """What :func:`triangle_of_texel` finds, a few rows at a time."""
+    """The result of :func:`triangle_of_texel`, a few rows at a time."""
 
     def __init__(self, corners: NDArray[np.float64], size: int) -> None:
         self.size = size
@@ -44,11 +44,11 @@ class Raster:
         self.top = np.clip(np.ceil(y.min(axis=1)), 0, size).astype(np.int32)
         self.bottom = np.clip(np.floor(y.max(axis=1)) + 1, self.top, size).astype(np.int32)
         self.bottom[texel_areas(corners) <= NO_AREA] = 0
-        # A number for each corner's x and y: (2, 3, T), where neighbouring triangles are neighbours in memory.
+        # (2, 3, T): x and y of each corner, with consecutive triangles contiguous in memory.
         self.x, self.y = np.ascontiguousarray(corners.T)
 
     def rows(self, rows: slice) -> NDArray[np.int32]:
-        """(R, size) index of the triangle that covers each texel's centre in rows from a start to a stop."""
+        """(R, size) index of the triangle that covers each texel's centre in these rows."""
         near = np.flatnonzero((self.bottom > rows.start) & (self.top < rows.stop))
         top = np.maximum(self.top[near], rows.start).astype(np.int64)
         height = np.minimum(self.bottom[near], rows.stop) - top
@@ -64,8 +64,7 @@ class Raster:
         return owner.reshape(rows.stop - rows.start, self.size)
 
     def _span(self, triangle: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """For triangles in rows, each (N,): the first column whose texel centre is covered, and the one after the
-        last."""
+        """For triangles in rows, each (N,): the first covered column, by texel centres, and the one after the last."""
         x, y = self.x.take(triangle, axis=1), self.y.take(triangle, axis=1)
         # Where each of the three edges crosses the row; edges that do not reach it are ignored.
         left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
@@ -86,7 +85,7 @@ def _fill(
 ) -> None:
     """Write triangles, (N,) ascending, to their spans of `count` texels from `first` on, where `owner` is still -1."""
     while len(triangle):
-        if count.sum() > np.count_nonzero(owner < 0):  # some overlap, and may be hidden as a whole
+        if count.sum() > np.count_nonzero(owner < 0):  # some overlap, and may be hidden entirely
             free = np.concatenate([[0], np.cumsum(owner < 0, dtype=np.int32)])
             visible = free[first + count] > free[first]
             triangle, first, count = triangle[visible], first[visible], count[visible]
@@ -96,7 +95,7 @@ def _fill(
         free = np.flatnonzero(owner.take(texel) < 0)
         if len(free) < len(texel):
             texel, new = texel.take(free), new.take(free)
-        owner[texel] = new  # of several the last is written last
+        owner[texel] = new  # the last of several is written last
         triangle, first, count = triangle[:begin], first[:begin], count[:begin]
 
 
@@ -129,7 +128,7 @@ def extend_to_nearest(
         texel, source, row = _nearest(filled[top:bottom], distance)
         own = np.flatnonzero((row >= rows.start - top) & (row < rows.stop - top))
         texel, source = ((number.take(own) + top * width) * channels for number in (texel, source))
-        # Only what is filled is read, and only what is not is written: bands do not depend on one another.
+        # Only filled texels are read, and only others are written: bands are independent.
         for channel in range(channels):
             flat[texel + channel] = flat.take(source + channel)
 
@@ -140,9 +139,9 @@ def extend_to_nearest(
 def _nearest(
     filled: NDArray[np.bool_], distance: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """The texels, by their numbers, within `distance` of the filled ones, the filled one nearest to each, and the
-    row of each."""
-    # A border that counts as done, so that steps never leave the texture.
+    """Flat indices of the texels within `distance` of the filled ones, the filled texel nearest to each, and the row of
+    each."""
+    # A border that counts as done keeps steps within the texture.
     done = np.pad(filled, 1, constant_values=True)
     stride = done.shape[1]
     across = done[:, :-2] & done[:, 1:-1] & done[:, 2:]
@@ -167,5 +166,5 @@ def _nearest(
         origins.append(source)
     texel, source = np.concatenate(reached), np.concatenate(origins)
     row, from_row = texel // stride, source // stride
-    # The border is no part of the numbers.
+    # Convert to indices without the border.
     return texel - 2 * row - (stride - 1), source - 2 * from_row - (stride - 1), row - 1

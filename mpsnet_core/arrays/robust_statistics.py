@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Beyond so many standard deviations the weight is zero: 95% efficiency on normal errors.
+# The weight is zero beyond this many standard deviations: 95% efficiency on normal errors.
 TUKEY = 4.685
 # A normal distribution's standard deviation in median absolute deviations.
 DEVIATIONS = 1.4826
@@ -17,6 +17,6 @@ def deviation(errors: NDArray[np.floating[Any]], least: float = 1e-12) -> float:
 
 
 def biweight(errors: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Weights in 0 to 1 by Tukey's biweight (Beaton and Tukey 1974), for errors of standard deviation `scale`."""
+    """Weights from 0 to 1 by Tukey's biweight (Beaton and Tukey 1974), for errors of standard deviation `scale`."""
     weights: NDArray[np.float64] = np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
     return weights

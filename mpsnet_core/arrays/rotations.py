@@ -1,4 +1,4 @@
-"""Rotations: as vectors along the axis whose length is the angle in radians, as matrices, from quaternions."""
+"""Rotations as rotation vectors (axis times angle in radians), matrices and quaternions."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from mpsnet_core.arrays.unit_vectors import dot
 
 
 def cross_matrix(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 3, 3) that multiplies a vector by vectors (..., 3) from the left, as a cross product."""
+    """(..., 3, 3) matrices of the cross product with vectors (..., 3) on the left."""
     matrix = np.zeros((*vectors.shape, 3))
     for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
         matrix[..., i, j] = sign * vectors[..., k]
@@ -29,7 +29,7 @@ def rotation_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def quaternion_matrix(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
-    """The rows of the rotation matrix of a unit quaternion; its numbers may be arrays."""
+    """The rows of the rotation matrix of a unit quaternion. Its components may be arrays."""
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],

@@ -1,4 +1,4 @@
-"""Bands of rows, which keep intermediate arrays small for images of any size, and let all cores work on one."""
+"""Bands of rows, which keep intermediate arrays small for images of any size, and parallelise the work."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -7,7 +7,7 @@ from typing import TypeVar
 
 Job = TypeVar("Job")
 
-# A multiple of what TIFF and EXR files compress together.
+# A multiple of the rows that TIFF and EXR files compress together.
 ROWS = 256
 
 
@@ -17,7 +17,7 @@ def bands(height: int, rows: int = ROWS) -> list[slice]:
 
 
 def on_all_cores(work: Callable[[Job], None], jobs: Iterable[Job], after: Callable[[], None] = lambda: None) -> None:
-    """Do `work` for every job, in threads; call `after` in this thread once for each. What raises ends all of it."""
+    """Do `work` for every job in threads, and call `after` in this thread once per job. An exception ends all of it."""
     with ThreadPoolExecutor(usable_cores()) as pool:
         try:
             for _ in pool.map(work, jobs):
@@ -28,5 +28,5 @@ def on_all_cores(work: Callable[[Job], None], jobs: Iterable[Job], after: Callab
 
 
 def usable_cores() -> int:
-    """How many cores this process may use."""
+    """Number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""The sizes of pictures that belong together."""
+"""Checks of the sizes of images that belong together."""
 
 from collections.abc import Sequence
 
@@ -9,14 +9,14 @@ SAME_CAMERA = "take both with the same camera, held alike"
 
 
 def size(shape: Sequence[int]) -> str:
-    """Width and height of an array of `shape` (H, W, ...), as messages have them."""
+    """Width and height of an array of `shape` (H, W, ...), as text for messages."""
     return f"{shape[1]} x {shape[0]}"
 
 
 def check_same_size(
     name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = SAME_SIZE
 ) -> None:
-    """Raises GeometryError where two arrays differ in shape; `name` and `other` name them in the sentence.
+    """Raise GeometryError if two arrays differ in shape. The message calls them `name` and `other`.
 
     >>> check_same_size("the mask", (2, 3, 3), "the photo", (2, 3))
     Traceback (most recent call last):

@@ -10,13 +10,13 @@ SHORTEST = 1e-12
 
 
 def dot(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-    """Dot products (...) of vectors (..., K), whose shapes broadcast; of float32 in float32."""
+    """Dot products (...) of vectors (..., K), whose shapes broadcast. Those of float32 are computed in float32."""
     products: NDArray[Any] = np.einsum("...i,...i->...", one, other)
     return products
 
 
 def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
-    """Vectors (..., 3) scaled to unit length, of the same floating type; zero vectors become +z, never NaN.
+    """Vectors (..., 3) scaled to unit length, in the same floating type. Zero vectors become +z, never NaN.
 
     >>> normalised(np.array([[3.0, 0.0, 4.0], [0.0, 0.0, 0.0]])).tolist()
     [[0.6, 0.0, 0.8], [0.0, 0.0, 1.0]]
@@ -28,9 +28,9 @@ def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
 
 
 def transformed(matrix: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A matrix (M, 3) times vectors (3, N), which is (M, N); each column the same however many there are.
+    """(M, N) a matrix (M, 3) times vectors (3, N). A column's result does not depend on the number of columns.
 
-    BLAS has ways of its own for few columns and for the last ones, which round otherwise.
+    With BLAS it would: few columns, and the last ones, take other code paths with other rounding.
     """
     product: NDArray[np.float32] = np.einsum("mi,in->mn", matrix, vectors)
     return product

@@ -17,8 +17,10 @@ def reduced_shape(height: int, width: int, longest: int) -> tuple[int, int]:
 def chosen_pixels(
     small_height: int, small_width: int, height: int, width: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(h,) rows and (w,) columns of the large image's pixels at the middles of the small one's pixels; or the other way
-    round, of the small image's pixels that the large one's lie in."""
+    """(h,) rows and (w,) columns of a large image's pixels at the centres of a small one's.
+
+    The other way round, with the sizes swapped, those of the small image's pixels that contain the large one's centres.
+    """
     rows = ((np.arange(small_height) + 0.5) * height / small_height).astype(np.int64)
     columns = ((np.arange(small_width) + 0.5) * width / small_width).astype(np.int64)
     return rows, columns

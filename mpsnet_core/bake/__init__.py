@@ -1,1 +1,1 @@
-"""The object's surface: its mesh and tangents, and the baking of normals onto its UVs."""
+"""Baking of normals and colours onto a mesh's UVs."""

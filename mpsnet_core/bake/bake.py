@@ -32,11 +32,11 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.generic)
 
-# Points that a core works on at once: few enough to stay in its cache, and many enough for NumPy.
+# Sample points that a CPU core processes at once: few enough for its cache, enough to make NumPy efficient.
 POINTS_AT_ONCE = 1 << 17
-# Points of texels that have several of them that are held at once; about 20 bytes each.
+# With supersampling, sample points that are held in memory at once; about 20 bytes each.
 POINTS_HELD = 1 << 22
-# The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
+# The weight of the mesh's own normal where views fade out: that of a view at 80 degrees to the surface normal.
 FADE = 1e-3
 
 
@@ -54,34 +54,34 @@ def bake_normals(
     fill: bool = False,
     progress: Progress = silent,
 ) -> Texture:
-    """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
+    """Bake the views' normals onto the mesh's UVs in the unit square.
 
     Parameters
     ----------
     mesh : Mesh
-        With UVs.
+        A mesh with UVs.
     views : sequence of View
-        Read one after the other, and more than once where memory does not hold them all.
+        Read one after the other, and more than once if they do not all fit into memory.
     size, space, margin, padding, samples, feather, strength, fill
-        As for :class:`mpsnet_core.bake.settings.Baking`.
+        See :class:`mpsnet_core.bake.settings.Baking`.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Returns
     -------
     Texture
         Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
         between surface and camera. Texels that no view sees keep the mesh's shading normal unless they are filled.
-        Colours have the same weights; where no view has one, and beyond the islands, they continue smoothly.
+        Colours have the same weights. Where no view has one, and beyond the UV islands, they are extrapolated smoothly.
 
     Raises
     ------
     SettingsError
-        Where a number is out of range.
+        If a number is out of range.
     GeometryError
-        Where there is no view, or no texel is seen.
+        If there is no view, or no texel is seen.
     Cancelled
-        Where `progress` raises it.
+        If `progress` raises it.
     """
     baking = Baking(size, space, margin, padding, samples, feather, strength, fill)
     ((_, texture),) = bake_texture_sets([mesh], views, texture_sets([mesh]), baking, progress=progress)
@@ -96,34 +96,34 @@ def bake_texture_sets(
     *,
     progress: Progress = silent,
 ) -> Iterator[tuple[TextureSet, Texture]]:
-    """Bake the views' normals onto the UVs of several meshes, which occlude one another, a texture for each set.
+    """Bake the views' normals onto the UVs of several meshes, which occlude one another: one texture for each set.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-        In one world.
+        Meshes in one world space.
     views : sequence of View
-        As for :func:`bake_normals`.
+        See :func:`bake_normals`.
     chosen : sequence of TextureSet
-        Of :func:`mpsnet_core.bake.texture_sets.texture_sets`, of the same meshes.
+        Texture sets of these meshes, from :func:`mpsnet_core.bake.texture_sets.texture_sets`.
     baking : Baking
         How the textures are baked.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Yields
     ------
     (TextureSet, Texture)
-        One texture at a time, computed when it is requested; none for sets without texels.
+        One texture at a time, computed when requested. Sets without texels are skipped.
 
     Raises
     ------
     GeometryError
-        Where there is no view, no texel lies on the UVs, or no view sees any of the meshes.
+        If there is no view, no texel lies on the UVs, or no view sees any of the meshes.
     """
     bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
-    # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
-    hopeful = any(triangles.any() for triangles in bake.seen)
+    # Unseen textures are held back until some texel is known to be seen: if none is, that is an error.
+    mesh_seen = any(triangles.any() for triangles in bake.seen)
     any_seen, any_covered, waiting = False, False, list[TextureSet]()
     for number, texture_set in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
@@ -133,7 +133,7 @@ def bake_texture_sets(
                 log.info("%s: no texel lies on its UVs, so there is no texture of it", texture_set.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
-        if not (any_seen or hopeful):
+        if not (any_seen or mesh_seen):
             waiting.append(texture_set)
             continue
         step(0.9, "growing the margin")
@@ -145,7 +145,7 @@ def bake_texture_sets(
             raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
         raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        if not hopeful and masks_hide_all(meshes, bake.projectors):
+        if not mesh_seen and masks_hide_all(meshes, bake.projectors):
             raise GeometryError(
                 "no view sees any of the mesh within its mask, although the cameras see it; check that the masks (the "
                 "normal maps' alpha) show the object, and that each camera is that of its photo"
@@ -176,7 +176,7 @@ def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, pro
 def _finished(texture: Texture, baking: Baking) -> Texture:
     colours = texture.colours
     if colours is not None:
-        # What no view sees has no colour: it continues smoothly, there and beyond the islands.
+        # Extrapolate colours smoothly to where no view sees the surface, and beyond the islands.
         known = colours[..., 3] > 0
         colours = np.concatenate([push_pull(colours[..., :3], known), known[..., None]], axis=-1, dtype=np.float32)
         if baking.padding == "none":
@@ -187,8 +187,11 @@ def _finished(texture: Texture, baking: Baking) -> Texture:
 
 @dataclass(frozen=True)
 class _Bake:
-    """What all textures of a bake share. seen: for each mesh, (T,) whether a view sees its triangles' middles. islands:
-    for each mesh, (T,) the UV island of its triangles; None where nothing is filled."""
+    """What all textures of a bake share.
+
+    seen: for each mesh, (T,) whether a view sees the centres of its triangles. islands: for each mesh, (T,) the UV
+    island of each triangle, or None if nothing is filled.
+    """
 
     meshes: Sequence[Mesh]
     projectors: Projectors
@@ -198,14 +201,14 @@ class _Bake:
     islands: Sequence[NDArray[np.int32]] | None
 
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
-        """The texture set's texture, without padding; None where no texel lies on it."""
+        """The texture set's texture, without padding, or None if no texel lies on its UVs."""
         size, samples = self.baking.size, self.baking.samples
         surfaces, seen = [], []
         for mesh, triangles, seen_of in zip(self.meshes, texture_set.parts, self.seen, strict=True):
             if triangles is None or len(triangles):
                 surfaces.append(UnderTexels(mesh, triangles, texture_set.corner, self.middle, size * samples))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
-        # Where UVs overlap (as mirrored halves do), the triangle that a view sees wins: the last one laid down.
+        # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
         under = _Under(surfaces, order, Raster(corners[order], size * samples))
@@ -213,11 +216,11 @@ class _Bake:
         island_of = self._islands(texture_set)
         filled = (0, 0) if island_of is None else (size, size)
         islands, known = np.full(filled, -1, np.int32), np.zeros(filled, bool)
-        # Of a texel's several points a few rows at once. Views that memory does not hold are read again for each time:
-        # then as many points as texels.
-        held = POINTS_HELD if self.projectors.all else size**2
+        # With supersampling, a few rows at once. Views that do not fit into memory are read again for each group of
+        # rows; then a group has at least as many points as the texture has texels.
+        held = POINTS_HELD if self.projectors.all else max(POINTS_HELD, size**2)
         groups = [slice(0, size)] if samples == 1 else bands(size, max(1, held // (size * samples**2)))
-        sampled = 0.9 if island_of is None else 0.6  # the share of the work
+        sampled = 0.9 if island_of is None else 0.6  # fraction of the work
         for number, rows in enumerate(groups):
             step = part(progress, sampled * number / len(groups), sampled * (number + 1) / len(groups))
             fine = slice(rows.start * samples, rows.stop * samples)
@@ -268,7 +271,7 @@ class _Bake:
         return together
 
     def _sample(self, points: Texture, under: "_Under", rows: slice, progress: Progress) -> None:
-        """Write the views' samples at the texture's rows into `points`, which has no others, (R, C)."""
+        """Write the views' samples at these rows of the texture into `points`, (R, C), which holds those rows alone."""
         width = points.covered.shape[1]
         jobs = bands(rows.stop - rows.start, max(1, POINTS_AT_ONCE // width))
         views, done = len(self.projectors.views), 0
@@ -297,7 +300,7 @@ class _Bake:
                         sums.keep(here, texels)
                 if last:
                     here.seen[...] = here.views != 0
-                    # The surface's own normal, or none, is straight up.
+                    # +z: the surface's own normal in tangent space, or no surface.
                     flat = ~here.covered if self.baking.space == "object" else ~here.seen
                     here.vectors.reshape(-1)[3 * np.flatnonzero(flat) + 2] = 1
 
@@ -317,10 +320,13 @@ class _Bake:
         normal: NDArray[np.float32],
         sums: ViewAccumulator,
     ) -> None:
-        """Write what the sums come to at texels, by their numbers. normal: (3, N) the surface's, in the world."""
+        """Write the accumulated means at the texels of these flat indices.
+
+        normal: (3, N) the surface's own normals, in world space.
+        """
         assert points.spread is not None and points.views is not None
         points.views.ravel()[texels] = sums.views
-        # In tangent space the surface's own normal need not be computed.
+        # In tangent space the surface's own normal is +z and need not be computed.
         some = np.flatnonzero(sums.views) if self.baking.space == "tangent" else np.arange(len(texels))
         fade = np.float32(FADE * (self.projectors.feather > 0))
         mean = np.stack([sums.sums[:, axis].take(some) + normal[axis].take(some) * fade for axis in range(3)])
@@ -336,16 +342,20 @@ class _Bake:
 
 @dataclass(frozen=True)
 class _Under:
-    """What lies under a texture's points. raster: of the surfaces' triangles, one surface's behind the other's, in an
-    `order` of their own."""
+    """The surfaces under a texture's sample points.
+
+    raster: rasterised triangles of all surfaces, concatenated and sorted by `order`.
+    """
 
     surfaces: Sequence[UnderTexels]
     order: NDArray[np.int64]
     raster: Raster
 
     def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[UnderTexels, NDArray[np.int64], NDArray[np.int64]]]:
-        """Each surface, and, (N,), its triangles and the points that they lie under, row by row. laid: (R, C) of the
-        raster."""
+        """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
+
+        laid: (R, C) triangle numbers, rows of the raster.
+        """
         texels = np.flatnonzero(laid >= 0)
         triangle = self.order.take(laid.ravel().take(texels))
         if len(self.surfaces) == 1:
@@ -359,21 +369,24 @@ class _Under:
 
 
 def _averaged(points: Texture, samples: int) -> Texture:
-    """Texels of samples x samples points: the mean of those that a view sees, else of those on the surface, as vectors;
-    its length is brought to 1. Of colours the mean of those that are known."""
+    """Average samples x samples points to a texel.
+
+    A texel's normal is the normalised mean of the points that a view sees or, if none is seen, of all points on the
+    surface. Its colour is the mean of the known ones.
+    """
     height, width = (length // samples for length in points.covered.shape)
 
     def blocks(values: NDArray[T]) -> NDArray[T]:
         return values.reshape(height, samples, width, samples, *values.shape[2:])
 
     seen = blocks(points.seen).any(axis=(1, 3), keepdims=True)
-    # A point that no view sees has the surface's own normal, which would flatten what the points beside it show.
+    # Points that no view sees hold the surface's own normal, which would flatten the detail of their neighbours.
     counts = (blocks(points.covered) & (blocks(points.seen) | ~seen)).reshape(points.covered.shape)
     weight = blocks(counts).sum(axis=(1, 3), dtype=np.float32)
     vectors = blocks(np.where(counts[..., None], points.vectors, 0)).sum(axis=(1, 3))
     colours = None
     if points.colours is not None:
-        # Unknown colours are zero, and so is what they count for.
+        # Unknown colours are zero, and so is their weight.
         total = blocks(points.colours).sum(axis=(1, 3))
         colours = total / np.maximum(total[..., 3:], 1)
     assert points.views is not None and points.spread is not None
@@ -389,7 +402,7 @@ def _averaged(points: Texture, samples: int) -> Texture:
 
 
 def _blank(shape: tuple[int, int], space: Space, colours: bool) -> Texture:
-    """A texture of zeros, to be filled in."""
+    """A texture of zeros."""
     return Texture(
         np.zeros((*shape, 3), np.float32),
         np.zeros(shape, bool),

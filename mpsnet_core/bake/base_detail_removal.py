@@ -1,6 +1,6 @@
-"""What a photo shows of the normal map that an object wears already: taken out of it, lest it be laid onto itself.
+"""Removal of the base map's relief from a view's normals, because adding detail to the map would double it.
 
-A map that was sculpted is not to be seen in a photo; one that was made of the same object is.
+A photo shows the relief of a map that was made from the same object, but not of one that was sculpted.
 """
 
 import logging
@@ -30,33 +30,33 @@ log = logging.getLogger(__name__)
 Shown = Literal["auto", "yes", "no"]
 SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
 
-# A smaller share of the map than this is chance.
+# An estimated share below this is taken for chance.
 LEAST_SHARE = 0.25
-# Radians: maps whose relief is fainter than this allow no estimate of the share.
+# Radians: relief fainter than this is too weak to estimate the share from.
 FAINT = 0.01
-# How fine the map is beside the photo is probed at this many pixels on the photo's longer side.
+# Pixels on the photo's longer side at which the resolutions of map and photo are compared.
 PROBED_PIXELS = 128
 
 
 @dataclass(frozen=True, eq=False)
 class BaseMap:
-    """The normal map that an object wears, to add detail to.
+    """A normal map that an object has already, and that detail is added to.
 
     Parameters
     ----------
     vectors : (H, W, 3) float32 array
         Unit vectors in tangent space, row 0 at v = 1.
     shown : {"auto", "yes", "no"}
-        Whether the photos show its relief as well; "auto" estimates how much of it.
+        Whether the photos show its relief, too; "auto" estimates the share of it.
     triangles : (T,) bool array, optional
-        Triangles of the mesh that wear it; all by default.
+        Triangles of the mesh that it applies to; all by default.
     corner : (int, int), optional
-        Lower left corner of the only unit square of UV space where it lies; by default it lies from 0 to 1.
+        Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1.
 
     Raises
     ------
     SettingsError
-        Where `shown` is none of these words.
+        If `shown` is none of these.
     """
 
     vectors: NDArray[np.float32]
@@ -76,11 +76,11 @@ def remove_base_details(
     base_maps: Sequence[BaseMap],
     shares: Sequence[float] | None = None,
 ) -> tuple[NormalMap, tuple[float, ...]]:
-    """:func:`remove_base_detail` for each of several maps that parts of the mesh wear, with the shares of all."""
+    """Apply :func:`remove_base_detail` for each of the maps on parts of the mesh. Returns their shares, too."""
     found = []
     for number in range(len(base_maps)):
         share = None if shares is None else shares[number]
-        if share != 0:  # else it need not even be read
+        if share != 0:  # otherwise the map need not be read
             normals, share = remove_base_detail(normals, camera, mesh, scene, base_maps[number], share)
         found.append(share)
     return normals, tuple(found)
@@ -89,29 +89,29 @@ def remove_base_details(
 def remove_base_detail(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap, share: float | None = None
 ) -> tuple[NormalMap, float]:
-    """A view's normals without the relief of the map that the mesh wears.
+    """Remove the relief of the mesh's base map from a view's normals.
 
     Parameters
     ----------
     normals : NormalMap
-        The view's, in camera space.
+        The view's normals, in camera space.
     camera : Camera
-        What the view's pixels see.
+        The view's camera.
     mesh : Mesh
         The mesh.
     scene : RayScene
-        The mesh's, in the world.
+        The mesh for ray casting, in world space.
     base_map : BaseMap
-        The map that the mesh wears.
+        The mesh's base map.
     share : float, optional
-        Share of the relief, 0 to 1, that the view shows, where it is known. By default `base_map.shown` decides; "auto"
-        is the least-squares share of the map's relief in the view's, both levelled
-        (:mod:`mpsnet_core.bake.low_frequency_correction`), because low frequencies may be wrong in the view.
+        Share of the relief, 0 to 1, that the view shows, if it is known. By default `base_map.shown` decides; "auto"
+        fits the map's relief to the view's by least squares, after the low frequencies of both are corrected
+        (:mod:`mpsnet_core.bake.low_frequency_correction`): a view's own may be wrong.
 
     Returns
     -------
     normals : NormalMap
-        Each normal turned by that share of the rotation from the mesh's normal with the map to that without.
+        Each normal is turned by that share of the rotation from the mesh's normal with the map to that without it.
     share : float
         The share of the relief that was removed.
     """
@@ -138,7 +138,7 @@ def remove_base_detail(
 
 
 def note_shares(shares: Sequence[Sequence[float]]) -> None:
-    """Log how many views show the present maps' relief. shares: for each view, what of each map was taken out of it."""
+    """Log how many views show the base maps' relief. shares: for each view, the share removed of each map."""
     taken = [share for of_view in shares for share in of_view if share]
     if taken:
         share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
@@ -146,14 +146,14 @@ def note_shares(shares: Sequence[Sequence[float]]) -> None:
 
 
 def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
-    """The share of a map's relief, departures (N, 3) from the mesh's normals, in those of a view (N, 3)."""
+    """The least-squares share of a map's relief (N, 3) in a view's (N, 3), both as offsets from the mesh's normals."""
     known = float((relief * relief).sum(dtype=np.float64)) + len(relief) * FAINT**2
     share = float((view * relief).sum(dtype=np.float64)) / known
     return min(share, 1.0) if share >= LEAST_SHARE else 0.0
 
 
 def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: BaseMap) -> NDArray[np.bool_]:
-    """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
+    """(H, W) the mask, limited to the bounding rectangle in the image of the triangles that the map applies to."""
     if base_map.triangles is None:
         return mask
     points = mesh.world_vertices[np.unique(mesh.triangles[base_map.triangles])]
@@ -171,7 +171,7 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: B
 
 
 def _wears(seen: MeshSeen, base_map: BaseMap) -> NDArray[np.bool_]:
-    """(M,) whether what is seen wears the map."""
+    """(M,) whether the map applies at each surface point."""
     worn = np.ones(len(seen.triangle), bool) if base_map.triangles is None else base_map.triangles[seen.triangle]
     if base_map.corner is None:
         return worn
@@ -182,8 +182,10 @@ def _wears(seen: MeshSeen, base_map: BaseMap) -> NDArray[np.bool_]:
 def _normals_worn(
     mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """The mesh's own shading normals (H, W, 3), those with its present map, in camera space, and (H, W) where it is
-    seen within the mask and wears the map."""
+    """Shading normals (H, W, 3) of the mesh without and with its base map, in camera space, and (H, W) their validity.
+
+    They are valid where the mesh is seen within the mask and the map applies.
+    """
     own, worn = np.zeros((2, *mask.shape, 3), np.float32)
     visible = np.zeros_like(mask)
     for rows in bands(len(mask)):
@@ -205,7 +207,7 @@ def _normals_worn(
 def _as_fine_as_seen(
     base_map: BaseMap, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
 ) -> NDArray[np.float32]:
-    """The map with about as many pixels as the photo has on the surface: finer relief is not seen in it."""
+    """The map, reduced to about the photo's resolution on the surface: the photo does not show finer relief."""
     height, width = mask.shape
     rows, columns = chosen_pixels(*reduced_shape(height, width, PROBED_PIXELS), height, width)
     row, column = np.nonzero(mask[np.ix_(rows, columns)])

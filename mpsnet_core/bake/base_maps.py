@@ -1,4 +1,4 @@
-"""Which present normal map lies beneath which texture: by the textures' tokens in its name, or listed in a file."""
+"""Base maps of textures, found by the tokens of the textures' names or in a list file."""
 
 import logging
 import os
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class MapFile:
-    """The file of a present map and the way its green points."""
+    """The file of a base map and the convention of its green channel."""
 
     file: Path
     convention: Convention
@@ -33,13 +33,13 @@ class MapFile:
 def base_map_files(
     given: str | os.PathLike[str], convention: Convention, texture_sets: Sequence[TextureSet]
 ) -> list[MapFile | None]:
-    """The map beneath each of the texture sets, None where there is none.
+    """The base map of each texture set, None where there is none.
 
-    given: an image, <UDIM>, <MATERIAL> and <OBJECT> in its name standing for what they do in the textures' names; or a
-    .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that is for a texture set's
-    object and material is taken. convention: of the image, and of the maps for which the list says none.
+    given: an image, whose name may contain the same tokens <UDIM>, <MATERIAL> and <OBJECT> as the textures' names; or a
+    .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that matches a texture set's
+    object and material applies. convention: of the image, and of listed maps without one.
 
-    Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no texture set
+    Raises InputError if the list is malformed, a name has a token that the textures are not split by, or no texture set
     has a map.
     """
     base_files: list[MapFile | None] = [None] * len(texture_sets)
@@ -53,7 +53,7 @@ def base_map_files(
             zip(texture_sets, map_files(entry.file, texture_sets), strict=True)
         ):
             meant = entry.object in (None, texture_set.object) and entry.material in (None, texture_set.material)
-            # Not every object or tile need have a map; one that is named in full and missing fails where it is read.
+            # Not every object or tile needs a map. A missing file whose name has no tokens fails when it is read.
             if meant and base_files[number] is None:
                 sought[number] = file
                 if file == entry.file or file.is_file():
@@ -69,9 +69,9 @@ def base_map_files(
 
 
 def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
-    """The one map that goes beneath every texture of a sequence.
+    """The base map of every texture of a sequence.
 
-    Raises InputError where the file stands for several maps, or cannot be read.
+    Raises InputError if the file stands for several maps, or cannot be read.
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
@@ -80,14 +80,14 @@ def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
 
 
 class BaseMaps(Sequence[BaseMap]):
-    """The present maps of meshes, read when one is requested; the last one stays in memory. All are read once at first.
+    """The base maps of meshes, read on request. The last one stays in memory. All are read once at construction.
 
     Texture sets that share a map and a unit square of UV space share one :class:`BaseMap`, whose triangles are those of
-    the meshes joined (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
+    the joined meshes (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
 
-    beneath: of :func:`base_map_files`, for the texture sets.
+    base_files: from :func:`base_map_files`, for the texture sets.
 
-    Raises InputError where a map cannot be read.
+    Raises InputError if a map cannot be read.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class BaseMaps(Sequence[BaseMap]):
         self._number = {texture_set: number for number, parts in enumerate(together.values()) for texture_set in parts}
         self._last: tuple[MapFile, NDArray[np.float32]] | None = None
         for map_file in dict.fromkeys(key for key, _ in together):
-            self._vectors(map_file)  # a map that cannot be read fails before the work
+            self._vectors(map_file)  # an unreadable map fails before the long work
 
     def __len__(self) -> int:
         return len(self._maps)
@@ -118,23 +118,23 @@ class BaseMaps(Sequence[BaseMap]):
         return BaseMap(self._vectors(one), self.shown, triangles, corner)
 
     def vectors_for(self, texture_set: TextureSet) -> NDArray[np.float32] | None:
-        """(H, W, 3) the vectors of the map beneath a texture set, None where there is none."""
+        """(H, W, 3) the vectors of a texture set's base map, None if it has none."""
         number = self._number.get(texture_set)
         return None if number is None else self._vectors(self._maps[number][0])
 
     def in_photos(self) -> Sequence[BaseMap]:
-        """Those whose relief the photos may show."""
+        """The maps whose relief the photos may show."""
         return () if self.shown == "no" else self
 
     def _vectors(self, map_file: MapFile) -> NDArray[np.float32]:
         if self._last is None or self._last[0] != map_file:
-            self._last = None  # before the next is read: each may be large
+            self._last = None  # free it before the next is read: each may be large
             self._last = map_file, read_base_map(map_file.file, convention=map_file.convention)
         return self._last[1]
 
 
 def _triangles(texture_sets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
-    """(T,) which of the meshes' triangles lie on one of the texture sets; None for all."""
+    """(T,) which of the meshes' triangles belong to the texture sets; None for all."""
     if any(all(part is None for part in texture_set.parts) for texture_set in texture_sets):
         return None
     ends = np.cumsum([0] + [len(mesh.triangles) for mesh in meshes])

@@ -1,7 +1,7 @@
-"""Colours matched across views: a gain for each view and channel, from the places that several views see.
+"""Colour matching across views: a gain for each view and channel, from points that several views see.
 
-Each view's albedo has a scale of its own, as no photo states its exposure, and a tint of its own, where the white
-balance or the light was another. Where two views see one place, the ratio of their colours shows by how much.
+The scale of an albedo differs between views, because a photo's exposure is unknown. So does its tint, if white balance
+or light changed. The ratio of the colours of two views at a common point shows by how much.
 """
 
 import logging
@@ -20,22 +20,22 @@ from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
 
-# Fewer places than this, of those that two views share, are no measure.
+# Two views need this many common points to be matched.
 LEAST_SHARED = 30
-# Below this share of the channel's 99th percentile a colour is too dark for a ratio.
+# Colours darker than this fraction of the channel's 99th percentile are too dark for a ratio.
 DARK = 0.02
-# The brightest colour, by this percentile, does not become brighter than 1, where PNG clips.
+# Gains must not lift this percentile above 1, where PNG clips.
 BRIGHTEST_PERCENTILE = 99.5
 
 
 def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """(V, 3) what to multiply the channels of V views by, so that they agree where they see the same.
+    """(V, 3) gains for the channels of V views that make them agree where they see the same surface.
 
     looks: for each view (N, 4) what it sees at N points of the surface: the colour times its weight, and the weight.
 
-    Of each two views it takes the median ratio at the points that both see well: highlights and wrong normals are
-    outliers. The mean over views that overlap, of the gains' logarithms, is 0 in each channel, so that no channel gains
-    on another; all gains are smaller where the brightest colours would be clipped.
+    Each pair of views contributes the median ratio at the points that both see well: highlights and wrong normals are
+    outliers. In each group of overlapping views the gains' logarithms have mean 0 in each channel, which keeps the
+    overall tint. All gains are reduced if the brightest colours would clip.
     """
     count = len(looks)
     values = np.stack([look[:, :3] / np.maximum(look[:, 3:], 1e-12) for look in looks])
@@ -61,7 +61,7 @@ def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
                 left[channel][[one, other], [other, one]] -= len(both)
                 right[channel][[one, other]] += -len(both) * apart, len(both) * apart
                 alone[[one, other]] = False
-    # The solution of least norm: its mean is 0 in each group of views that overlap.
+    # The minimum-norm solution: its mean is 0 in each group of overlapping views.
     gains = np.exp([np.linalg.lstsq(*equations, rcond=1e-9)[0] for equations in zip(left, right, strict=True)]).T
     gains *= _darkening(values[seen], (values * gains[:, None])[seen])
     _note(gains, alone)
@@ -69,7 +69,7 @@ def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
 
 
 def matched_views(views: Sequence[View], meshes: Sequence[Mesh], feather: float) -> list[View]:
-    """The views, all of which have colours, with these matched. meshes, feather: as the bake takes them."""
+    """The views with matched colours. All views must have colours. meshes, feather: as the bake takes them."""
     mesh = join_meshes(meshes)
     looked = agreement(mesh, RayScene.of(mesh), feather)
     for view in views:
@@ -90,7 +90,7 @@ def _bright(values: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.
 
 
 def _darkening(before: NDArray[np.floating[Any]], after: NDArray[np.floating[Any]]) -> float:
-    """By how much all gains have to be smaller."""
+    """The factor, at most 1, on all gains that prevents clipping."""
     if not len(before):
         return 1.0
     was, now = (float(np.percentile(values.max(axis=-1), BRIGHTEST_PERCENTILE)) for values in (before, after))

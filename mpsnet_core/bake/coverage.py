@@ -1,4 +1,4 @@
-"""Coverage: which texels of a texture some view saw, as a picture."""
+"""Coverage: which texels of a texture some view saw, as an image."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.io.image_writing import write_mask
 
-# What the picture holds where a texel was filled; 1 where a view saw it, 0 elsewhere.
+# Value of filled texels; seen ones are 1, all others 0.
 FILLED = 0.5
 
 
 def write_coverage(path: Path, texture: Texture) -> None:
-    """Write what was seen of a texture, continued by a texel beyond the islands. Raises FileError."""
+    """Write a texture's coverage, dilated by one texel beyond the islands. Raises FileError."""
     seen = texture.seen.astype(np.float32)
     if texture.filled is not None:
         seen[texture.filled] = FILLED

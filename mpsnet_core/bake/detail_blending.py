@@ -1,4 +1,4 @@
-"""Detail on top of a normal map that the object has already: nothing of that is lost, whatever the photo shows."""
+"""Detail added on top of an object's base map, whose relief is kept."""
 
 import os
 from dataclasses import replace
@@ -15,21 +15,21 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode
 
-# How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep gradients are.
+# Tolerance on the unit length of decoded normals: 8 bits, JPEG and averages of steep gradients change it.
 NEARLY_UNIT = 0.1
-# Of the pixels that are no background, the share that must be normals.
+# The fraction of the pixels other than background that must be normals.
 NORMALS_SHARE = 0.6
-# Background (black, white, a clear grey, transparent) takes the value of normals so many pixels away.
+# Background (black, white, neutral grey, transparent) takes the value of normals up to this many pixels away.
 MARGIN = 16
 
 
 def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Read a tangent-space normal map that an object wears.
+    """Read the tangent-space normal map of an object.
 
     Parameters
     ----------
     path : str or PathLike
-        An image of 8 or 16 bits or float, of any size; row 0 at v = 1.
+        An image of 8 or 16 bits or float, of any size. Row 0 is at v = 1.
     convention : {"opengl", "directx"}
         Whether green points up or down.
 
@@ -41,17 +41,17 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     Raises
     ------
     FileError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it is no normal map, or one in object space.
+        If it is no normal map, or an object-space one.
     """
     colours, alpha = read_data(path)
     length = np.empty(colours.shape[:2], np.float32)
     for rows in bands(len(colours)):
         length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
-    # Where alpha holds something else, such as gloss or height, these are normals all the same.
+    # Normals count even where alpha is 0: alpha may hold gloss or height instead.
     unit = np.abs(length - 1) < NEARLY_UNIT
-    # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
+    # Black and white decode to vectors of length sqrt(3), neutral grey to length 0: background.
     opaque = np.ones(length.shape, bool) if alpha is None else alpha > 0
     filled = unit | (opaque & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT))
     if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
@@ -68,14 +68,14 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
 
 
 def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
-    """The texture's normals as detail on those of the present map.
+    """Blend the texture's normals as detail onto the base map.
 
     Parameters
     ----------
     texture : Texture
-        In tangent space. Where it is flat, the present map stays as it is.
+        Detail in tangent space. Where it is flat, the result is the base map.
     base_map : (H, W, 3) float32 array
-        Unit vectors in tangent space; resampled to the texture's size. Where it is flat, the texture stays as it is.
+        Unit vectors in tangent space, resampled to the texture's size. Where it is flat, the result is the texture.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
     Raises
     ------
     SettingsError
-        Where the texture is not in tangent space.
+        If the texture is not in tangent space.
 
     Notes
     -----
@@ -102,7 +102,7 @@ def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
 
 
 def check_blending(space: str) -> None:
-    """Raises SettingsError where a texture in that space cannot be laid onto another."""
+    """Raise SettingsError if textures in that space cannot be blended."""
     if space != "tangent":
         raise SettingsError("only a texture in tangent space can go on top of a present map; bake in tangent space")
 
@@ -121,7 +121,7 @@ def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArra
 
 
 def resampled(vectors: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
-    """Linear between pixels where there are more than before, means of pixels where there are fewer."""
+    """Resample to another size: linear interpolation to enlarge, area means to reduce."""
     region = oiio.ROI(0, width, 0, height, 0, 1, 0, 3)
     result = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(vectors)), filtername="triangle", roi=region)
     return np.asarray(result.get_pixels(oiio.FLOAT), np.float32)

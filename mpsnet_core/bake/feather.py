@@ -1,4 +1,4 @@
-"""Feathering: a view counts less and less towards its borders, so that none begins or ends with a step."""
+"""Feathering: a view's weight falls off towards its borders, to avoid visible seams."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,21 +6,22 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.upsample import chosen_pixels
 from mpsnet_core.scene.visibility import Visibility
 
-# As a share of the mesh's size.
+# Width of the falloff, as a fraction of the mesh's size.
 FEATHER = 0.03
-# What is left at the very border: a doubtful normal is better than none where no other view looks.
+# Factor at the border itself, not 0: a doubtful normal is better than none where no other view looks.
 FAINTEST = 0.1
-# No wider than this many of the depth image's pixels.
+# Upper limit of the width, in pixels of the depth image.
 WIDEST = 96
 
 
 def feathered(visibility: Visibility, mask: NDArray[np.bool_], width: float) -> NDArray[np.float32]:
-    """(h, w) what a view's facing is multiplied by: 1 where all its borders are `width` or more away, FAINTEST there.
+    """(h, w) factors on a view's facing: FAINTEST at its borders, rising to 1 at the distance `width` from them.
 
-    As facing, it counts by its fourth power: so a view that ends yields to one that glances well before its end.
-    Borders are those of the image, of the mask (H, W) and of whatever stands before something else. With a camera that
-    is slightly wrong the pixels there show another part, or the background. width: on the object, in world units.
-    The result has the pixels of the visibility's depth image.
+    Like facing, the factor enters the weight by its fourth power: near its border, a view yields even to a glancing
+    one. Borders are those of the image, of the mask (H, W), and depth discontinuities. If the camera is slightly off,
+    pixels there show another part of the object, or the background.
+
+    width: on the object, in world units. The result has the resolution of the visibility's depth image.
     """
     height, across = visibility.shape
     inside = visibility.unbroken & mask[np.ix_(*chosen_pixels(height, across, *mask.shape))]
@@ -31,7 +32,10 @@ def feathered(visibility: Visibility, mask: NDArray[np.bool_], width: float) -> 
 
 
 def border_distance(inside: NDArray[np.bool_], limit: int) -> NDArray[np.float32]:
-    """(h, w) pixels from each pixel to the nearest one that is not inside, at most `limit`; all around is outside."""
+    """(h, w) distance in pixels to the nearest pixel that is not inside, at most `limit`. Beyond the image is outside.
+
+    An exact Euclidean distance transform: columns first, then rows.
+    """
     padded = np.pad(inside, limit)
     row = np.arange(len(padded))[:, None]
     above = np.maximum.accumulate(np.where(padded, -1, row), axis=0)

@@ -1,4 +1,4 @@
-"""Filling: what no view sees continues the relief around it, each UV island on its own."""
+"""Filling: inpaints normals where no view sees the surface from the relief around it, in each UV island separately."""
 
 from dataclasses import replace
 
@@ -15,14 +15,14 @@ from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, part, silent
 
-# Textures up to this size are solved at once.
+# Larger textures are solved at half the size first.
 FINEST = 512
-# How far from the rim, in texels, what was solved by blocks is good enough.
+# Texels this far from the rim keep the solution of the half-size texture.
 BAND = 4
 
 
 def check_filling(space: str) -> None:
-    """Raises SettingsError where a texture in that space cannot be filled."""
+    """Raise SettingsError if a texture in that space cannot be filled."""
     if space != "tangent":
         raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
 
@@ -30,29 +30,29 @@ def check_filling(space: str) -> None:
 def fill_unseen(
     texture: Texture, islands: NDArray[np.int32], known: NDArray[np.bool_], *, progress: Progress = silent
 ) -> Texture:
-    """The texture with what no view sees filled smoothly from the rim of what some view does.
+    """Fill the unseen texels smoothly from the rim of the seen ones.
 
     Parameters
     ----------
     texture : Texture
-        In tangent space, without padding.
+        A tangent-space texture without padding.
     islands : (S, S) int32 array
-        Number of the UV island that lies under each texel, from 0; -1 where none does. Nothing reaches from one to
-        another, whose tangents differ.
+        Number of the UV island under each texel, from 0; -1 where there is none. Nothing is carried from one island to
+        another, because their tangents differ.
     known : (S, S) bool array
-        Texels that are seen as a whole. Of others that are seen in part, the mesh's own normal is in the mean: they are
-        replaced as well, though they count as seen.
+        Fully seen texels. Partly seen ones are averaged with the mesh's own normal: they are replaced as well, although
+        they count as seen.
     progress : Progress
 
     Returns
     -------
     Texture
-        With `filled`. Texels that hang together with none that is seen stay as they are.
+        The texture with `filled`. Unseen texels that are not connected to a seen one are unchanged.
 
     Notes
     -----
-    The normals' x and y solve Laplace's equation with the rim's as boundary values, and no change across the islands'
-    borders: the smoothest membrane. It stays within the rim's values, so that a unit vector goes with each x and y.
+    The normals' x and y solve Laplace's equation, with the rim as Dirichlet boundary and zero flux (Neumann) across the
+    islands' borders. By the maximum principle they stay within the rim's range, so a unit vector exists for each x, y.
     """
     xy, reached = _membrane(texture.vectors[..., :2], islands, known, progress)
     vectors, place = texture.vectors.copy(), np.nonzero(reached)
@@ -64,14 +64,14 @@ def fill_unseen(
 def _membrane(
     xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(S, S, 2) the values, unknown ones as :func:`fill_unseen` says, and (S, S) which of these are reached.
+    """(S, S, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (S, S) which of these were reached.
 
-    Of a large texture half as many texels a side are solved first. That is exact enough where it is smooth: what is
-    left are bands along the rim and along the islands' borders.
+    A large texture is solved at half the size first. That is exact enough where the solution is smooth; only bands
+    along the rim and the islands' borders are solved again.
     """
     xy, settled = xy.copy(), np.zeros_like(known)
     if len(islands) > FINEST:
-        coarse, blocks, even = _solved_by_blocks(xy, islands, known, progress)
+        coarse, blocks, even = _half_size_membrane(xy, islands, known, progress)
         near = dilated(known, BAND)
         size = len(islands)
         for rows in bands(size):
@@ -84,11 +84,11 @@ def _membrane(
     return xy, reached | settled
 
 
-def _solved_by_blocks(
+def _half_size_membrane(
     xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
-    """:func:`_membrane` of blocks of 2 x 2 texels: their values, their islands, and whether all around each of them has
-    a value and is of one island."""
+    """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and
+    lies in one island."""
     half = -(-len(islands) // 2)
     quarters = [np.s_[down::2, right::2] for down, right in np.ndindex(2, 2)]
     blocks = np.full((half, half), -1, np.int32)
@@ -116,7 +116,7 @@ def _solved_by_blocks(
 def _solve(
     xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
 ) -> NDArray[np.bool_]:
-    """Write unknown values between the known ones; returns (S, S) which were reached."""
+    """Solve for the unknown values in place. Returns (S, S) which of them were reached."""
     size = len(islands)
     none = np.empty((0, 2), np.int32)
     graph = graph_of(np.where(known, np.int32(-1), islands), none, np.empty(0, np.float32))
@@ -131,7 +131,7 @@ def _solve(
     filled = np.zeros_like(known)
     reached = _reached(graph, rim > 0)
     if reached.any():
-        # What is not reached is held where it is, apart from the rest.
+        # Unreached unknowns are pinned, to keep the system regular.
         solver, start = Solver(replace(graph, hold=np.where(reached, rim, 1))), np.zeros_like(rim)
         place = row[reached], column[reached]
         for axis in (0, 1):
@@ -142,7 +142,7 @@ def _solve(
 
 
 def _reached(graph: Graph, rim: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) which unknowns hang together with any of the rim, (N,)."""
+    """(N,) which unknowns are connected to the rim, (N,)."""
     own = np.arange(len(rim))
     ends = [(own[ahead != own], ahead[ahead != own].astype(np.int64)) for ahead in graph.neighbours[:2]]
     part_of = connected(len(rim), *map(np.concatenate, zip(*ends, strict=True)))

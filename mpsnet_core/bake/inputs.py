@@ -1,4 +1,4 @@
-"""What textures are baked from: meshes, and for each view its camera and normal map, of one pose or of each frame."""
+"""Inputs of a bake: meshes, and each view's camera and normal map, for one pose or for each frame of a sequence."""
 
 import logging
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ViewInputs:
-    """The files of a view; confidence and albedo where it has them."""
+    """The files of a view. Confidence and albedo are optional."""
 
     camera: Path
     normals: Path
@@ -49,9 +49,9 @@ class BakeInputs:
         return [*self.meshes, *(file for view in self.views for file in view.files)]
 
     def facts(self) -> list[str]:
-        """Texts that change when meshes, cameras or normal maps do.
+        """Fingerprints of the meshes, cameras and normal maps.
 
-        Meshes and cameras count by what they hold: Blender writes them anew for every run.
+        Those of meshes and cameras are of their content, because Blender writes the files anew for every run.
         """
         held = [*self.meshes, *(view.camera for view in self.views)]
         return [*map(content, held), *(identity(view.normals) for view in self.views)]
@@ -59,10 +59,11 @@ class BakeInputs:
 
 @dataclass(frozen=True)
 class ViewReader:
-    """How views are read to be baked.
+    """Reads views and prepares them to be baked.
 
-    level: the levelling's scale as a share of the mesh's size, 0 for none. base_maps: the maps that the mesh wears, to
-    be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). convention: of the views' normal maps.
+    level: scale of the levelling as a fraction of the mesh's size, 0 for none. base_maps: the mesh's base maps, whose
+    relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`). convention: of the views' normal
+    maps.
     """
 
     level: float
@@ -76,11 +77,11 @@ class ViewReader:
         progress: Progress,
         known: Sequence[Sequence[float]] | None = None,
     ) -> tuple[list[View], list[Sequence[float]]]:
-        """The views as they are baked, and for each the shares of the present maps' relief that were taken out of it.
+        """The prepared views, and for each the shares of the base maps' relief that were removed from it.
 
-        known: these shares, where they have been found before.
+        known: these shares, if they have been estimated before.
 
-        Raises InputError, which names the view, where one cannot be read, or its files differ in size.
+        Raises InputError, which names the view, if one cannot be read, or its files differ in size.
         """
         whole = join_meshes(meshes)
         scene = RayScene.of(whole) if self.level or self.base_maps else None
@@ -101,8 +102,8 @@ class ViewReader:
     def prepared(
         self, view: View, mesh: Mesh, scene: RayScene, known: Sequence[float] | None = None
     ) -> tuple[View, View, float, Sequence[float]]:
-        """A view without the present maps' relief, the same levelled, the mean angle of that in degrees, and the shares
-        of the relief that were taken out, or are `known`."""
+        """The view without the base maps' relief, the same view levelled, the levelling's mean angle in degrees, and
+        the shares of the relief that were removed (`known`, if given)."""
         normals, shares = remove_base_details(view.normals, view.camera, mesh, scene, self.base_maps, known)
         estimated = replace(view, normals=normals)
         if not self.level:
@@ -112,11 +113,11 @@ class ViewReader:
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:
-    """The inputs of a sequence by the numbers of its frames; what has no number is the same for all frames.
+    """The inputs of a sequence by frame number. Files without a number serve all frames.
 
-    mesh: a file, or a folder or pattern of numbered ones. views: camera and normal map each, likewise.
+    mesh: a file, or a folder or pattern of numbered files. views: camera and normal map of each, given in the same way.
 
-    Raises FileError where a pattern means no sequence, or no number is common to all.
+    Raises FileError if a pattern matches no sequence, or no frame number is common to all.
     """
     meshes = _by_number(mesh, "mesh")
     pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]

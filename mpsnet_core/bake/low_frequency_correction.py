@@ -1,11 +1,11 @@
-"""Levelling: a view's low frequencies taken from the mesh, its detail from the photo.
+"""Levelling (low-frequency correction): a view's low frequencies come from the mesh, its detail from the photo.
 
-An estimate errs smoothly: it is tilted, or too flat here and too steep there, and differently so in every view. A mesh
-from photogrammetry is right there, and has no detail. So each pixel's normal is turned by the rotation that carries the
+The errors of an estimate are smooth: a tilt, too flat here and too steep there, different in every view. A mesh from
+photogrammetry has correct low frequencies, and no detail. Each normal is turned by the rotation that carries the
 estimate, smoothed around it, onto the mesh's normals, smoothed in the same way.
 
-Both are smoothed along the surface, not along the image: over a grid of cells in space, so that the scale is a length
-on the object, the same in each view, and nothing reaches over from what only stands behind it in the image.
+Both are smoothed over a grid of cells in space, not in the image. The scale is a length on the object, the same in each
+view, and surfaces that are neighbours in the image alone do not mix.
 """
 
 from dataclasses import dataclass, replace
@@ -27,20 +27,20 @@ from mpsnet_core.scene.mesh_seen import mesh_seen
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
-# The mesh is traced at no more than this many pixels on the image's longer side: what is wanted of it is smooth.
+# Rays are cast for at most this many pixels on the image's longer side: the result is smooth.
 TRACED_PIXELS = 1024
-# Cells to a standard deviation of the smoothing.
+# Grid cells per standard deviation of the smoothing.
 CELLS = 2.0
-# How firmly the rotation about the mean normal is held at 0, which only a curved surface determines.
+# Regularises the rotation about the mean normal towards 0: only a curved surface determines it.
 HOLD = 0.1
 
 
 @dataclass(frozen=True)
 class Levelling:
-    """What turns a view's normals.
+    """Rotations that level a view's normals.
 
-    turns: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, for an image of fewer
-    pixels, going on smoothly where the mesh is not seen. known: (h, w) bool, where it is.
+    turns: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, at a reduced resolution,
+    extrapolated smoothly where the mesh is not seen. known: (h, w) bool, where it is seen.
     """
 
     turns: NDArray[np.float32]
@@ -48,13 +48,13 @@ class Levelling:
 
     @property
     def mean_angle(self) -> float:
-        """How far the normals are turned, in degrees, mean over where the mesh is seen; 0 where it is not."""
+        """Mean angle in degrees by which the normals are turned where the mesh is seen; 0 if it is not seen."""
         angles = np.linalg.norm(self.turns[self.known], axis=1)
         return float(np.degrees(angles.mean())) if len(angles) else 0.0
 
 
 def parse_scale(text: str) -> float:
-    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises SettingsError where none is."""
+    """The scale of the levelling from "on", "off" or a number; 0 for none. Raises SettingsError for other text."""
     if text in ("on", "off"):
         return LEVEL_SCALE if text == "on" else 0.0
     try:
@@ -71,38 +71,39 @@ def parse_scale(text: str) -> float:
 def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> NormalMap:
-    """The normals with the low frequencies of the mesh's own; where the mesh is not seen, they turn as nearby.
+    """Replace the low frequencies of the normals by those of the mesh.
 
     Parameters
     ----------
     normals : NormalMap
-        Estimated, in camera space.
+        Estimated normals, in camera space.
     camera : Camera
-        What the pixels see.
+        The photo's camera.
     mesh : Mesh
-        The surface, in the camera's world.
+        The surface, in the camera's world space.
     scene : RayScene, optional
-        The mesh's, where it exists already.
+        The mesh for ray casting, if it exists already.
     scale : float
-        Standard deviation of the smoothing, as a share of the diagonal of the mesh's bounding box, 0.01 to 1. Relief
-        smaller than about twice this is kept as the photo shows it; larger forms are those of the mesh.
+        Standard deviation of the smoothing, as a fraction of the diagonal of the mesh's bounding box, 0.01 to 1. Relief
+        smaller than about twice this is kept from the photo; larger shapes are those of the mesh.
 
     Returns
     -------
     NormalMap
+        The corrected normals. Where the mesh is not seen, they are turned like those nearby.
 
     Raises
     ------
     SettingsError
-        Where the scale is out of range.
+        If the scale is out of range.
     GeometryError
-        Where the sizes of normals and camera differ.
+        If the sizes of normals and camera differ.
 
     Notes
     -----
-    Around each place the rotation vector r is found that brings the estimates n onto the mesh's normals m by least
-    squares with Gaussian weights w: ``sum w |r x n - t|²``, t the rotation vector from n to m, which is perpendicular
-    to n. That is ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
+    At each point the rotation vector r brings the estimates n onto the mesh's normals m by least squares with Gaussian
+    weights w: it minimises ``sum w |r x n - t x n|²``, where t is the rotation vector from n to m, perpendicular to n.
+    The normal equations are ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
     """
     return turned(normals, levelling(normals, camera, mesh, scene, scale=scale))
 
@@ -110,7 +111,7 @@ def correct_low_frequencies(
 def levelling(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> Levelling:
-    """The rotations that :func:`correct_low_frequencies` turns the normals by, with its parameters."""
+    """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
         raise SettingsError(
             f"a levelling scale of {scale:g} cannot be used; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
@@ -132,12 +133,12 @@ def levelling(
     if len(row):
         points, estimate = seen.points[front].astype(np.float32), normals.vectors[rows[row], columns[column]]
         turns[row, column] = _smoothed_turns(points, estimate, own[front], scale * scene.size)
-    # Rays slip between triangles here and there, and a mask may reach a little beyond the mesh.
+    # Some rays miss between triangles, and a mask may reach a little beyond the mesh.
     return Levelling(push_pull(turns, known), known)
 
 
 def turned(normals: NormalMap, by: Levelling) -> NormalMap:
-    """The normals turned by a levelling of their own view."""
+    """The normals turned by the levelling of their view."""
     vectors = np.zeros_like(normals.vectors)
 
     def turn(rows: slice) -> None:
@@ -154,20 +155,23 @@ def turned(normals: NormalMap, by: Levelling) -> NormalMap:
 def _smoothed_turns(
     points: NDArray[np.float32], estimate: NDArray[np.float32], own: NDArray[np.float32], sigma: float
 ) -> NDArray[np.float32]:
-    """(N, 3) rotation vectors that carry the estimate to the mesh's own normals around each point."""
+    """(N, 3) rotation vectors that best carry the estimate onto the mesh's own normals in each point's neighbourhood.
+
+    sigma: standard deviation of the Gaussian weights, in world units.
+    """
     cell = sigma / CELLS
     low = points.min(axis=0)
-    place = (points - low) / cell + 1  # a border of one cell, for what lies between it and the first
+    place = (points - low) / cell + 1  # a border of one cell, for points below the first cell's centre
     shape = tuple((np.floor(place.max(axis=0)) + 2).astype(int))
     number = np.ravel_multi_index(tuple(np.round(place).astype(np.int64).T), shape)
     x, y, z = estimate.T
     layers = [*rotation_between(estimate, own).T, *own.T, 1 - x * x, -x * y, -x * z, 1 - y * y, -y * z, 1 - z * z]
     count = int(np.prod(shape))
     grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in [*layers, np.ones(len(x))]])
-    # Values are laid into the nearest cell and read from between cells, which smooths them by a little already.
+    # Binning to the nearest cell (variance 1/12) and trilinear interpolation (1/6) already smooth a little.
     spread = CELLS**2 - 1 / 12 - 1 / 6
     grid = gaussian(grid.reshape(-1, *shape), spread**0.5, (1, 2, 3)).reshape(len(grid), -1)
-    # Only cells that a point lies between are needed.
+    # Solve only in the cells that some point interpolates from.
     corner = np.floor(place).astype(np.int64)
     step = place - corner
     first = np.ravel_multi_index(tuple(corner.T), shape)
@@ -180,14 +184,14 @@ def _smoothed_turns(
     turns = np.zeros_like(points)
     for offset in np.ndindex(2, 2, 2):
         along = np.where(offset, step, 1 - step)
-        # NumPy's own product is slow along so short an axis.
+        # np.prod is slow along so short an axis.
         share = along[:, 0] * along[:, 1] * along[:, 2]
         turns += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
     return turns
 
 
 def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 3) the rotation vectors that solve the sums (13, N) of :func:`_smoothed_turns`' layers."""
+    """(N, 3) the rotation vectors that solve the normal equations, from the sums (13, N) of :func:`_smoothed_turns`."""
     sums = sums.astype(np.float64) / np.maximum(sums[-1], 1e-12)
     middle = normalised(sums[3:6].T)
     upper = sums[[6, 7, 8, 7, 9, 10, 8, 10, 11]].T.reshape(-1, 3, 3)

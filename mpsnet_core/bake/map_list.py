@@ -1,4 +1,4 @@
-"""List files of present normal maps: which file lies beneath the texture of which object and material."""
+"""List files of base maps: which normal map belongs to which object and material."""
 
 import os
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
 
-if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
+if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
     from mpsnet_core.scene.normal_map import Convention
 
 FORMAT, VERSION = "mpsnet-present-maps", 1
@@ -17,8 +17,8 @@ FORMAT, VERSION = "mpsnet-present-maps", 1
 
 @dataclass(frozen=True)
 class ListedMap:
-    """A map, and for which object and material it is; None stands for all. convention: the way its green points, None
-    where the list does not say."""
+    """A base map with its object and material; None stands for all. convention: of its green channel, None if the list
+    does not say."""
 
     file: Path
     object: str | None = None
@@ -27,10 +27,10 @@ class ListedMap:
 
 
 def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
-    """Read a list; files that it names without a folder lie beside it.
+    """Read a list. Relative file names are relative to the list's folder.
 
     {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
-    "convention": "directx"}]}, all but the file as needed. Raises FormatError where it is malformed.
+    "convention": "directx"}]}, where all but the file is optional. Raises FormatError if it is malformed.
     """
     maps: Any = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
     found = []

@@ -1,4 +1,4 @@
-"""Many views: from a posed photo each to normals on disk, one photo in memory at a time, ready to be baked."""
+"""Many views: estimates normals from posed photos onto disk, one photo in memory at a time, ready to be baked."""
 
 import hashlib
 import json
@@ -43,17 +43,18 @@ from mpsnet_core.scene.view_photos import ViewPhoto
 
 log = logging.getLogger(__name__)
 
-# A mask from the mesh is traced at no more than this many pixels on the longer side.
+# A mask from the mesh is ray cast at up to this many pixels on the longer side.
 MASK_PIXELS = 2048
 
 
 @dataclass(frozen=True)
 class Photography:
-    """How the photos of all views are taken in.
+    """How the photos of all views are read.
 
-    rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks named as
-    the photos or with _mask behind, or what :func:`read_capture` takes. reading: how they are read. white: folders of
-    photos under white light, named as the photos or with _white behind; those of several are added up.
+    rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks that have
+    the photos' names, with or without the suffix _mask, or what :func:`read_capture` takes. reading: how images are
+    read. white: folders of photos under white light that have the photos' names, with or without the suffix _white;
+    the photos of several folders are added up.
     """
 
     rig_of: Callable[[Camera], LightRig]
@@ -63,7 +64,7 @@ class Photography:
 
     @cached_property
     def masks(self) -> PhotoFolder | None:
-        """The folder of masks, if they come from one."""
+        """The folder of masks, None if masks do not come from a folder."""
         return PhotoFolder(self.mask, "masks") if self.mask != "mesh" and Path(self.mask).is_dir() else None
 
     @cached_property
@@ -71,14 +72,14 @@ class Photography:
         return [PhotoFolder(folder, "white photos") for folder in self.white]
 
     def white_of(self, view: ViewPhoto) -> list[Path]:
-        """The view's photos under white light, one out of each folder. Raises FileError where a folder has none."""
+        """The view's photos under white light, one from each folder. Raises FileError if a folder has none."""
         return [_beside(view, folder, "white", "white photo") for folder in self.white_folders]
 
     def mask_of(self, view: ViewPhoto) -> str:
-        """What :func:`read_capture` shall take the view's mask from.
+        """The source of the view's mask for :func:`read_capture`.
 
-        In a folder of masks: what lies there as the photo does among the photos, else what is named as the view or the
-        photo. Raises FileError where that folder has none, or several fit.
+        In a folder of masks, that is the file at the photo's relative path, else the one with the view's or the photo's
+        name. Raises FileError if the folder has none, or several match.
         """
         if self.mask == "mesh":
             return "none"
@@ -87,7 +88,7 @@ class Photography:
         return os.fspath(_beside(view, self.masks, "mask", "mask"))
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
+        """The view's photo without lens distortion. Raises InputError, which names the view, if it cannot be read."""
         with located(f"view {view.name}"):
             capture = self._capture(view, scene)
         note_doubts(capture, f"view {view.name}")
@@ -117,8 +118,10 @@ class Photography:
 
 
 def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
-    """Raises InputError, which names the view, where a photo is no image or not as large as its camera's, as far as
-    the files' headers tell: before any is read."""
+    """Raise InputError, which names the view, if a photo is no image or its size differs from its camera's.
+
+    Only the files' headers are read.
+    """
     for view in views:
         camera, layer = (view.camera.height, view.camera.width), photography.reading.layer
         with located(f"view {view.name}"):
@@ -131,8 +134,8 @@ def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
 
 
 def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
-    """The view's picture in a folder: what lies there as the photo does among the photos, else what is named as the
-    view or the photo, also with _`ending` behind. Raises FileError where there is none, or several fit."""
+    """The view's image in a folder: the one at the photo's relative path, else the one with the view's or the photo's
+    name, with or without the suffix _`ending`. Raises FileError if there is none, or several match."""
     photo, top = view.photo, folder.path
     for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
         stems = [stem, f"{stem}_{ending}", f"{stem}{photo.suffix}"]
@@ -143,7 +146,7 @@ def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Pat
 
 
 def _straightened(image: Image, view: ViewPhoto) -> Image:
-    """A view's picture without its lens's distortion."""
+    """A view's image without lens distortion."""
     if view.lens is None or view.lens.is_identity:
         return image
     from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
@@ -151,14 +154,14 @@ def _straightened(image: Image, view: ViewPhoto) -> Image:
     pixels = undistorted(image.pixels, view.camera, view.lens)
     clip, clipped = image.clip, image.clipped
     if clipped is not None or np.isfinite(clip):
-        # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
+        # Resampled pixels that a clipped one contributed to are wrong, although they are below the clipping value.
         whole = undistorted_mask(~np.any(image.saturated, axis=-1), view.camera, view.lens)
         clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
     return replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
 
 
 def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
-    """(H, W) bool: the pixels in which the camera sees the mesh; of large images in blocks of a few pixels."""
+    """(H, W) bool: the pixels in which the camera sees the mesh. Large images are sampled in blocks of a few pixels."""
     small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
     rows, columns = chosen_pixels(*small, camera.height, camera.width)
     pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
@@ -170,8 +173,10 @@ def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class KeptView:
-    """One view's estimated normals and confidence on disk, and its albedo where it is `coloured`; the description of
-    each says what they were made of."""
+    """One view's estimated normals and confidence on disk, and its albedo if it is `coloured`.
+
+    The files' descriptions record the inputs that they were made from.
+    """
 
     folder: Path
     name: str
@@ -194,11 +199,11 @@ class KeptView:
         return [self.normals, self.confidence, *([self.albedo] if self.coloured else [])]
 
     def is_of(self, source: str) -> bool:
-        """Whether all files are there, whole, and were made of the same `source`, a line of :func:`sources_of`."""
+        """Whether all files exist, are complete, and were made from `source`, a line of :func:`sources_of`."""
         return all(is_up_to_date(file, source) for file in self.files)
 
     def check_own(self) -> None:
-        """Raises FileError where one of the files is there and not written by us, or retouched since."""
+        """Raise FileError if one of the files exists but was written by another program, or edited since."""
         for file in self.files:
             if file.exists() and not is_result(file, "normals"):
                 raise FileError(
@@ -207,7 +212,7 @@ class KeptView:
                 )
 
     def write(self, capture: Capture, normals: NormalMap, source: str) -> None:
-        """Write the files. capture: what the normals were estimated from."""
+        """Write the files. capture: the photo that the normals were estimated from."""
         write_normals(self.normals, normals, description=source)
         write_image(self.confidence, normals.confidence, description=source)
         if self.coloured:
@@ -215,19 +220,19 @@ class KeptView:
             write_image(self.albedo, albedo, bits=16, color_space="lin_rec709_scene", description=source)
 
     def read(self, camera: Camera) -> View:
-        """The view as it was estimated."""
+        """Read the view as it was estimated."""
         normals = read_normals(self.normals, confidence=self.confidence)
         return View(camera, normals, read_albedo(self.albedo) if self.coloured else None)
 
 
 def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, recipe: str) -> list[str]:
-    """For each view a line that changes with its photo, camera, rig or mask, and with all else its normals depend on.
+    """For each view a line that changes with everything its normals depend on: photo, camera, rig, mask and settings.
 
-    The mesh counts where masks or depth come from it. recipe: text that changes with every setting that all views are
-    estimated by: the model, how photos are read, dark frame and flat field.
+    The mesh is included if masks or depth come from it. recipe: fingerprint of the settings that all views share: the
+    model, how photos are read, dark frame and flat field.
 
-    Raises InputError, which names the view, where a mask is missing, two views would share one out of a folder, or a
-    light is behind the object.
+    Raises InputError, which names the view, if a mask is missing, two views would share one from a folder, or a light
+    is behind the object.
     """
     shape, whose, sources = _shape(mesh), dict[str, str](), []
     for view in views:
@@ -256,17 +261,17 @@ def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, re
 
 
 def _shape(mesh: Mesh) -> str:
-    """Text that changes with what a camera sees of a mesh: its triangles, where they stand in the world."""
+    """Fingerprint of the triangles in world space: of what a camera can see of a mesh."""
     digest = hashlib.sha256(np.ascontiguousarray(mesh.world_vertices).data)
     digest.update(np.ascontiguousarray(mesh.triangles).data)
     return digest.hexdigest()
 
 
 class KeptViews(Sequence[View]):
-    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is requested.
+    """Views whose normals are on disk. Each access reads a view and levels it against the mesh.
 
-    shares: how much of each map that the mesh wears each view shows, once it was read. gains: (V, 3) what the views'
-    colours are multiplied by.
+    shares: how much of each base map's relief each view shows, known once the view was read. gains: (V, 3) factors on
+    the views' colours.
     """
 
     def __init__(
@@ -287,7 +292,7 @@ class KeptViews(Sequence[View]):
         return matched(self.both(number)[1], self.gains[number])
 
     def both(self, number: int) -> tuple[View, View, float]:
-        """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
+        """A view as estimated, the same view levelled (unchanged without levelling), and the mean angle in degrees."""
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
         estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
@@ -304,11 +309,11 @@ def estimate_views(
     *,
     progress: Progress,
 ) -> int:
-    """Estimate each view's normals onto the disk, but for those that lie there already; returns how many did.
+    """Estimate and store each view's normals, except those that are stored already. Returns the number of these.
 
-    sources: of :func:`sources_of`. agreed: receives every view.
+    sources: from :func:`sources_of`. agreed: receives every view.
 
-    Raises InputError, which names the view, where its photo cannot be had.
+    Raises InputError, which names the view, if its photo cannot be read.
     """
     known = 0
     for number, (view, source) in enumerate(zip(views, sources, strict=True)):

@@ -1,4 +1,4 @@
-"""The operations bake and views: normal maps, or posed photos, to textures on a mesh's UVs."""
+"""The operations ``bake`` and ``views``: from normal maps, or posed photos, to textures on a mesh's UVs."""
 
 import contextlib
 from collections.abc import Iterable, Sequence
@@ -34,13 +34,13 @@ LEVEL = (
 
 @dataclass(frozen=True)
 class MakesTextures(Operation):
-    """The meshes that are baked onto, and what textures are baked."""
+    """The meshes to bake onto, and the textures."""
 
     heading: ClassVar[str] = "the textures"
 
     mesh: tuple[str, ...] = option(
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
-        provenance="none",  # in each texture's own line
+        provenance="none",  # recorded per texture
     )
     size: int = option(
         default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
@@ -58,7 +58,7 @@ class MakesTextures(Operation):
         choices=CONVENTIONS,
         help="which way the texture's green channel points",
         unset="opengl, or the preset's",
-        provenance="none",  # but what it comes to with the preset
+        provenance="none",  # its value with the preset is recorded
     )
     samples: int = option(
         default=1,
@@ -91,7 +91,7 @@ class MakesTextures(Operation):
         choices={8: "PNG and TIFF", 16: "all formats", 32: "TIFF and OpenEXR"},
         help="bits a channel of the texture",
         unset="16 bits, in OpenEXR 32; or the preset's",
-        provenance="none",  # but what they come to with the preset
+        provenance="none",  # their value with the preset is recorded
     )
     preset: str | None = option(
         default=None,
@@ -105,7 +105,7 @@ class MakesTextures(Operation):
     )
 
     def texture_words(self, target: "TextureTarget") -> str:
-        """What is true of all the textures, for people."""
+        """The properties that all textures share, as text for the report."""
         return f"{self.size} x {self.size}, {self.space} space, {target.convention}"
 
 
@@ -120,7 +120,7 @@ class LaysOnto(MakesTextures):
         metavar="on|off|SCALE",
         help=LEVEL,
         unset="off; on with a present map",
-        provenance="none",  # but the scale that it means
+        provenance="none",  # the parsed scale is recorded
     )
     strength: float = option(
         default=1.0,
@@ -161,7 +161,7 @@ class LaysOnto(MakesTextures):
     )
 
     def check_onto(self) -> None:
-        """Raises SettingsError where the detail cannot go on top of the present map, or its options lack the map."""
+        """Raise SettingsError if the detail cannot go on top of the present map, or its options lack the map."""
         from mpsnet_core.bake.detail_blending import check_blending
 
         if self.onto:
@@ -172,16 +172,16 @@ class LaysOnto(MakesTextures):
             )
 
     def level_scale(self) -> float:
-        """The levelling's scale as a share of the mesh's size, 0 for none. Raises SettingsError where it is unknown."""
+        """The levelling's scale as a fraction of the mesh's size, 0 for none. Raises SettingsError if it is invalid."""
         from mpsnet_core.bake.low_frequency_correction import parse_scale
 
-        # What is large in the present map is in the photo as well, and shall not be added to it.
+        # The photo shows the base map's large shapes, too; they must not be added to it again.
         return parse_scale(self.level or ("on" if self.onto else "off"))
 
     def baking(self, feather: float) -> "Baking":
         """How the textures are baked.
 
-        Raises SettingsError where an option is out of range, or a margin is set that the padding does not use.
+        Raises SettingsError if an option is out of range, or a margin is given that the padding does not use.
         """
         from mpsnet_core.bake.settings import Baking
 
@@ -199,7 +199,7 @@ class LaysOnto(MakesTextures):
         )
 
     def planned(self, target: "TextureTarget", taken: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
-        """The textures to be made; see :func:`mpsnet_core.bake.texture_files.planned`."""
+        """The textures to bake, see :func:`mpsnet_core.bake.texture_files.planned`."""
         from mpsnet_core.bake.texture_files import planned
 
         return planned(
@@ -218,8 +218,8 @@ class LaysOnto(MakesTextures):
 class TexturesBaked(Result):
     """The textures of one pose.
 
-    output: their file, or its name with tokens in it. outputs: each one's file, what it is of, and the share of it that
-    some view saw. seen: that share of all. filled: the share that was filled, None unless it was to be.
+    output: their file, or its name with tokens. outputs: each texture's file, its texture set, and the fraction of it
+    that some view saw. seen: that fraction over all. filled: the fraction that was filled, None without filling.
     """
 
     output: str
@@ -232,9 +232,9 @@ class TexturesBaked(Result):
 class FramesBaked(Result):
     """The textures of a sequence.
 
-    folder: where they are. first_output: the first one's file. first, last: their numbers. made, there: how many were
-    made now, and before. seen: the share of the surface that some view saw, None where none was made. filled: the share
-    that was filled, None unless it was to be.
+    folder: where they are. first_output: the first one's file. first, last: their frame numbers. made, there: how many
+    were made now, and how many existed. seen: the fraction of the surface that some view saw, None if none was made.
+    filled: the fraction that was filled, None without filling.
     """
 
     folder: str
@@ -257,7 +257,7 @@ class Bake(LaysOnto):
     view: tuple[str, ...] = option(
         metavar="CAMERA=NORMALS",
         help="camera file and its normal map; normals/frame_####.png for a sequence",
-        provenance="none",  # in each texture's own line
+        provenance="none",  # recorded per texture
     )
     normals_convention: Literal["opengl", "directx"] = option(
         default="opengl",
@@ -317,7 +317,7 @@ class Bake(LaysOnto):
 
         views = []
         for view in self.view:
-            # There may be equals signs in the names: it is the one behind the camera's file.
+            # File names may contain equals signs: split at the one that follows the name of an existing camera file.
             words = view.split("=")
             starts = ["=".join(words[:count]) for count in range(1, len(words))]
             camera = next(filter(is_file, starts), words[0])
@@ -332,7 +332,7 @@ class Bake(LaysOnto):
     def _baking(self) -> "Baking":
         from mpsnet_core.bake.feather import FEATHER
 
-        # Views that are levelled are meant to leave no seam.
+        # Levelled views agree in their low frequencies: feathering leaves no seam.
         return self.baking(FEATHER if self.level_scale() else 0.0)
 
     def _pose(
@@ -413,7 +413,7 @@ class Bake(LaysOnto):
     def _frames(
         self, views: list[tuple[str, str]], target: "TextureTarget"
     ) -> "tuple[dict[Path, BakeInputs], tuple[int, int]]":
-        """What each frame's texture is baked from, and the first and last number."""
+        """The inputs of each frame's texture, by its file, and the first and last frame number."""
         from mpsnet_core.bake.inputs import frame_inputs
         from mpsnet_core.bake.texture_names import split_by
         from mpsnet_core.io.files import checked_bits
@@ -443,8 +443,8 @@ class Bake(LaysOnto):
 class ViewsBaked(TexturesBaked):
     """The textures of posed photos.
 
-    views: for each its share of the surface, how far it departs from the others, and what its colours were multiplied
-    by. level: the levelling's scale, 0 for none. model: the estimator's name.
+    views: for each the fraction of the surface that it sees, its angle to the other views, and the gain of its colours.
+    level: the levelling's scale, 0 for none. model: the estimator's name.
     """
 
     views: list[dict[str, Any]]
@@ -490,7 +490,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         "(also NAME_white): the surface's colour is baked as well, to TEXTURE_albedo, matched where several views see "
         "the same; of three folders, one for each light, the photos are added up",
         path="folder",
-        provenance="none",  # in each view's own line
+        provenance="none",  # recorded per view
     )
     passes: Literal[1, 3] | None = option(
         default=None,
@@ -526,7 +526,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     )
 
     def run(self, progress: Progress = silent) -> ViewsBaked:
-        """Write the textures, and report and figures where they are requested."""
+        """Write the textures, and report and figures if requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.colour_matching import colour_gains
@@ -540,7 +540,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.scene.rays import RayScene
         from mpsnet_core.scene.view_photos import posed_photos
 
-        # All that can be known beforehand is checked before the long work.
+        # Check as much as possible before the long work.
         baking, level, target = self.baking(FEATHER), self.level_scale(), self._target()
         inputs, outputs = self._files(target)
         photography = self._photography()
@@ -590,8 +590,8 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         return target
 
     def _files(self, target: "TextureTarget") -> tuple[list[Path], list[str]]:
-        """What is read, but for the photos, and what is written. Raises InputError where one would overwrite another,
-        or has no place."""
+        """The files that are read, except photos, and those that are written. Raises InputError if one would overwrite
+        another, or its folder cannot be written."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_apart, writable_path
         from mpsnet_core.io.frames import files_meant
@@ -625,7 +625,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         return Photography(rig_of, self.mask, self.reading(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
-        """The files that the views are to be kept in. Raises FileError where one is there that is not ours."""
+        """The files that keep the views. Raises FileError if one exists that is not ours."""
         from mpsnet_core.bake.multi_view import KeptView
 
         kept = [KeptView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []
@@ -634,7 +634,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         return [file for view in kept for file in view.files]
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
-        """Where the views' normals go: to be kept, or for as long as the stack is open."""
+        """The folder of the views' normals: the one to keep them in, or a temporary one until the stack closes."""
         from mpsnet_core.io.files import ensure_folder, remove_abandoned, temporary_folder
 
         if not self.keep:
@@ -651,7 +651,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         model: str,
         summary: str,
     ) -> ViewsBaked:
-        """Textures, report and figures, all of them or none."""
+        """Write textures, report and figures: all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
         from mpsnet_core.bake.texture_files import (
             filled_share,

@@ -1,4 +1,4 @@
-"""Padding: what a texture holds beyond its UV islands, where filtering and mipmaps reach over their borders."""
+"""Padding: texels beyond the UV islands, which filtering and mipmaps sample near the islands' borders."""
 
 from typing import Literal
 
@@ -17,12 +17,12 @@ PADDINGS: tuple[Padding, ...] = ("nearest", "push-pull", "none")
 def padded(
     vectors: NDArray[np.float32], covered: NDArray[np.bool_], padding: Padding, margin: int
 ) -> NDArray[np.float32]:
-    """Unit vectors (S, S, 3) with texels beyond the covered ones filled; those that are covered stay as they are.
+    """Unit vectors (S, S, 3) with the texels outside the covered ones filled. Covered texels are unchanged.
 
-    The array that is given may be the one that is filled and returned: a copy of a large texture takes much memory.
+    It may fill and return the given array itself: a copy of a large texture takes much memory.
 
-    padding: "nearest" continues the islands by `margin` texels with their nearest texel's vector; "push-pull" fills
-    the whole texture, smoothly; "none" leaves it.
+    padding: "nearest" dilates the islands by `margin` texels, each with the vector of its nearest covered texel;
+    "push-pull" fills the whole texture smoothly; "none" leaves it unchanged.
     """
     if padding == "nearest":
         return extend_to_nearest(vectors, covered, margin, in_place=True)

@@ -1,14 +1,14 @@
-"""Presets: how a normal texture has to be written for the program that shall read it.
+"""Presets: how a normal texture has to be written for the program that will read it.
 
-All of them want tangent space by MikkTSpace. Where the table's choices come from:
+All of them expect tangent space by MikkTSpace. Sources of the table's values:
 
 - Blender: its Normal Map node assumes green up by default (Blender manual, Normal Map Node); 16 bits, as it
   keeps all that a file holds.
-- Unreal Engine: the prefix T_ is of Epic's "Recommended Asset Naming Conventions", _N what its own content and common
-  style guides put behind; green is down (DirectX); normal maps may stay 16-bit until they are compressed (Editor API,
+- Unreal Engine: the prefix T_ is from Epic's "Recommended Asset Naming Conventions", the suffix _N from its own content
+  and common style guides; green is down (DirectX); normal maps may stay 16-bit until they are compressed (Editor API,
   ConvertTo8bitTextureSource).
 - Unity: "Unity uses Y+ normal maps, sometimes known as OpenGL format" (Unity manual, Normal map); the formats that it
-  brings them into, DXT5nm and BC5, have 8 bits a channel.
+  compresses them to, DXT5nm and BC5, have 8 bits a channel.
 - Godot: "Godot expects the normal map to use X+, Y+, and Z+ coordinates" (class reference, BaseMaterial3D); of PNG it
   reads 8 bits a channel, whatever the file holds (godotengine/godot, issue 2911); names are in snake_case (its manual,
   Project organization).
@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING
 
 from mpsnet_core.errors import Choices, SettingsError
 
-if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
+if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
     from mpsnet_core.scene.normal_map import Convention
 
 
 @dataclass(frozen=True)
 class Preset:
-    """What a program requires of a normal texture.
+    """A program's requirements for a normal texture.
 
     Attributes
     ----------
@@ -37,11 +37,11 @@ class Preset:
     convention : {"opengl", "directx"}
         Whether green points up or down.
     bits : int
-        Bits a channel.
+        Bits per channel.
     naming : str
-        Name of the file without its suffix, with {} for that of the object.
+        Name of the file without its suffix, with {} for the object's name.
     suffix : str
-        Of the file.
+        Suffix of the file.
     lower : bool
         Whether names are in snake_case.
 
@@ -59,7 +59,7 @@ class Preset:
     lower: bool = False
 
     def stem(self, name: str) -> str:
-        """The texture's name without its ending, for an object of that name."""
+        """The name of an object's texture, without suffix."""
         return self.naming.format(_snake_case(name) if self.lower else name)
 
 
@@ -76,9 +76,9 @@ PRESETS = Choices(
 
 
 def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:
-    """The file to write for an object of that name: `output`, or where that is a folder, the preset's name in it.
+    """The file to write for an object of that name: `output` or, if that is a folder, the preset's file name in it.
 
-    suffix: an ending to take in place of the preset's. Raises SettingsError where the output has another ending.
+    suffix: replaces the preset's suffix. Raises SettingsError if the output has another one.
     """
     suffix = suffix or preset.suffix
     target = Path(output)

@@ -1,4 +1,4 @@
-"""One view against the surface: what it sees at given points, and how much that counts."""
+"""Projection of one view onto the surface: its samples at given points, and their weights."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,27 +19,27 @@ from mpsnet_core.scene.visibility import Visibility
 
 # Surfaces turned further from the camera than this (cosine) show too few pixels to be trusted.
 MIN_FACING = 0.1
-# A view counts with the cosine between surface and camera to this power: views from ahead win over glancing ones.
+# A view's weight is the cosine between surface normal and camera to this power: frontal views win over glancing ones.
 FACING_POWER = 4
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One photo's normals and the camera that took it.
+    """One photo's normals and its camera.
 
     Parameters
     ----------
     camera : Camera
-        In the world.
+        The camera's pose in the world, and its projection.
     normals : NormalMap
-        In camera space, (H, W).
+        Normals in camera space, (H, W).
     colours : (H, W, 3) float32 array, optional
-        Linear values to bake beside the normals, such as an albedo; NaN where they are not known.
+        Linear values to bake along with the normals, such as an albedo; NaN where they are unknown.
 
     Raises
     ------
     GeometryError
-        Where their sizes differ.
+        If their sizes differ.
     """
 
     camera: Camera
@@ -58,33 +58,35 @@ class View:
 
 
 class Projector:
-    """One view, prepared for samples at points of the surface.
+    """One view, prepared to be sampled at points of the surface.
 
-    feather: how far from the view's borders it counts in full, as a share of the mesh's size; 0 to let it end sharply.
+    feather: distance from the view's borders at which it has its full weight, as a fraction of the mesh's size; 0 for
+    sharp borders.
     """
 
     def __init__(self, view: View, scene: RayScene, feather: float = 0.0) -> None:
         self.camera = camera = view.camera
         self.visibility = Visibility(camera, scene)
         away = camera.rotation.T @ (scene.middle - camera.world_from_camera[:3, 3])
-        # The scene's middle in camera space, and the turn from the world's axes to the camera's.
+        # The scene's centre in camera space, and the rotation from world to camera axes.
         self.middle, self.turn = away.astype(np.float32), camera.rotation.T.astype(np.float32)
         self.eye = (camera.world_from_camera[:3, 3] - scene.middle).astype(np.float32)
-        # Only the part of the image in which the mesh may be seen.
+        # Crop to the part of the image in which the mesh may be seen.
         self.rows, self.columns = rows, columns = scene.extent(camera)
         shape = rows.stop - rows.start, columns.stop - columns.start
         normals, colours = view.normals, view.colours
         share = None
         if feather > 0:
             share = feathered(self.visibility, normals.mask, feather * scene.size)
-        # (h + 2, w + 2, 4): world normals and a 1, times their weight; with colours (..., 8), these and a 1 likewise.
-        # The border of nothing spares sampling at the image's edge a special case.
+        # (h + 2, w + 2, 4): world normals times their weight, and the weight. With colours (h + 2, w + 2, 8): the
+        # colours times their weight, and that weight, follow. A border of zeros makes a special case at the image's
+        # edge unnecessary.
         self.samples = np.zeros((shape[0] + 2, shape[1] + 2, 4 if colours is None else 8), np.float32)
 
         def fill(band: slice) -> None:
             within = slice(rows.start + band.start, rows.start + band.stop)
             out = self.samples[1 + band.start : 1 + band.stop, 1:-1]
-            # A little weight where the confidence is zero: a doubtful normal is better than none.
+            # Not 0 where the confidence is 0: a doubtful normal is better than none.
             weight = np.maximum(normals.confidence[within, columns], np.float32(0.01), dtype=np.float32)
             weight *= normals.mask[within, columns]
             if share is not None:
@@ -104,11 +106,10 @@ class Projector:
     def look(
         self, points: NDArray[np.float32], normals: NDArray[np.float32]
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Which of the surface's points (3, N), of unit normals (3, N), the view sees: (M,) their numbers.
+        """(M,) indices of the surface points (3, N) with unit normals (3, N) that the view sees, and its samples there.
 
-        And (M, 4) what it sees there: the weighted normal in world space and its weight; (M, 8) of views with colours,
-        the weighted colour and its weight behind them. The points are relative to the scene's middle, the normals in
-        world space.
+        A sample, (M, 4), is the weighted normal in world space and the weight; of views with colours, (M, 8), the
+        weighted colour and its weight follow. Points are relative to the scene's centre, normals in world space.
         """
         seen, facing, x, y = self.faced(points, normals)
         sampled = self._sample(x, y)
@@ -116,7 +117,7 @@ class Projector:
         if kept is not None:
             seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
         facing = facing.take(seen)
-        for _ in range(2):  # to FACING_POWER
+        for _ in range(2):  # squared twice: FACING_POWER
             facing *= facing
         sampled *= _repeated(facing, sampled.shape[1])
         return seen, sampled
@@ -124,9 +125,9 @@ class Projector:
     def faced(
         self, points: NDArray[np.float32], normals: NDArray[np.float32]
     ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Which points, as of :meth:`look`, the camera sees, whatever the view's mask: (M,) their numbers.
+        """(M,) indices of the points, given as for :meth:`look`, that the camera sees, regardless of the view's mask.
 
-        And (N,) the cosine between normal and camera of all points, and (M,) x and (M,) y of the pixels.
+        Also (N,) the cosine between normal and viewing direction of all points, and (M,) x and (M,) y of the pixels.
         """
         flat = self.camera.projection == "orthographic"
         if flat:
@@ -161,9 +162,9 @@ class Projector:
         return seen, facing, x, y
 
     def _sample(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Bilinear, between pixel centres; pixels outside the mask take no part."""
+        """Bilinear samples between pixel centres. Pixels outside the mask have no weight."""
         height, stride, count = self.samples.shape
-        # The border adds one pixel, pixel centres stand at one half.
+        # The border adds one pixel; pixel centres are at 0.5.
         x, y = x - np.float32(self.columns.start - 0.5), y - np.float32(self.rows.start - 0.5)
         column, row = x.astype(np.int32), y.astype(np.int32)
         np.clip(column, 0, stride - 2, out=column)
@@ -188,15 +189,15 @@ class Projector:
 
 
 def _repeated(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:
-    """(N, count) of values (N,): NumPy's own broadcasting is slow along so short an axis."""
+    """(N, count) copies of values (N,): NumPy's broadcasting is slow along so short an axis."""
     return np.repeat(values, count).reshape(-1, count)
 
 
 def _unless_all(chosen: NDArray[np.bool_]) -> NDArray[np.int64] | None:
-    """The numbers of what is chosen, None where that is everything."""
+    """The indices of True elements, None if all are True."""
     return None if chosen.all() else np.flatnonzero(chosen)
 
 
 def _some(which: NDArray[np.int64], *values: NDArray[Any]) -> list[NDArray[Any]]:
-    """Some of values (N,) or (3, N), by their numbers."""
+    """Elements of values (N,) or (3, N) at these indices."""
     return [value.take(which, axis=-1) for value in values]

@@ -1,4 +1,4 @@
-"""The report of a bake: what the views see of the surface and where they disagree, as one self-contained HTML page."""
+"""The report of a bake: what the views see of the surface and where they disagree, as a self-contained HTML page."""
 
 import html
 import os
@@ -18,7 +18,7 @@ from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import on_background, scaled_error_picture
 
 PICTURE = 1024  # pixels on a side, at most
-# Seen by none, by one view, by two, ...; the last colour stands for all above.
+# Colours of texels seen by no view, by one, by two, ...; the last one is for all higher counts.
 COUNTS = ("#335ca8", "#8c2121", "#d66b21", "#edbf40", "#9ecc6b", "#4db399")
 
 _STYLE = """<style>.maps{display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start}
@@ -37,7 +37,7 @@ light. <b>colour gain</b>: what red, green and blue of its albedo were multiplie
 
 
 def view_table(views: Sequence[ViewAgreement]) -> str:
-    """A line for each view, as text."""
+    """A text table with a line for each view."""
 
     def angle(value: float) -> str:
         return f"{value:.2f}" if np.isfinite(value) else "-"
@@ -52,7 +52,7 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
 
 @dataclass(frozen=True)
 class TextureMap:
-    """A picture of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: what its colours mean, as HTML."""
+    """An image of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: its colour key, as HTML."""
 
     words: str
     picture: NDArray[np.float32]
@@ -60,8 +60,10 @@ class TextureMap:
 
 
 def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
-    """The texture, how many views see each texel, and how far they lie apart, as far as known; of at most `PICTURE`
-    texels a side. name: what the texture is of, where there are several."""
+    """Images of the texture, of the number of views of each texel, and of their spread, if known.
+
+    They have at most `PICTURE` texels a side. name: the texture set's name, if there are several.
+    """
     step = -(-len(texture.vectors) // PICTURE)
     few = (slice(step // 2, None, step), slice(step // 2, None, step))
     covered = texture.covered[few]
@@ -95,7 +97,7 @@ def write_bake_report(
 ) -> None:
     """Write the page: the textures' maps, and a line for each view.
 
-    Raises InputError where no report can be put there.
+    Raises InputError if it cannot be written there.
     """
     path = page_path(path)
     with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:

@@ -1,4 +1,4 @@
-"""Sequences: a texture for each frame; those that exist already, of the same files and settings, are kept."""
+"""Sequences: a texture for each frame. Existing textures of the same files and settings are kept."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from mpsnet_core.scene.mesh import read_mesh
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a sequence.
+    """The result of a sequence.
 
-    made, there: how many textures were made now, and before. seen: the share of the surface that some view saw, mean
-    over those made now, None where none was. filled: likewise the share that was filled, None unless it was to be.
+    made, there: how many textures were made now, and how many existed. seen: the mean fraction of the surface that some
+    view saw in those made now, None if none was made. filled: the mean fraction that was filled, None without filling.
     """
 
     made: int
@@ -41,16 +41,16 @@ def bake_sequence(
     recipe: str,
     progress: Progress,
 ) -> Outcome:
-    """Bake the textures of frames, each with one mesh, and write them.
+    """Bake and write the textures of frames, each with one mesh.
 
-    frames: by their textures' files, in their order. reader: with one present map at most, which goes beneath each
-    texture. recipe: text that changes with every setting that makes other textures.
+    frames: inputs by texture file, in order. reader: has at most one base map, which applies to every frame. recipe:
+    fingerprint of all settings that change the textures.
 
-    Raises InputError where a frame cannot be read or baked; those before it are written.
+    Raises InputError if a frame cannot be read or baked. The frames before it have been written then.
     """
     base_map = reader.base_maps[0] if reader.base_maps else None
     mesh_of = lru_cache(maxsize=1)(read_mesh)
-    # A share of the present map's relief that was found anew for each frame would flicker: all have the first one's.
+    # A share of the base map's relief estimated per frame would flicker: the first frame's applies to all.
     first, shares = next(iter(frames.values())), None
     made, seen, filled = 0, 0.0, 0.0
     for number, (output, inputs) in enumerate(frames.items()):

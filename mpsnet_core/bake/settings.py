@@ -1,4 +1,4 @@
-"""Baking: how a texture is baked."""
+"""Settings of a bake."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from mpsnet_core.bake.texture import SPACES, Space
 from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
 
-# Points a texel, along each side.
+# Sample points per texel, along each side.
 SAMPLES = (1, 2, 4)
 
 
@@ -23,24 +23,24 @@ class Baking:
     space : {"tangent", "object"}
         "tangent" is MikkTSpace, "object" the mesh's own axes.
     margin : int
-        Texels that the islands' borders are grown by at most, where the padding is "nearest".
+        Texels by which the UV islands are dilated if the padding is "nearest".
     padding : {"nearest", "push-pull", "none"}
         What the texture holds beyond the islands: see :mod:`mpsnet_core.bake.padding`.
     samples : {1, 2, 4}
-        A texel is the mean of samples x samples points in it, of those that lie on the surface.
+        A texel is the mean of those of its samples x samples points that lie on the surface.
     feather : float
-        Share of the mesh's size, 0 to 1, over which each view fades out towards its borders, into the others or into
-        the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
+        Distance, as a fraction (0 to 1) of the mesh's size, over which each view fades towards its borders into the
+        other views or the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
     strength : float
-        Factor, 0 to 2, of the gradients against the mesh's own normals; 0 leaves nothing of the views.
+        Factor, 0 to 2, on the slopes relative to the mesh's own normals; 0 removes all detail.
     fill : bool
-        Whether what no view sees continues the relief around it smoothly, see :mod:`mpsnet_core.bake.fill`; not in
-        object space.
+        Whether to fill unseen texels smoothly from the relief around them, see :mod:`mpsnet_core.bake.fill`. Not
+        available in object space.
 
     Raises
     ------
     SettingsError
-        Where one of them is out of range.
+        If one of them is out of range.
     """
 
     size: int = TEXTURE_SIZE
@@ -66,7 +66,7 @@ class Baking:
 
 
 def check_texture(size: int, space: str, margin: int) -> None:
-    """Raises SettingsError where no texture has that size, space or margin."""
+    """Raise SettingsError if the size, space or margin of a texture is invalid."""
     if not 1 <= size <= MAX_TEXTURE_SIZE:
         raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}")
     if not 0 <= margin <= MAX_TEXTURE_SIZE:

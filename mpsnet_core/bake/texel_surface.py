@@ -1,4 +1,4 @@
-"""The surface under a texture's points: position, normal and tangent, linear over each triangle."""
+"""Position, normal and tangent of the surface at a texture's sample points, linear over each triangle."""
 
 from typing import Any, NamedTuple
 
@@ -12,8 +12,8 @@ from mpsnet_core.scene.mesh import Mesh
 
 
 class Place(NamedTuple):
-    """Points of a texture, each (N,): the triangle under it, and how far it is from that one's first corner along
-    columns and rows."""
+    """Sample points of a texture, each (N,): the triangle under them, and the offset in columns and rows from its first
+    corner."""
 
     triangle: NDArray[np.int64]
     x: NDArray[np.float32]
@@ -24,14 +24,14 @@ class Place(NamedTuple):
 
 
 class UnderTexels:
-    """T triangles of a mesh: of each layer a value at the triangle's first corner and steps along columns and rows.
+    """T triangles of a mesh under a texture. A layer is a value at the first corner and its steps per column and row.
 
-    triangles: which of the mesh's, None for all. corner: the unit square of UV space that is the texture. size: of the
-    texture, in points on a side. middle: what positions are relative to, because far from the origin float32 would be
-    too coarse.
+    triangles: indices of the mesh's triangles, None for all. corner: lower left corner of the texture's unit square in
+    UV space. size: of the texture, in sample points on a side. middle: origin of positions, because far from the
+    world's origin float32 would be too coarse.
 
-    corners: (T, 3, 2) texel coordinates. normal, tangent, position: (9, T), see :meth:`linear`; positions in the world,
-    the others in object space.
+    corners: (T, 3, 2) coordinates in sample points. normal, tangent, position: (9, T), see :meth:`linear`; positions in
+    world space, the others in object space.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class UnderTexels:
         e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
         inverse = np.where(np.abs(area) > 1e-12, 1 / np.where(area == 0, 1, area), 0)
-        # Steps of the second and third barycentric coordinate along x and y: (T, 2 coordinates, 2 axes).
+        # Gradients of the second and third barycentric coordinate along x and y: (T, 2 coordinates, 2 axes).
         self.steps = inverse[:, None, None] * np.stack(
             [np.stack([e2[:, 1], -e2[:, 0]], -1), np.stack([-e1[:, 1], e1[:, 0]], -1)], axis=1
         )
@@ -58,7 +58,7 @@ class UnderTexels:
         self.tangent = self.linear(tangents[..., :3])
         self.position = self.linear(mesh.world_vertices[mesh.triangles[chosen]] - middle)
         self.sign = tangents[:, 0, 3]
-        # Normals are carried to world space by the inverse transpose, and back by the transpose.
+        # The inverse transpose maps normals to world space, the transpose maps them back.
         self.object_from_world_normals = mesh.world_from_object[:3, :3].T.astype(np.float32)
         self.world_from_object_normals = mesh.normals_to_world.T.astype(np.float32)
 
@@ -70,14 +70,14 @@ class UnderTexels:
         return np.concatenate([first.T, steps], dtype=np.float32)
 
     def place(self, triangle: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]) -> Place:
-        """Points of the texture, each (N,), by the triangle under them, column and row."""
+        """Sample points of the texture from the triangle under them, column and row, each (N,)."""
         x, y = column.astype(np.float32), row.astype(np.float32)
         x -= self.origin[0].take(triangle)
         y -= self.origin[1].take(triangle)
         return Place(triangle, x, y)
 
     def at(self, place: Place, layer: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(3, N) values of one of :meth:`linear`'s layers at some points."""
+        """(3, N) values of a layer from :meth:`linear` at sample points."""
         values = layer.take(place.triangle, axis=1)
         values[3:6] *= place.x
         values[6:] *= place.y
@@ -86,14 +86,14 @@ class UnderTexels:
         return values[:3]
 
     def points(self, place: Place) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(3, N) points, and (3, N) unit shading normals in world space."""
+        """(3, N) positions relative to `middle`, and (3, N) unit shading normals, in world space."""
         normal = transformed(self.world_from_object_normals, self.at(place, self.normal))
         return self.at(place, self.position), _scaled_to_unit(normal)
 
     def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
-        strength: what the gradients against the surface's own normals are multiplied by.
+        strength: factor on the slopes relative to the surface's own normals.
         """
         normal = self.at(place, self.normal)
         baked = transformed(self.object_from_world_normals, vectors)
@@ -111,13 +111,13 @@ class UnderTexels:
 
 
 def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N,) of vectors (3, N)."""
+    """(N,) dot products of vectors (3, N)."""
     product: NDArray[np.float32] = np.einsum("in,in->n", one, other)
     return product
 
 
 def _scaled_to_unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Vectors (3, N), scaled in place; zero vectors become +z."""
+    """Vectors (3, N), normalised in place. Zero vectors become +z."""
     length = np.sqrt(_dot(vectors, vectors))
     none = np.flatnonzero(length <= SHORTEST)
     length[none] = 1
@@ -132,10 +132,10 @@ def _to_tangent_space(
     tangent: NDArray[np.float32],
     sign: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Solve ``v = x T + y B + z N`` up to scale, with the interpolated T and N as they are and B = sign N x T.
+    """Solve ``v = x T + y B + z N`` up to scale, with the interpolated, unnormalised T and N, and B = sign N x T.
 
-    Renderers interpolate T and N without making them perpendicular again; the inverse of what they do is exact. By
-    Cramer's rule x is v · (B x N) over the volume T · (B x N), and so on; B x N = sign (N·N T - N·T N), and so on.
+    Renderers interpolate T and N without orthonormalising them again; this inverts that exactly. By Cramer's rule x is
+    v · (B x N) over the volume T · (B x N), and so on; B x N = sign (N·N T - N·T N), and so on.
     """
     along_normal, along_tangent = _dot(vectors, normal), _dot(vectors, tangent)
     across = _dot(normal, tangent)

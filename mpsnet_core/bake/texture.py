@@ -1,4 +1,4 @@
-"""Texture: baked normals on a mesh's UVs, ready for artists."""
+"""Texture: normals baked onto a mesh's UVs."""
 
 import os
 from dataclasses import dataclass, replace
@@ -25,18 +25,18 @@ class Texture:
     seen : (S, S) bool array
         Texels that at least one view sees.
     covered : (S, S) bool array
-        Texels on the surface.
+        Texels with surface under them.
     space : {"tangent", "object"}
         "tangent" is MikkTSpace.
     views : (S, S) uint16 array, optional
         Number of views that see each texel.
     spread : (S, S) float32 array, optional
-        Degrees between the views' normals: the angle whose cosine is the weighted mean cosine between them and their
-        mean; 0 where fewer than two see the texel.
+        Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine between each and
+        their mean; 0 where fewer than two views see the texel.
     colours : (S, S, 4) float32 array, optional
-        Where the views have colours: linear, and 1 where some view has one, else 0.
+        If the views have colours: linear RGB, and 1 where some view has a colour, else 0.
     filled : (S, S) bool array, optional
-        Texels that no view sees and that continue smoothly what is seen around them; None where nothing was filled.
+        Unseen texels that were filled from the seen ones around them; None without filling.
     """
 
     vectors: NDArray[np.float32]
@@ -49,7 +49,7 @@ class Texture:
     filled: NDArray[np.bool_] | None = None
 
     def rows(self, rows: slice) -> "Texture":
-        """Some of its rows; what is written there is written here."""
+        """A view of some of its rows, which shares memory with it."""
         arrays: dict[str, Any] = {
             name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)
         }
@@ -57,12 +57,12 @@ class Texture:
 
     @property
     def seen_fraction(self) -> float:
-        """The share of the surface's texels that some view saw."""
+        """The fraction of the surface's texels that some view saw."""
         return int(self.seen.sum()) / max(int(self.covered.sum()), 1)
 
     @property
     def filled_fraction(self) -> float | None:
-        """The share of the surface's texels that were filled, None where none was to be."""
+        """The fraction of the surface's texels that were filled, None without filling."""
         return None if self.filled is None else float(self.filled.sum() / max(self.covered.sum(), 1))
 
 
@@ -85,14 +85,14 @@ def write_texture(
     convention : {"opengl", "directx"}
         Whether green points up or down.
     bits : int, optional
-        Bits a channel; by default those of the format.
+        Bits per channel; by default those of the format.
     description : str, optional
-        A line of text that the file keeps, see :func:`mpsnet_core.io.image_writing.write_bands`.
+        A line of text stored in the file, see :func:`mpsnet_core.io.image_writing.write_bands`.
 
     Raises
     ------
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
     """
     height, width, _ = texture.vectors.shape
     write_bands(

@@ -1,4 +1,4 @@
-"""Texture files: how they are written, which meshes each is of, and what became of them."""
+"""Texture files: where and how they are written, the meshes of each, and a record of what was written."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,16 +21,16 @@ from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_map import Convention
 
-# So many textures are listed one by one; of more, the first and the last.
+# Up to this many textures are listed one by one; of more, the first and the last.
 LISTED = 12
 
 
 @dataclass(frozen=True)
 class TextureTarget:
-    """How textures are written, and where.
+    """Where and how textures are written.
 
-    output: a file, with the tokens of :mod:`mpsnet_core.bake.texture_names` where there are several; of a sequence a
-    folder. suffix: the ending of a sequence's files. convention, bits (a channel, None for the ending's own): of each.
+    output: a file name, with the tokens of :mod:`mpsnet_core.bake.texture_names` if there are several; the folder of a
+    sequence. suffix: of a sequence's files. bits: per channel, None for the suffix's own.
     """
 
     output: str
@@ -39,7 +39,7 @@ class TextureTarget:
     suffix: str
 
     def frame(self, number: int, digits: int) -> Path:
-        """The file of a sequence's frame."""
+        """The file of a frame of a sequence."""
         folder = Path(self.output)
         return folder / f"{folder.name}_{number:0{digits}d}{self.suffix}"
 
@@ -54,13 +54,13 @@ def texture_target(
     bits: int | None = None,
     sequence: bool = False,
 ) -> TextureTarget:
-    """What was not given is filled in, from the preset where there is one: an output folder becomes its file in it.
+    """The target of textures, completed from the preset if there is one.
 
-    ending: the files' format, with or without a dot. sequence: the output is a folder of frames, which have names of
-    their own.
+    With a preset, an output folder becomes the preset's file in it. ending: the files' format, with or without a dot.
+    sequence: the output is a folder of frames, whose names are fixed.
 
-    Raises SettingsError where the preset is not known, the options do not fit the output's ending, or a folder is given
-    for what several meshes share, which no preset has a name for.
+    Raises SettingsError if the preset is unknown, the options do not fit the output's suffix, or several meshes share
+    a texture and the output is a folder: no preset has a file name for it.
     """
     suffix = file_suffix(ending) if ending else None
     if preset is None:
@@ -80,7 +80,7 @@ def texture_target(
             ensure_folder(target.parent, "texture")
         output = str(target)
     suffix = suffix or wanted.suffix
-    # Bits go with the preset's own format.
+    # The preset's bits apply to its own format alone.
     own_bits = wanted.bits if suffix == wanted.suffix else None
     return TextureTarget(output, convention or wanted.convention, own_bits if bits is None else bits, suffix)
 
@@ -89,9 +89,8 @@ def texture_target(
 class Plan:
     """Textures to bake for meshes: a texture set and a file for each.
 
-    albedos: where the views' colours go, if they have some. patterns: the files with <UDIM> in place of the tile's
-    number. base_maps: the maps that go beneath them. coverage: folder for a map of what was seen of each, None for
-    none.
+    albedos: files of the views' colours, if they have any. patterns: the files with <UDIM> in place of the tile number.
+    base_maps: the maps that the detail goes on top of. coverage: folder for coverage maps, None for none.
     """
 
     target: TextureTarget
@@ -106,9 +105,12 @@ class Plan:
 
 @dataclass(frozen=True)
 class Made:
-    """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all.
-    albedo: the file of the colours, where the views have them. filled: how many texels were filled, None where none was
-    to be. coverage: the file of what was seen, where it was requested."""
+    """A texture that was written.
+
+    pattern: see :class:`Plan`. seen, covered: number of texels that a view saw, and of all. albedo: file of the
+    colours, if the views have any. filled: number of filled texels, None without filling. coverage: file of the
+    coverage map, if requested.
+    """
 
     file: Path
     pattern: Path
@@ -131,12 +133,13 @@ def planned(
     albedo: bool = False,
     coverage: str | None = None,
 ) -> Plan:
-    """The textures that the target means; meshes are read.
+    """Read the meshes, and plan the textures of the target.
 
-    taken: what no texture may overwrite. onto, onto_convention: as :func:`base_map_files` takes them. onto_shown:
-    whether the photos show that map. albedo: whether the views' colours are baked as well. coverage: as a Plan has it.
+    taken: files that no texture may overwrite. onto, onto_convention: as for :func:`base_map_files`. onto_shown:
+    whether the photos show that map. albedo: whether the views' colours are baked as well. coverage: see
+    :class:`Plan`.
 
-    Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
+    Raises InputError if a mesh cannot be read, no texture has a base map, or a texture cannot be written.
     """
     by = split_by(target.output)
     meshes = [read_mesh(file) for file in mesh_files]
@@ -158,14 +161,14 @@ def planned(
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
-    """The mesh, as an object of that name where its file has none."""
+    """The mesh, as an object of that name if its file has no objects."""
     return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
 
 
 def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[Made, Texture]]:
-    """Write textures one by one, as they are baked; yields each with its record.
+    """Write textures one by one, as they are baked. Yields the record of each, and the texture.
 
-    Raises InputError where one cannot be baked or written.
+    Raises InputError if one cannot be baked or written.
     """
     target = plan.target
     for texture_set, texture in baked:
@@ -192,9 +195,9 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
 
 @dataclass(frozen=True)
 class TextureFacts:
-    """A texture's file, the shares of it that some view saw and that were filled, and what it is of.
+    """A texture's files and texture set, and the fractions of it that some view saw and that were filled.
 
-    tiles, albedo_tiles, coverage_tiles: the file's name for all tiles, with <UDIM> in it.
+    tiles, albedo_tiles, coverage_tiles: the file name of all tiles, with <UDIM>.
     """
 
     output: str
@@ -211,7 +214,7 @@ class TextureFacts:
 
 
 def texture_facts(texture: Made) -> TextureFacts:
-    """The figures of a texture that was written."""
+    """The facts of a texture that was written."""
     texture_set, tiled, albedo = texture.texture_set, texture.texture_set.tile is not None, texture.albedo
     return TextureFacts(
         str(texture.file),
@@ -229,18 +232,18 @@ def texture_facts(texture: Made) -> TextureFacts:
 
 
 def seen_share(made: Sequence[Made]) -> float:
-    """The share of all the textures' surface that some view saw."""
+    """The fraction of all textures' surface that some view saw."""
     return sum(texture.seen for texture in made) / sum(texture.covered for texture in made)
 
 
 def filled_share(made: Sequence[Made]) -> float | None:
-    """The share of all the textures' surface that was filled, None where none was to be."""
+    """The fraction of all textures' surface that was filled, None without filling."""
     filled = [texture.filled for texture in made if texture.filled is not None]
     return round(sum(filled) / sum(texture.covered for texture in made), 4) if filled else None
 
 
 def format_textures(made: Sequence[Made], facts: str) -> str:
-    """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
+    """A line for each texture: its file, texture set and seen fraction. facts: properties that all share."""
     lines = [
         f"{texture.file}: {facts}, {texture.seen / texture.covered:.1%} of its surface seen"
         + (f", {texture.filled / texture.covered:.1%} filled" if texture.filled is not None else "")

@@ -8,16 +8,16 @@ from typing import Protocol
 
 from mpsnet_core.errors import SettingsError
 
-# The tokens, and what of a texture set they stand for.
+# The tokens, and the attribute of a texture set that replaces them.
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
-# Names of more bytes are cut: file systems allow 255, and there is more in a file's name.
+# Bytes at which a name is cut: file systems allow 255 for the whole file name.
 LONGEST_NAME = 80
-# Windows' devices, whatever follows a point.
+# Device names of Windows, which are reserved with any suffix.
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 
 
 class NamesTexture(Protocol):
-    """What has a texture of its own, as a texture set does: each is None where textures are not parted by it."""
+    """A part with its own texture, such as a texture set. An attribute is None if textures are not split by it."""
 
     @property
     def tile(self) -> int | None: ...
@@ -28,15 +28,15 @@ class NamesTexture(Protocol):
 
 
 def albedo_file(texture: Path) -> Path:
-    """Where the albedo goes that is baked beside a normal texture: NAME_albedo; <UDIM> stays last, as programs want."""
+    """The albedo file that belongs to a normal texture: NAME_albedo. <UDIM> stays last, as programs expect."""
     name = re.sub(r"((?<=.)[._-]?<UDIM>)?$", r"_albedo\1", texture.stem, count=1)
     return texture.with_name(f"{name}{texture.suffix}")
 
 
 def split_by(pattern: str | os.PathLike[str]) -> set[str]:
-    """What the pattern's tokens part textures by: "tile", "material", "object".
+    """What the pattern's tokens split textures by: "tile", "material", "object".
 
-    Raises SettingsError for a token that is none of ours, or that stands in a folder's name.
+    Raises SettingsError for an unknown token, or one in a folder's name.
     """
     path = Path(pattern)
     known = f"{', '.join(list(TOKENS)[:-1])} or {list(TOKENS)[-1]}"
@@ -51,11 +51,11 @@ def split_by(pattern: str | os.PathLike[str]) -> set[str]:
 
 
 def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
-    """Each texture set's file: the pattern with its tile's number, and its material's and object's names as files have.
+    """Each texture set's file: the pattern with its tile number and the file-safe names of its material and object.
 
-    Names that become the same that way, on some system at least, are numbered.
+    Names that would clash on some file system are numbered.
 
-    Raises SettingsError where the pattern has other tokens than the texture sets are parted by, or two get one file.
+    Raises SettingsError if the pattern has a token that the textures are not split by, or two would share a file.
     """
     files = map_files(pattern, texture_sets)
     folded = [file.name.casefold() for file in files]
@@ -68,7 +68,7 @@ def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
 
 
 def check_one_texture(file: str | os.PathLike[str]) -> None:
-    """Raises SettingsError where a token in the file's name makes it stand for several textures: one is needed."""
+    """Raise SettingsError if the file's name contains a token, and so stands for several textures."""
     called = {"tile": "a tile's number", "material": "a material's name", "object": "an object's name"}
     name = "" if Path(file).is_file() else Path(file).name
     for token, what in TOKENS.items():
@@ -79,17 +79,17 @@ def check_one_texture(file: str | os.PathLike[str]) -> None:
 
 
 def tile_patterns(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
-    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each texture set.
+    """The files of :func:`texture_files` with <UDIM> left in place, as programs name all tiles of a texture.
 
-    Raises SettingsError where the pattern has a token in a folder's name or one that is not known.
+    Raises SettingsError if the pattern has an unknown token, or one in a folder's name.
     """
     return _named(pattern, texture_sets, ["<UDIM>"] * len(texture_sets))
 
 
 def map_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
-    """The same for maps that are read, of which several texture sets may share one.
+    """The files of :func:`texture_files` for maps that are read. Several texture sets may share one.
 
-    Raises SettingsError where the pattern has other tokens than the texture sets are parted by.
+    Raises SettingsError if the pattern has a token that the textures are not split by.
     """
     return _named(pattern, texture_sets, [str(texture_set.tile) for texture_set in texture_sets])
 
@@ -116,7 +116,7 @@ def _named(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]
 
 
 def _file_names(names: Sequence[str | None]) -> dict[str | None, str]:
-    """Each name as it can stand in a file's name, on every system; no two alike."""
+    """A unique name for each that is valid in file names on every system."""
     cleaned: dict[str | None, str] = {}
     taken: set[str] = set()
     for name in names:

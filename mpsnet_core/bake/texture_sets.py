@@ -1,6 +1,6 @@
 """Texture sets: which parts of which meshes share a texture, by UDIM tiles, materials and objects.
 
-UDIM is the numbering of unit squares of UV space that Mari brought: 1001 + u + 10 v, ten squares to a row.
+UDIM numbers the unit squares of UV space as 1001 + u + 10 v, ten squares to a row. Mari introduced it.
 """
 
 import logging
@@ -19,26 +19,26 @@ from mpsnet_core.scene.mesh_labels import Labels
 log = logging.getLogger(__name__)
 
 FIRST_TILE, TILES_IN_A_ROW, ROWS_OF_TILES = 1001, 10, 100
-# Models have a few tiles, films' heroes some dozens. UVs in more are scaled to something else than the texture.
+# Models have a few tiles, hero assets of films some dozens. UVs in more are not scaled to unit squares.
 MAX_TILES = 100
-# UVs that reach no further than this beyond a unit square are meant to end at its border.
+# UVs that exceed a unit square by up to this count as ending at its border.
 ROUNDING = 1e-5
-# What triangles without a name are called.
+# Names for triangles without one.
 NAMELESS = {"material": "no_material", "object": "object"}
 
 
 @dataclass(frozen=True, eq=False)
 class TextureSet:
-    """What shares one texture. No two are equal.
+    """Parts of meshes that share one texture. Compared by identity.
 
     Attributes
     ----------
     parts : tuple of (K,) int64 arrays or None
-        For each mesh, the numbers of its triangles that do; None for all of them.
+        For each mesh, the indices of its triangles in the set; None for all of them.
     tile : int, optional
         Number of the UDIM tile; None for the unit square from 0 to 1.
     material, object : str, optional
-        Names of what is baked here, where each has a texture of its own.
+        Names of the material and the object, if textures are split by them.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class TextureSet:
 
     @property
     def named(self) -> str:
-        """In words, "" for what is the only one."""
+        """Its name for messages, "" for the only set."""
         names = {"object": self.object, "material": self.material, "tile": self.tile}
         return ", ".join(f"{what} {name}" for what, name in names.items() if name is not None)
 
@@ -69,9 +69,10 @@ def texture_sets(
 ) -> list[TextureSet]:
     """The texture sets of meshes: one for all, or one for each UDIM tile, material and object, or their combinations.
 
-    Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
+    Materials with the same name are merged across meshes. Objects of different meshes are not: equal names are
+    numbered.
 
-    Raises GeometryError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
+    Raises GeometryError if no UV lies in any texture's unit square, or UVs lie in more than `MAX_TILES` tiles.
     """
     if not (tiles or materials or objects):
         _note_outside(meshes, "0 to 1", 1, 1)
@@ -97,7 +98,7 @@ def texture_sets(
 def _groups(
     meshes: Sequence[Mesh], materials: bool, objects: bool
 ) -> Iterator[tuple[str | None, str | None, tuple[NDArray[np.int64] | None, ...]]]:
-    """Object, material, and of each mesh the triangles that are of both."""
+    """Yield object, material, and for each mesh the triangles that belong to both."""
     if not (materials or objects):
         yield None, None, (None,) * len(meshes)
         return
@@ -124,7 +125,7 @@ def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[
 
 
 def _numbered(name: str, taken: Counter[str]) -> str:
-    """The name, with a number where it has come before."""
+    """The name, with a number appended if it is taken."""
     while True:
         taken[name] += 1
         numbered = name if taken[name] == 1 else f"{name}_{taken[name]}"
@@ -134,7 +135,7 @@ def _numbered(name: str, taken: Counter[str]) -> str:
 
 
 def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
-    """The group's tiles in order; a triangle that crosses into another tile is in both."""
+    """The group's tiles in order. A triangle that crosses a tile's border is in both tiles."""
     reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
     tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
     if not tiles:
@@ -158,9 +159,9 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
 
 
 def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(K, 2) the unit squares, by their lower left corners, that the triangles reach from and to."""
+    """(K, 2) lower left corners of the first and the last unit square that each triangle covers."""
     uvs = mesh.uvs if part is None else mesh.uvs[part]
-    # Beyond the tiles by no more than one: enough to decide, and numbers that fit.
+    # Clip to one beyond the tiles: enough to tell what is outside, and int64 cannot overflow.
     limits = (-1, (TILES_IN_A_ROW, ROWS_OF_TILES))
     low = np.clip(np.floor(uvs.min(axis=1).astype(np.float64) + ROUNDING), *limits).astype(np.int64)
     high = np.clip(np.ceil(uvs.max(axis=1).astype(np.float64) - ROUNDING) - 1, *limits).astype(np.int64)
@@ -177,7 +178,7 @@ def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
 
 
 def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
-    """Log triangles outside of all textures. Raises GeometryError where all are."""
+    """Log triangles outside all textures. Raises GeometryError if all are."""
     limit = np.array([width, height])
     count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
     bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]
@@ -195,7 +196,7 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
 
 
 def _note_crossings(meshes: Sequence[Mesh]) -> None:
-    """Log UV islands that lie in several tiles: textures end at a tile's border, and so does their margin."""
+    """Log UV islands that lie in several tiles: a texture and its padding end at the tile's border."""
     crossing = sum(_crossing_islands(mesh) for mesh in meshes)
     if crossing:
         islands = "1 UV island lies" if crossing == 1 else f"{crossing} UV islands lie"

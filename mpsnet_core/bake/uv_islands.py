@@ -1,4 +1,4 @@
-"""A mesh's UV islands, and the seams at which they meet on the surface."""
+"""A mesh's UV islands, and the seams where they meet on the surface."""
 
 from dataclasses import dataclass
 
@@ -8,20 +8,20 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.scene.mesh import Mesh
 
-# UVs nearer than this are one; a texel of the largest texture is 60 times as wide.
+# UVs closer than this coincide; a texel of the largest texture is 60 times as wide.
 SAME_UV = 1e-6
-# A direction that no plane of symmetry is likely to hold.
+# A direction that is unlikely to lie in a plane of symmetry.
 ASKEW = np.array([0.62, 0.55, 0.56])
 
 
 @dataclass(frozen=True)
 class Islands:
-    """Triangles that hang together in the texture, and where they hang together on the surface alone.
+    """UV islands: triangles that are connected in UV space, and the seams that separate them on the surface.
 
-    of_triangle: (T,) the number of each triangle's island, from 0: by where the islands lie in space, so that it is the
-    same when the mesh is subdivided.
-    seam_uvs: (E, 2 sides, 2 ends, 2) the UVs of the surface's edges that lie at two places of the texture; the ends are
-    in the same order on both sides. seam_islands: (E, 2) the island on either side.
+    of_triangle: (T,) number of each triangle's island, from 0. Islands are ordered by their position in space, which
+    does not change when the mesh is subdivided.
+    seam_uvs: (E, 2 sides, 2 ends, 2) UVs of the surface's edges that lie at two places in the texture; the ends are in
+    the same order on both sides. seam_islands: (E, 2) the island on either side.
     """
 
     of_triangle: NDArray[np.int32]
@@ -30,8 +30,8 @@ class Islands:
 
 
 def islands_of(mesh: Mesh) -> Islands:
-    """A mesh's islands. Vertices at one point, which some files split at seams, are one; an edge of more than two
-    triangles joins two and two of them."""
+    """A mesh's islands. Vertices at the same point, which some files split at seams, are merged. An edge of more than
+    two triangles joins them in pairs."""
     places = welded(mesh)
     texture = np.round(mesh.uvs.astype(np.float64) / SAME_UV).astype(np.int64)
     start, end = (0, 1, 2), (1, 2, 0)
@@ -52,7 +52,7 @@ def islands_of(mesh: Mesh) -> Islands:
 
 
 def welded(mesh: Mesh) -> NDArray[np.int64]:
-    """(T, 3) numbers of the corners' places: of vertices at the same point the same."""
+    """(T, 3) vertex indices of the triangles' corners, equal for vertices at the same point."""
     return np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.triangles]
 
 

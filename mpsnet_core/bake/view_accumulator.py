@@ -1,4 +1,4 @@
-"""The views' samples at points of the surface, summed up view by view; and the views, in memory as far as it allows."""
+"""Accumulation of the views' samples at points of the surface, with as many views in memory as fit."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.rays import RayScene
 
-# Views beyond about this much memory are not held at once, but read again in each pass.
+# Bytes of views held in memory at once, approximately. If there are more, they are read again in each pass.
 HELD_BYTES = 1 << 29
 
 
 class Projectors:
-    """The views' projectors, as many at once as memory shall hold; all of them kept where that is enough."""
+    """The views' projectors in batches that fit into memory. If one batch holds all of them, it is kept."""
 
     def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
         self.views, self.scene, self.feather = views, scene, feather
         self.all: list[Projector] = []
-        # Values of a view at a point, see `Projector.look`; known once views were read.
+        # Number of values per sample, see `Projector.look`; known once views were read.
         self.values = 0
 
     def batches(self) -> Iterator[list[Projector]]:
-        """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next.
+        """Yield all projectors in the views' order, in batches of about HELD_BYTES. A batch is freed before the next.
 
-        Raises InputError where a view that is not held in memory cannot be read again, or only some have colours.
+        Raises InputError if a view that is not held in memory cannot be read again, or only some have colours.
         """
         if self.all:
             yield self.all
@@ -49,27 +49,27 @@ class Projectors:
             held += size
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
-            # To read one more takes about as much as it holds.
+            # Reading the next view takes about as much memory as this one holds.
             if held + size >= HELD_BYTES or number + 1 == len(self.views):
                 yield batch
                 if batch is self.all:
                     return
-                batch.clear()  # whoever still has the list has no view in it
+                batch.clear()  # a caller that keeps the list keeps no view in memory
                 held = 0
 
 
 def _held_bytes(projector: Projector) -> int:
-    """What its images take up: the normals and the depth image."""
+    """Bytes of its arrays: the samples and the depth image."""
     arrays = [*vars(projector).values(), *vars(projector.visibility).values()]
     return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
 
 @dataclass(frozen=True)
 class ViewAccumulator:
-    """The sums of the views so far at N texels.
+    """Running sums over views at N texels.
 
-    sums: (N, 4) their weighted normals in world space, and those vectors' lengths; (N, 8) with their weighted colours
-    and those weights. views: (N,) how many see the texel.
+    sums: (N, 4) weighted normals in world space, and the lengths of these vectors; with colours (N, 8), weighted
+    colours and their weights follow. views: (N,) number of views that see the texel.
     """
 
     sums: NDArray[np.float32]
@@ -77,12 +77,12 @@ class ViewAccumulator:
 
     @classmethod
     def none(cls, count: int, values: int) -> "ViewAccumulator":
-        """values: of a view at a texel."""
+        """Zero sums for `count` texels. values: number of values per sample."""
         return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
 
     @classmethod
     def kept(cls, texture: Texture, texels: NDArray[np.int64]) -> "ViewAccumulator":
-        """What :meth:`keep` left in a texture, at texels by their numbers."""
+        """The sums that :meth:`keep` stored in a texture, at the texels of these flat indices."""
         assert texture.spread is not None and texture.views is not None
         sums = [texture.vectors.reshape(-1, 3).take(texels, axis=0), texture.spread.reshape(-1, 1).take(texels, axis=0)]
         if texture.colours is not None:
@@ -90,7 +90,7 @@ class ViewAccumulator:
         return cls(np.concatenate(sums, axis=1), texture.views.ravel().take(texels))
 
     def keep(self, texture: Texture, texels: NDArray[np.int64]) -> None:
-        """Leave the sums in a texture that is to be made of them: memory has no room for both."""
+        """Store the sums in the texture that will be made from them: there is not enough memory for both."""
         assert texture.spread is not None and texture.views is not None
         texture.vectors.reshape(-1, 3)[texels] = self.sums[:, :3]
         texture.spread.ravel()[texels] = self.sums[:, 3]
@@ -99,7 +99,7 @@ class ViewAccumulator:
             texture.colours.reshape(-1, 4)[texels] = self.sums[:, 4:]
 
     def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
-        """Add one more view's samples, see :meth:`Projector.look`."""
+        """Add one view's samples from :meth:`Projector.look`."""
         x, y, z = samples[:, 0], samples[:, 1], samples[:, 2]
         samples[:, 3] = np.sqrt(x * x + y * y + z * z)
         samples += self.sums.take(seen, axis=0)
@@ -122,7 +122,7 @@ class ViewAccumulator:
 def seen_triangles(
     meshes: Sequence[Mesh], projectors: Projectors, scene: RayScene, progress: Progress
 ) -> list[NDArray[np.bool_]]:
-    """For each mesh, (T,) whether any view sees the triangle's middle."""
+    """For each mesh, (T,) whether any view sees the triangle's centre."""
     middles, outwards = _all_faces(meshes, scene)
     seen = np.zeros(middles.shape[1], bool)
     for batch in projectors.batches():
@@ -134,19 +134,19 @@ def seen_triangles(
 
 
 def masks_hide_all(meshes: Sequence[Mesh], projectors: Projectors) -> bool:
-    """Whether a camera sees a triangle's middle, where no view does."""
+    """Whether some camera sees a triangle's centre, ignoring the masks."""
     faces = _all_faces(meshes, projectors.scene)
     return any(len(projector.faced(*faces)[0]) for batch in projectors.batches() for projector in batch)
 
 
 def _all_faces(meshes: Sequence[Mesh], scene: RayScene) -> list[NDArray[np.float32]]:
-    """The faces of all meshes, as :func:`_faces` has those of one."""
+    """:func:`_faces` of all meshes."""
     parts = [_faces(mesh, scene.middle) for mesh in meshes]
     return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
 
 
 def _faces(mesh: Mesh, middle: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(3, T) the triangles' middles in the world, relative to `middle`, and (3, T) their unit normals."""
+    """(3, T) the triangles' centres in world space, relative to `middle`, and (3, T) their unit normals."""
     corners = mesh.world_vertices[mesh.triangles] - middle
     outwards = triangle_normals(corners)
     if mesh.is_mirrored:

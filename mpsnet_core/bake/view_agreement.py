@@ -1,7 +1,7 @@
-"""Agreement: how much of the surface each view sees, and how far it departs from the others, levelled and not.
+"""Agreement: how much of the surface each view sees, and its angle to the other views, with and without levelling.
 
-It is measured at points spread evenly over the surface, so that neither UVs nor the texture's size matter, and while
-each view is in memory, so that none needs to be read again.
+It is measured at points spread evenly over the surface, independently of UVs and texture size, and while each view is
+in memory: none needs to be read again.
 """
 
 import logging
@@ -20,7 +20,7 @@ from mpsnet_core.scene.rays import RayScene
 log = logging.getLogger(__name__)
 
 POINTS = 20_000
-# Degrees. Estimates of one surface differ by less, whatever the network.
+# Degrees. Estimates of the same surface differ by less, with any network.
 MOST_APART = 20.0
 # Roberts' additive sequence for two dimensions, from the plastic number.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
@@ -28,11 +28,11 @@ _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 @dataclass(frozen=True)
 class ViewAgreement:
-    """What one view contributes. Angles are in degrees, NaN where no other view sees what it sees.
+    """What one view contributes. Angles are in degrees, NaN if no other view sees the same surface.
 
-    seen: share of the surface's area. level: mean angle that levelling turns it by. before, after: mean angle between
-    its normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
-    gain: what its colours' channels are multiplied by, where it has any.
+    seen: fraction of the surface's area. level: mean angle of its levelling. before, after: mean angle between its
+    normals and the mean of the others, weighted as in the bake, without and with levelling of all views. gain: factors
+    on the channels of its colours, if it has any.
     """
 
     name: str
@@ -47,8 +47,8 @@ class ViewAgreement:
 class Agreement:
     """The views' samples at points of the surface.
 
-    points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world. feather: the bake's. colours: for
-    each view (N, 4) its colour times its weight, and the weight; (N, 0) of views without.
+    points: (N, 3) relative to the scene's centre. normals: (N, 3) unit, in world space. feather: as in the bake.
+    colours: for each view (N, 4) its colour times its weight, and the weight; (N, 0) for views without.
     """
 
     scene: RayScene
@@ -60,7 +60,7 @@ class Agreement:
     _looks: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
 
     def add(self, name: str, estimated: View, levelled: View, level: float) -> None:
-        """One more view, as estimated and as levelled by `level` degrees in the mean."""
+        """Add a view, as estimated and as levelled by `level` degrees on average."""
         self._views.append((name, level))
         look = self._look(estimated)
         self._looks.append((look[:, :4], (look if levelled is estimated else self._look(levelled))[:, :4]))
@@ -74,7 +74,7 @@ class Agreement:
         return look
 
     def views(self, gains: Sequence[Sequence[float]] | None = None) -> list[ViewAgreement]:
-        """What each view contributes, in the order that they were added. gains: of their colours."""
+        """What each view contributes, in the order in which they were added. gains: of their colours."""
         before, after = (_departures([looks[place] for looks in self._looks]) for place in (0, 1))
         return [
             ViewAgreement(name, float((looks[1][:, 3] > 0).mean()), level, one, other, gains[number] if gains else None)
@@ -85,9 +85,9 @@ class Agreement:
 
 
 def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = POINTS) -> Agreement:
-    """No view yet, at `count` points that are spread over the mesh by area, the same ones every time.
+    """An Agreement without views, at `count` points spread over the mesh by area, the same ones every time.
 
-    feather: as :func:`mpsnet_core.bake.bake.bake_normals` takes it.
+    feather: as for :func:`mpsnet_core.bake.bake.bake_normals`.
     """
     areas = np.cumsum(mesh.world_areas)
     number = np.arange(count)
@@ -106,7 +106,7 @@ def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
     departures = []
     for look in looks:
         others = total - look
-        # Subtracting leaves rounding behind where no other view looks.
+        # Where no other view sees the point, the subtraction leaves rounding errors.
         shared = np.flatnonzero((look[:, 3] > 0) & (others[:, 3] > 1e-5 * total[:, 3]))
         own, rest = normalised(look[shared, :3]), normalised(others[shared, :3])
         weights = look[shared, 3]
@@ -116,7 +116,7 @@ def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
 
 
 def note_doubts(views: Sequence[ViewAgreement]) -> None:
-    """Warn of views that depart from the others, or from the mesh, by more than estimates do."""
+    """Warn of views whose angle to the others, or to the mesh, exceeds that between estimates."""
     for view in views:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
             apart = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
@@ -130,7 +130,7 @@ def note_doubts(views: Sequence[ViewAgreement]) -> None:
 
 
 def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, Any]]:
-    """The views as plain data, for JSON: no NaN but None, angles to a thousandth of a degree."""
+    """The views as plain data for JSON: None instead of NaN, angles rounded to a thousandth of a degree."""
     return [
         {
             "view": view.name,

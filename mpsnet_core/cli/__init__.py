@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             handlers[number] = signal.signal(number, _stop)
     try:
-        # Not above: Ctrl-C may come while all of it loads.
+        # Imported here: Ctrl-C while everything loads must be handled, too.
         from mpsnet_core.cli.command import run
 
         return run(arguments)
@@ -44,8 +44,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    """Stop at once; but a library that is loading goes on first, as it would crash or make an ImportError of it, and so
-    does the removal of an unfinished file, which would stay."""
+    """Raise KeyboardInterrupt at once, except in two cases, which are tried again a moment later.
+
+    A library that is loading would crash or turn it into an ImportError. The removal of an unfinished file would leave
+    that file behind.
+    """
     while frame is not None:
         code = frame.f_code
         if code.co_filename == "<frozen importlib._bootstrap>" or code.co_name == "_remove_unbroken":

@@ -1,4 +1,4 @@
-"""How the command line parses its arguments: errors are one sentence."""
+"""An argument parser whose errors are one sentence."""
 
 import argparse
 import re
@@ -8,7 +8,7 @@ from mpsnet_core.errors import SettingsError
 
 
 class Parser(argparse.ArgumentParser):
-    """Bad arguments are bad input: one sentence instead of argparse's usage text."""
+    """Reports bad arguments as bad input: one sentence instead of argparse's usage text."""
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
@@ -26,7 +26,7 @@ class Parser(argparse.ArgumentParser):
         return parsed, unknown
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        # argparse would list the verbs without help, too, which are for programs.
+        # argparse would also list the verbs without help, which are for programs.
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             listed = ", ".join(verb.dest for verb in action._choices_actions)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {listed})")
@@ -39,5 +39,5 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
 
-# What `add_subparsers` returns: the place where verbs are added.
+# What `add_subparsers` returns and verbs are added to.
 Verbs: TypeAlias = "argparse._SubParsersAction[Parser]"

@@ -1,4 +1,4 @@
-"""What the command line does: parses its arguments, runs an operation, and reports the result."""
+"""The command line: parses its arguments, runs an operation, and reports the result."""
 
 import argparse
 import errno
@@ -41,10 +41,10 @@ from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCameras
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
 
-# What libraries, and the smallest photo, take.
+# Bytes that the libraries and the smallest photo need.
 LEAST_MEMORY = 256 << 20
 
-# In the order of the help.
+# The help lists them in this order.
 OPERATIONS: tuple[type[Operation], ...] = (
     Estimate,
     Superpose,
@@ -78,19 +78,19 @@ OPERATIONS: tuple[type[Operation], ...] = (
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a verb and return the exit code. What is neither bad input nor a fault of the machine is raised."""
+    """Run a verb and return the exit code. Errors other than bad input, I/O and lack of memory are raised."""
     _open_closed_streams()
     notes = Notes()
     core_log = logging.getLogger("mpsnet_core")
     core_log.addHandler(notes)
     core_log.setLevel(logging.INFO)
     core_log.propagate = False
-    for stream in (sys.stdout, sys.stderr):  # a Windows pipe cannot hold every path's letters
+    for stream in (sys.stdout, sys.stderr):  # the encoding of a Windows pipe lacks characters that paths have
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
         with warnings.catch_warnings():
-            if not sys.warnoptions:  # they are for those who write programs, and request them by -W
+            if not sys.warnoptions:  # warnings are for developers, who enable them with -W
                 warnings.simplefilter("ignore")
             _run(arguments, notes)
         return 0
@@ -110,7 +110,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _nobody_reads(error: Exception) -> bool:
-    """Whether the reader of the output is gone, which Windows calls an invalid argument."""
+    """Whether the reader of the output has closed it, which Windows reports as an invalid argument."""
     if sys.platform == "win32" and isinstance(error, OSError) and not error.filename:
         return error.errno in (errno.EPIPE, errno.EINVAL)
     return isinstance(error, BrokenPipeError)
@@ -139,8 +139,10 @@ def _run(arguments: Sequence[str], notes: Notes) -> None:
 
 
 def _reserve_memory() -> None:
-    """Raises MemoryError where there is too little to load the libraries, which would crash; OpenBLAS, which would wait
-    for ever for the memory that its first product needs, has it from now on."""
+    """Raise MemoryError if there is too little memory to load the libraries, which would crash.
+
+    OpenBLAS would wait for ever for the buffer of its first product; a small product allocates it now.
+    """
     try:
         mmap.mmap(-1, LEAST_MEMORY).close()
     except OSError:
@@ -151,8 +153,10 @@ def _reserve_memory() -> None:
 
 
 def _open_closed_streams() -> None:
-    """Give streams that are closed (``2>&-``) to nobody: the next file to be opened would take a stream's number, and
-    libraries would write their words into it."""
+    """Open closed standard streams (``2>&-``) on the null device.
+
+    The next file to be opened would otherwise get a stream's descriptor, and libraries would write messages into it.
+    """
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(number)
@@ -161,7 +165,7 @@ def _open_closed_streams() -> None:
 
 
 def _flush_stdout() -> None:
-    """Python would try once more at its end what cannot be written, and complain in lines of its own."""
+    """Flush stdout, and discard what cannot be written: Python would retry at exit and print messages of its own."""
     stdout = sys.__stdout__
     if stdout is None:  # a windowed program has none
         return
@@ -173,7 +177,7 @@ def _flush_stdout() -> None:
 
 
 def argument_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+    """The parser of the command line."""
     parser = Parser(
         prog="mpsnet",
         description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",
@@ -194,14 +198,14 @@ def argument_parser() -> argparse.ArgumentParser:
 
 
 def _add_job(verbs: Verbs, common: Parser) -> None:
-    """The command for programs, which the help does not list: it runs the operation that stdin holds as JSON.
+    """Add the command ``job`` for programs, hidden from the help: it runs the operation that stdin holds as JSON.
 
-    It is cancelled where stdin ends before it is done.
+    It is cancelled if stdin ends before it has finished.
     """
 
     def verb(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         request = only_request()
-        sys.argv.append(json.dumps(request))  # the log of a fault holds the command line
+        sys.argv.append(json.dumps(request))  # a crash log holds the command line
         return from_json(request, OPERATIONS).run(reporter.progress).facts()
 
     verbs.add_parser("job", parents=[common]).set_defaults(verb=verb)

@@ -7,7 +7,7 @@ from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
-# Commands of two words: the help of all that share the first one, and the placeholder for the second.
+# Commands of two words, by the first word: its help, and the placeholder for the second word.
 GROUPS = {
     "calibrate": ("where the lights are and how their colours mix, by photos of balls", "WHAT"),
     "evaluate": ("measure models against known normals", "TEST"),
@@ -15,7 +15,7 @@ GROUPS = {
 
 
 def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
-    """Add the command of an operation: the last word of its name, a positional or a flag for each option."""
+    """Add the command of an operation, with a positional argument or a flag for each option."""
     group, _, name = kind.command.rpartition(" ")
     facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}
     place = _group(verbs, group) if group else verbs
@@ -37,7 +37,7 @@ def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
 
 
 def _group(verbs: Verbs, name: str) -> Verbs:
-    """Where the commands are added whose first word is `name`; added where it is missing."""
+    """The subparsers of the commands whose first word is `name`, added if they are missing."""
     if name not in verbs.choices:
         words, metavar = GROUPS[name]
         verbs.add_parser(name, help=words).add_subparsers(metavar=metavar, required=True)
@@ -72,7 +72,7 @@ def _add(parser: argparse._ActionsContainer, setting: Setting) -> None:
 
 
 def _help(setting: Setting) -> str:
-    """What it does, its choices, whether it may be repeated, and its default."""
+    """An option's help: what it does, its choices, whether it may be repeated, and its default."""
     described = setting.option
     if not described.help:
         return argparse.SUPPRESS
@@ -87,7 +87,7 @@ def _help(setting: Setting) -> str:
 
 
 def _default(setting: Setting) -> str:
-    """What applies where the option is not given; empty where that is nothing."""
+    """What applies if the option is not given, or "" if nothing does."""
     if setting.option.unset or setting.required or setting.default is None or setting.kind is bool:
         return setting.option.unset
     values = setting.default if setting.several else (setting.default,)

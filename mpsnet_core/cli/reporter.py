@@ -1,4 +1,4 @@
-"""What the command line reports on its way: progress, and notes."""
+"""Progress and notes of the command line."""
 
 import contextlib
 import itertools
@@ -13,7 +13,7 @@ from mpsnet_core.errors import in_one_line
 
 
 class Notes(logging.Handler):
-    """Keeps what the core notes on its way, to be shown once the work is done."""
+    """Collects the core's notes, to be shown once the work is done."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -26,7 +26,7 @@ class Notes(logging.Handler):
 
 
 class Reporter:
-    """Reports progress: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
+    """Reports progress: as a bar on stderr, as one JSON object per line on stdout, or not at all."""
 
     def __init__(self, style: str) -> None:
         if style == "auto":
@@ -36,7 +36,7 @@ class Reporter:
 
     def progress(self, fraction: float, message: str) -> None:
         if self.style == "json":
-            # A reader that draws a bar gains nothing from steps below half a percent, but for the words beside it.
+            # Steps below half a percent do not change a progress bar; they are sent once a second for their message.
             now = time.monotonic()
             stepped = fraction >= 1 or fraction - self.shown >= 0.005 or fraction < self.shown
             if stepped or (fraction > self.shown and now - self.when >= 1):
@@ -57,11 +57,11 @@ class Reporter:
 
 
 def refuse(sentence: str, arguments: Sequence[str]) -> None:
-    """Print in one line on stderr why nothing came of it, and on stdout where JSON is requested."""
+    """Print the error in one line on stderr and, if JSON is requested, on stdout, too."""
     sentence = in_one_line(sentence)
-    # Known even where the arguments cannot be parsed.
+    # Works even if the arguments cannot be parsed.
     if "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments):
-        with contextlib.suppress(OSError):  # nobody reads the answer any more
+        with contextlib.suppress(OSError):  # the reader is gone
             print(json.dumps({"error": sentence}), flush=True)
     with contextlib.suppress(OSError):
         print(f"mpsnet: {sentence}", file=sys.stderr)

@@ -1,13 +1,13 @@
-"""Child processes that answer by JSON lines: from without (:class:`ChildProcess`) and from within (:class:`Parent`).
+"""Child processes that answer in JSON lines: the parent's side, :class:`ChildProcess`, the child's :class:`Parent`.
 
-A request is a JSON object on one line of the child's stdin. A message is one on its stdout, of one of these kinds::
+A request is a JSON object on one line of the child's stdin. A message is a JSON object on one line of its stdout::
 
-    {"ready": true}                             it takes requests
-    {"progress": 0.4, "message": "reading"}     how far it is
-    {"result": {...}}                           what came of a request
-    {"error": "a sentence"}                     why nothing can come of it
+    {"ready": true}                             it accepts requests
+    {"progress": 0.4, "message": "reading"}     its progress
+    {"result": {...}}                           the result of a request
+    {"error": "a sentence"}                     why a request failed
 
-Everything else that a child prints, and its stderr, is kept as its last words.
+The end of everything else that a child prints, and of its stderr, is kept for error messages.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ from typing import IO, Any
 
 from mpsnet_core.errors import FileError, FormatError
 
-# A longer line, or one that never ends, is read piece by piece, and is neither a message nor a request.
+# Longer or endless lines are read in pieces, and are neither messages nor requests.
 LONGEST_LINE = 1 << 22
 LAST_WORDS = 20
 LONGEST_WORDS = 2000
@@ -34,13 +34,13 @@ CLOSE_SECONDS = 5.0
 _KINDS: dict[str, type | tuple[type, ...]] = {"ready": bool, "progress": (int, float), "result": dict, "error": str}
 
 
-# --- from without -----------------------------------------------------------------------------------------------------
+# --- the parent's side ------------------------------------------------------------------------------------------------
 
 
 class ChildEnded(Exception):
-    """A child process ended and answers no more. The message holds how, and its last words.
+    """A child process ended without an answer. The message says how, with the last lines that it printed.
 
-    code: its exit code, negative for a signal, None where it was ended because it did not answer.
+    code: its exit code, negative for a signal, None if it was ended because it did not answer.
     """
 
     def __init__(self, how: str, code: int | None = None) -> None:
@@ -49,12 +49,12 @@ class ChildEnded(Exception):
 
 
 class ChildProcess:
-    """A child process in a group of its own; one thread at a time sends and receives.
+    """A child process in its own process group. Only one thread at a time may send and receive.
 
-    Attributes `progress` (0 to 1) and `message` say how far it is. Raises FileError where the command cannot be run.
+    The attributes `progress` (0 to 1) and `message` hold its progress. Raises FileError if the command cannot be run.
     """
 
-    # A process that is started while another's pipes are made inherits them on Windows, and keeps them open.
+    # On Windows, a process that starts while another one's pipes are created inherits them, and keeps them open.
     _starting = threading.Lock()
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
@@ -71,7 +71,8 @@ class ChildProcess:
                     encoding="utf-8",
                     errors="replace",
                     env=dict(environment),
-                    # What it starts ends with it; Ctrl-C is for its parent alone, and Windows' CTRL_BREAK for it.
+                    # A process group: its own children end with it, Ctrl-C reaches the parent alone, and CTRL_BREAK of
+                    # Windows reaches the child.
                     start_new_session=sys.platform != "win32",
                     creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
                 )
@@ -90,21 +91,21 @@ class ChildProcess:
         return self._process.poll() is None
 
     def wait(self, seconds: float | None = None) -> int:
-        """Wait for its end, and return its exit code. Raises subprocess.TimeoutExpired."""
+        """Wait until it ends, and return its exit code. Raises subprocess.TimeoutExpired."""
         return self._process.wait(seconds)
 
     def send(self, request: Mapping[str, Any]) -> None:
-        """Send a request; where nobody reads it, :meth:`receive` raises."""
+        """Send a request. If the child does not read it, :meth:`receive` raises."""
         stdin = self._process.stdin
         assert stdin
-        with contextlib.suppress(OSError, ValueError):  # broken, or closed meanwhile
+        with contextlib.suppress(OSError, ValueError):  # broken or closed
             stdin.write(json.dumps(request) + "\n")
             stdin.flush()
 
     def receive(self, seconds: float | None = None) -> dict[str, Any]:
         """The next message that is not about progress.
 
-        Raises ChildEnded where the process has ended, or is ended now as no message came in so many seconds.
+        Raises ChildEnded if the process has ended. Without a message within `seconds`, it is ended.
         """
         try:
             message = self._messages.get(timeout=seconds)
@@ -114,19 +115,19 @@ class ChildProcess:
         if message is not None:
             return message
         self._messages.put(None)
-        self._end_within(CLOSE_SECONDS)  # it may have closed its stdout and live on
+        self._end_within(CLOSE_SECONDS)  # it may have closed its stdout and still run
         code = self.wait()
-        # Windows' own codes, as 0xC0000005 of a crash, are known in this form.
+        # Codes of Windows, such as 0xC0000005 for a crash, are known in hexadecimal.
         how = f"signal {-code}" if code < 0 else f"exit code {f'0x{code:X}' if code >> 31 else code}"
         raise ChildEnded(f"{how}{self._last_words() or '; it said nothing'}", code)
 
     def close(self) -> None:
-        """End an idle child: its stdin ends, and so should it."""
+        """End an idle child by closing its stdin."""
         self._close_stdin()
         self._end_within(CLOSE_SECONDS)
 
     def cancel(self, seconds: float) -> None:
-        """Request the end by a signal, and enforce it after so many seconds."""
+        """Ask the process to end by a signal, and kill it after `seconds`."""
         if not self.running():
             return
         with contextlib.suppress(OSError):
@@ -137,7 +138,7 @@ class ChildProcess:
         self._end_within(seconds)
 
     def kill(self) -> None:
-        """End it and what it started at once, from any thread."""
+        """Kill it and its children at once, from any thread."""
         if self.running():
             self._kill_group()
         self.wait()
@@ -149,12 +150,12 @@ class ChildProcess:
         self.kill()
 
     def _end_group(self) -> None:
-        """Once the process has ended, end what it started and left: that holds its pipes, whose end is waited for."""
+        """End the children that an ended process left: they hold its pipes open, which would block the readers."""
         self.wait()
         self._kill_group()
 
     def _kill_group(self) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):  # it has ended, and left nothing
+        with contextlib.suppress(ProcessLookupError, PermissionError):  # it has ended, without children
             if sys.platform == "win32":
                 self._process.kill()
             else:
@@ -166,7 +167,7 @@ class ChildProcess:
             self._process.stdin.close()
 
     def _last_words(self) -> str:
-        self._stderr_reader.join(2)  # what the process started may hold its stderr on Windows
+        self._stderr_reader.join(2)  # on Windows, its children may hold its stderr open
         words = " ".join(" ".join(self._words).split()[-60:])
         return f"; its last words: {words[-300:]}" if words else ""
 
@@ -191,9 +192,9 @@ class ChildProcess:
 
 
 def child_environment(*homes: Path, isolated: bool = False) -> dict[str, str]:
-    """This process's environment, by which a child finds this package, and those in the folders `homes`.
+    """This process's environment, with which a child can import this package, and packages in the folders `homes`.
 
-    The current folder has no say in what is imported: it may hold files of others. isolated: nor have the person's own
+    Nothing is imported from the current folder, which may hold untrusted files. isolated: nor from the user's site
     packages and PYTHONPATH.
     """
     environment = {**os.environ, "PYTHONSAFEPATH": "1"}
@@ -206,15 +207,15 @@ def child_environment(*homes: Path, isolated: bool = False) -> dict[str, str]:
     return {**environment, "PYTHONPATH": os.pathsep.join(dict.fromkeys(places)), "PYTHONIOENCODING": "utf-8"}
 
 
-# --- from within ------------------------------------------------------------------------------------------------------
+# --- the child's side -------------------------------------------------------------------------------------------------
 
 
 class ParentGone(Exception):
-    """Nobody reads the messages any more."""
+    """The parent no longer reads messages."""
 
 
 class Parent:
-    """Who started this process. From here on stdout is stderr for everybody else: the messages have it alone."""
+    """The process that started this one. It reserves stdout for messages: all other output to stdout goes to stderr."""
 
     def __init__(self) -> None:
         sys.stdout.flush()
@@ -231,7 +232,7 @@ class Parent:
 
 
 def requests() -> Iterator[dict[str, Any]]:
-    """The requests on stdin, until it ends. Raises FormatError where a line is none."""
+    """The requests on stdin, until it ends. Raises FormatError if a line is no request."""
     for line in _lines(sys.stdin) if sys.stdin else ():
         request = _parsed(line)
         if not request:
@@ -240,10 +241,10 @@ def requests() -> Iterator[dict[str, Any]]:
 
 
 def only_request() -> dict[str, Any]:
-    """The request of a process that gets one; empty where there is none. Raises FormatError where it is malformed.
+    """The only request of this process, empty if there is none. Raises FormatError if it is malformed.
 
-    Where stdin ends afterwards, the parent is gone, and this process stops as by SIGTERM. On Windows it goes on: while
-    a thread waits for stdin there, libraries that look at it cannot be loaded.
+    If stdin ends later, the parent is gone, and this process stops as by SIGTERM. On Windows it continues: while a
+    thread waits for stdin there, libraries that access stdin cannot be loaded.
     """
     request = next(requests(), {})
     if sys.platform != "win32":
@@ -253,7 +254,7 @@ def only_request() -> dict[str, Any]:
 
 def _stop_without_parent() -> None:
     with contextlib.suppress(OSError):
-        while os.read(0, LONGEST_LINE):  # not by sys.stdin, whose lock the end of the process would wait for
+        while os.read(0, LONGEST_LINE):  # not sys.stdin, whose lock would block the exit of the process
             pass
     os.kill(os.getpid(), signal.SIGTERM)
 
@@ -263,7 +264,7 @@ def _lines(pipe: IO[str]) -> Iterator[str]:
 
 
 def _parsed(line: str) -> dict[str, Any]:
-    """A line's JSON object; empty where it is none."""
+    """A line's JSON object, empty if it is none."""
     try:
         found = json.loads(line)
     except (ValueError, RecursionError):

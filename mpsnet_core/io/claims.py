@@ -1,4 +1,4 @@
-"""Claims: which process works on which part of a folder, as file locks, which the system releases when it ends."""
+"""Claims: which process works on which part of a folder. They are file locks, which the OS releases at its end."""
 
 import errno
 import os
@@ -31,17 +31,17 @@ else:
         fcntl.lockf(file, fcntl.LOCK_UN, 1, number)
 
 
-# A folder of others may hold a link of that name.
+# An untrusted folder may contain a link of that name.
 NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 
 
 class Claims:
-    """One process's claims in a folder: number n is byte n of the folder's lock file, which stays empty.
+    """One process's claims in a folder: number n locks byte n of the folder's lock file, which stays empty.
 
-    Locks belong to a process: children do not inherit them, threads share them, and on POSIX closing one `Claims` of a
+    Locks belong to a process: children do not inherit them, threads share them, and on POSIX, closing one `Claims` of a
     folder releases those of all others in the process.
 
-    Raises FileError where the lock file cannot be created, or the file system has no locks.
+    Raises FileError if the lock file cannot be created, or the file system does not support locks.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -53,7 +53,7 @@ class Claims:
 
     @contextmanager
     def claim(self, number: int) -> Iterator[bool]:
-        """Whether `number` is this process's while the block runs; False, at once, where another process has it."""
+        """Yield whether this process holds `number` within the block; False at once if another process holds it."""
         try:
             _lock(self._file, number)
         except OSError as error:

@@ -1,4 +1,4 @@
-"""The curve that a picture states: by a colour profile, ICC.1:2022 or version 2, or by a number of ITU-T H.273."""
+"""Transfer curves of images from ICC profiles (ICC.1:2022 or version 2) and from code points of ITU-T H.273."""
 
 import struct
 from collections.abc import Callable
@@ -12,20 +12,20 @@ from mpsnet_core.errors import FormatError
 
 Curve = Callable[[NDArray[np.floating[Any]]], NDArray[np.floating[Any]]]
 
-# Transfer characteristics by their numbers in H.273: not known, linear, and those that are nothing like sRGB's.
+# Transfer characteristics by their code points in H.273: unknown, linear, and those that differ much from sRGB.
 UNKNOWN_TRANSFER, LINEAR_TRANSFER = 2, 8
 OTHER_TRANSFERS = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18: "HLG (HDR)"}
 
 HEADER = 128
-LEAST_RISE = 0.5  # a curve from 0 to 1 that rises less is damaged
-# Of the parametric kinds 0 to 4: which of g, a, b, c, d, e, f they give, in the order of their numbers.
+LEAST_RISE = 0.5  # a curve that rises less from 0 to 1 is damaged
+# The parameters of parametric curve types 0 to 4, in file order.
 _PARAMETERS = ("g", "gab", "gabe", "gabcd", "gabcdef")
 
 
 def profile_curve(profile: bytes) -> Curve | None:
-    """From stored values (..., 3), 0 to 1, to linear ones; None where it states no curves, or is damaged.
+    """The curve from stored values (..., 3), 0 to 1, to linear ones; None if the profile has none, or is damaged.
 
-    Profiles of matrix and curves state them, as those of cameras, screens and working spaces; those of printers do not.
+    Matrix/TRC profiles have curves: those of cameras, displays and working spaces, but not those of printers.
     """
     try:
         (count,) = struct.unpack_from(">I", profile, HEADER)
@@ -41,14 +41,14 @@ def profile_curve(profile: bytes) -> Curve | None:
             parts = [curve(values[..., channel]) for channel, curve in enumerate(curves)]
             return np.clip(np.stack(parts, axis=-1), 0, 1)
 
-    rises = np.ptp(sampled(linear), axis=0) > LEAST_RISE  # never by what is no number
+    rises = np.ptp(sampled(linear), axis=0) > LEAST_RISE  # False for NaN
     return linear if rises.all() else None
 
 
 def transfer_is_linear(path: Path, transfer: int) -> bool:
-    """Whether the values of a picture or video follow no curve; else it is about sRGB's.
+    """Whether the values of an image or video are linear; otherwise their curve is close to sRGB's.
 
-    Raises FormatError where it is another one.
+    Raises FormatError for any other curve.
     """
     if transfer in OTHER_TRANSFERS:
         raise FormatError(
@@ -59,12 +59,12 @@ def transfer_is_linear(path: Path, transfer: int) -> bool:
 
 
 def sampled(curve: Curve) -> NDArray[np.floating[Any]]:
-    """(256, 3) what a curve makes of stored values from 0 to 1."""
+    """(256, 3) linear values of a curve for stored values from 0 to 1."""
     return curve(np.linspace(0, 1, 256, dtype=np.float32)[:, None].repeat(3, axis=1))
 
 
 def _curve(tag: bytes) -> Curve:
-    """One channel's. Raises struct.error, KeyError or ValueError where it is none."""
+    """One channel's curve. Raises struct.error, KeyError or ValueError if the tag is no curve."""
     if tag[:4] == b"curv":
         (count,) = struct.unpack_from(">I", tag, 8)
         if count > 1:
@@ -78,6 +78,6 @@ def _curve(tag: bytes) -> Curve:
     letters = dict(enumerate(_PARAMETERS))[kind]
     given = dict(zip(letters, np.frombuffer(tag, ">i4", len(letters), 12) / 65536, strict=True))
     g, a, b, c, d, e, f = ({"a": 1.0, **given}.get(letter, 0.0) for letter in "gabcdef")
-    if kind in (1, 2):  # below the threshold they are level
+    if kind in (1, 2):  # constant below the threshold
         d, f = -b / a if a else 0.0, e
     return lambda values: np.where(values >= d, np.maximum(a * values + b, 0) ** g + e, c * values + f)

@@ -14,14 +14,14 @@ from mpsnet_core.errors import in_one_line
 
 LONGEST_REASON = 120
 
-# What onnxruntime, OpenImageIO and LibRaw need on Windows and do not bring.
+# The runtime that onnxruntime, OpenImageIO and LibRaw need on Windows and do not ship.
 VISUAL_C_RUNTIME = "https://aka.ms/vs/17/release/vc_redist.x64.exe"
 
 
 def describe_unexpected_error(error: BaseException, folder: Path | None = None) -> str:
     """A sentence on what happened and how to report it, with the path of a file with the traceback.
 
-    folder: of that file, whose name is random; that for temporary files by default.
+    folder: of that file, whose name is random; the system's temporary folder by default.
     """
     reason = in_one_line(traceback.format_exception_only(error)[-1].splitlines()[0], LONGEST_REASON)
     if isinstance(error, ImportError) and "DLL load failed" in reason:  # Windows does not name the DLL
@@ -34,7 +34,7 @@ def describe_unexpected_error(error: BaseException, folder: Path | None = None) 
 
 
 def _write_log(error: BaseException, folder: Path | None) -> str:
-    """Write versions, command line and traceback to a new file; its path, "" where it cannot be written."""
+    """Write versions, command line and traceback to a new file. Returns its path, "" if it cannot be written."""
     lines = [
         f"mpsnet {__version__}, Python {platform.python_version()}, {platform.platform()}\n",
         f"{shlex.join(sys.argv)}\n\n",

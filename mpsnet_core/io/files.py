@@ -1,9 +1,9 @@
 """Files written atomically, alone or together, and JSON files with a format and a version.
 
-A file that is being written is called ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. PLACE is a hash of the host's name
-and, on Linux, of the PID namespace: only there does PID show whether the writer is still running. The next process that
-writes into the folder from the same place removes what a killed writer left; from elsewhere, say in a folder that
-several hosts share, nobody touches it. Temporary folders have such names, too.
+A file that is being written is named ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. PLACE is a hash of the host name
+and, on Linux, the PID namespace: only within it does PID tell whether the writer is still running. The next process
+that writes into the folder from the same place removes the leftovers of a killed writer. Processes elsewhere, as on
+another host with a shared folder, leave them alone. Temporary folders have such names, too.
 """
 
 import contextlib
@@ -28,10 +28,10 @@ from typing import Any
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 
-# Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
+# Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
 MAX_TEXT_BYTES = 1 << 20
 
-# Photos by their suffixes; camera raw as far as LibRaw reads it.
+# Suffixes of photos; of camera raw, those that LibRaw reads.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 # fmt: off
 RAW_SUFFIXES = (
@@ -42,13 +42,13 @@ RAW_SUFFIXES = (
 PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
 VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm")
 
-# In the environment, as a JSON list: the command of a program that decodes videos where PyAV is not installed.
+# Environment variable with the command, as a JSON list, of a program that decodes videos if PyAV is not installed.
 VIDEO_DECODER = "MPSNET_VIDEO_DECODER"
 
-# What file systems allow.
+# Limit of file systems.
 MAX_NAME_BYTES = 255
 
-# How long to wait, time after time, for another program that has a file open.
+# Waits between attempts while another program has a file open.
 DENIED_SECONDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 
 # Bits per channel of each format; the first is the default.
@@ -56,9 +56,9 @@ WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".e
 
 
 class _Block(threading.local):
-    """Pending changes of a block of :func:`written_together`: a path and the file that replaces it, None to remove it.
+    """Pending changes of a with block of :func:`written_together`; None outside such a block.
 
-    None outside such a block.
+    A change is a path and the file that replaces it, or None to remove it.
     """
 
     changes: list[tuple[Path, Path | None]] | None = None
@@ -69,7 +69,7 @@ _block = _Block()
 
 @contextmanager
 def located(where: object) -> Iterator[None]:
-    """Begins the message of an InputError raised in the block with `where`: a file, or a place in one."""
+    """Prefix the message of an InputError raised in the with block with `where`: a file, or a place in one."""
     try:
         yield
     except InputError as error:
@@ -78,12 +78,12 @@ def located(where: object) -> Iterator[None]:
 
 @contextmanager
 def written_together() -> Iterator[None]:
-    """All files that this thread writes in the block appear at its end; if it fails none does, and old files stay.
+    """Files that this thread writes in the with block appear together at its end. If it fails, old files stay.
 
-    Until then they have their unfinished names, within the block as well. A nested block is part of the outer one. Only
-    a process that is killed while it renames them, in less than a millisecond, leaves some of them new.
+    Until then they have their unfinished names, even within the block. A nested block is part of the outer one. Only a
+    process that is killed during the renames, in less than a millisecond, leaves a mixture of old and new files.
 
-    Raises FileError where a file cannot be renamed.
+    Raises FileError if a file cannot be renamed.
     """
     if _block.changes is not None:
         yield
@@ -100,13 +100,13 @@ def written_together() -> Iterator[None]:
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yields an empty file beside `path` to write to; renames it to `path` on success, removes it on failure.
+    """Yield an empty file next to `path` to write to; rename it to `path` on success, remove it on failure.
 
-    It exists from the start, so that nobody can put a link in its place. :func:`remove_unfinished` cleans up after a
-    killed process. The renamed file is flushed to the disk. In a block of :func:`written_together` it is renamed at the
-    block's end. Where `path` is a link, all of this is about the file that it leads to.
+    It exists from the start, so nobody can put a link in its place. :func:`remove_unfinished` cleans up after a killed
+    process. The renamed file is flushed to disk. In a block of :func:`written_together` it is renamed at the block's
+    end. If `path` is a link, all of this applies to its target.
 
-    Raises FileError where the folder is missing or cannot be written, or the disk is full.
+    Raises FileError if the folder is missing or cannot be written, or the disk is full.
     """
     path = _behind_link(writable_path(path))
     _clear_once(resolved(path.parent))
@@ -126,7 +126,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder for temporary files, which goes with the block; of a process that was killed, with the next one's."""
+    """A folder for temporary files, removed at the block's end; that of a killed process is removed by the next one."""
     place = Path(tempfile.gettempdir())
     _clear_once(place)
     folder = unfinished_path(place / "mpsnet")
@@ -139,14 +139,14 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
-    """Remove a file, if it is there; in a block of :func:`written_together` at the block's end."""
+    """Remove a file if it exists; in a block of :func:`written_together`, at the block's end."""
     with written_together():
         assert _block.changes is not None
         _block.changes.append((Path(path), None))
 
 
 def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
-    """Rename and remove files; if one of several fails, undo those before it."""
+    """Rename and remove files. If one fails, undo those before it."""
     backups: list[tuple[Path, Path | None]] = []
     names: list[Path] = []
     try:
@@ -164,12 +164,12 @@ def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
     finally:
         _remove_unbroken(*names)
     for folder in {path.parent for path, _ in changes}:
-        with contextlib.suppress(OSError):  # Windows cannot open folders, nor may everybody list one
+        with contextlib.suppress(OSError):  # Windows cannot open folders, and permissions may forbid it
             _flush(folder)
 
 
 def _put(path: Path, unfinished: Path | None) -> None:
-    """Rename a file to `path`, or remove what is there. On Windows, a virus scanner may hold a new file for a while."""
+    """Rename a file to `path`, or remove `path`. On Windows, a virus scanner may hold a new file open for a while."""
     for seconds in (*DENIED_SECONDS, None):
         try:
             if unfinished is None:
@@ -184,23 +184,23 @@ def _put(path: Path, unfinished: Path | None) -> None:
 
 
 def _second_name(path: Path, name: Path) -> Path | None:
-    """Make `name` a link to or copy of the file at `path`, to restore it from; None where there is no file."""
+    """Make `name` a link to, or copy of, the file at `path` to restore it from; None if there is no file."""
     if not path.exists():
         return None
     try:
         os.link(path, name)
-    except OSError:  # USB sticks and some network drives have no links
+    except OSError:  # USB sticks and some network drives do not support links
         shutil.copy2(path, name)
     return name
 
 
 def _flush(path: Path) -> None:
-    """Flush a file, or a folder's entries, to the disk, against a power cut."""
+    """Flush a file, or a folder's entries, to disk, to survive a power cut."""
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes only writable handles
     try:
         os.fsync(handle)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of drives without fsync
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # drives without fsync
             raise
     finally:
         os.close(handle)
@@ -208,7 +208,7 @@ def _flush(path: Path) -> None:
 
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
-    """Turns an OSError in the block into a FileError that names `path`."""
+    """Turn an OSError in the with block into a FileError that names `path`."""
     try:
         yield
     except OSError as error:
@@ -218,7 +218,7 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 def unfinished_path(path: Path, suffix: str = "") -> Path:
-    """A random name beside `path` for the file that becomes it, with its suffix, which determines the format."""
+    """A random name next to `path` for its unfinished file, with its suffix, which determines the format."""
     mark = f"{os.getpid()}-{_place()}-{secrets.token_hex(4)}"
     return path.with_name(f".{path.stem}.{mark}.unfinished{suffix or path.suffix}")
 
@@ -234,7 +234,7 @@ def _place() -> str:
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, for checks before long work. Raises FileError where no file can be written there."""
+    """`path` as a Path, for checks before long work. Raises FileError if no file can be written there."""
     path = Path(path)
     if not is_utf8(path):
         raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
@@ -245,7 +245,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
         raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
     if file.exists() and not file.is_file():
         raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
-    if not _takes(file):
+    if not _can_be_created(file):
         raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
@@ -253,24 +253,24 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
 
 def check_no_link(path: Path) -> None:
-    """Raises FileError where a file would be written through a link: a folder from elsewhere may hold one that leads
-    to a file of the person's."""
+    """Raise FileError if a file would be written through a link: one in an untrusted folder may lead to a file of the
+    user's."""
     if path.is_symlink():
         raise FileError(f"{path} is a link to {path.readlink()}, through which nothing is written; remove the link")
 
 
 def _behind_link(path: Path) -> Path:
-    """The file that a link leads to; what is no link stays as it is."""
+    """The target of a link; other paths are returned unchanged."""
     return resolved(path) if path.is_symlink() else path
 
 
 def file_suffix(kind: str) -> str:
-    """The ending of a kind of file: ".png" of "png" and of ".PNG"."""
+    """The suffix of a file format: ".png" for "png" and ".PNG"."""
     return f".{kind.lstrip('.').lower()}"
 
 
 def check_ending(output: Path, suffix: str) -> None:
-    """Raises SettingsError where the file ends in something else than --format says."""
+    """Raise SettingsError if the file's suffix is not that of --format."""
     if output.suffix.lower() != suffix:
         raise SettingsError(f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out")
 
@@ -278,7 +278,7 @@ def check_ending(output: Path, suffix: str) -> None:
 def checked_bits(path: Path, bits: int | None = None) -> int:
     """Bits per channel to write `path` with: `bits` if the format supports them, its default if None.
 
-    Raises SettingsError where the format is not supported, or does not support these bits.
+    Raises SettingsError if the format is not supported, or does not support these bits.
     """
     choices = WRITABLE_BITS.get(path.suffix.lower())
     if choices is None:
@@ -301,7 +301,7 @@ def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Pat
 
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raises FileError where one of `outputs` is among the files `taken` by inputs, or among the outputs before it."""
+    """Raise FileError if one of `outputs` is also an input (`taken`) or an earlier output."""
     needed, made = set(map(_as_compared, taken)), set[Path]()
     for output in outputs:
         file = _as_compared(output)
@@ -312,13 +312,13 @@ def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str |
 
 
 def _as_compared(path: str | os.PathLike[str]) -> Path:
-    """A resolved path by which two of one file are equal: macOS ignores case and how accents are composed."""
+    """A resolved path that is equal for equal files: macOS ignores case and the composition of accents."""
     file = resolved(path)
     return Path(unicodedata.normalize("NFC", str(file)).casefold()) if sys.platform == "darwin" else file
 
 
 def is_utf8(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is valid UTF-8, which one from another system may not be."""
+    """Whether a path is valid UTF-8. One from another system may not be."""
     try:
         os.fspath(path).encode()
     except UnicodeEncodeError:
@@ -327,17 +327,19 @@ def is_utf8(path: str | os.PathLike[str]) -> bool:
 
 
 def resolved(path: str | os.PathLike[str]) -> Path:
-    """A path with its links resolved. One that links to itself, or cannot be a path (out of a JSON file, say), stays
-    unchanged, for an error on opening."""
+    """A path with its links resolved. One that links to itself, or is invalid (from a JSON file, say), is unchanged:
+    opening it reports the error."""
     try:
         return Path(os.path.realpath(path))
     except ValueError:
         return Path(path)
 
 
-def _takes(file: Path) -> bool:
-    """Whether a file's folder takes it, tested by creating its unfinished file: permissions do not show it on Windows,
-    nor for folders that are not on a disk. (tempfile would try two billion names in a folder of Windows that does not.)
+def _can_be_created(file: Path) -> bool:
+    """Whether a file can be created in its folder, tested with its unfinished file.
+
+    Permissions do not tell on Windows, nor for folders that are not on a disk. tempfile would try two billion names in
+    a read-only folder of Windows.
     """
     probe = unfinished_path(file)
     try:
@@ -350,12 +352,12 @@ def _takes(file: Path) -> bool:
 
 
 def _create(path: Path) -> None:
-    """Create an empty file where there is none."""
+    """Create an empty file. It must not exist."""
     os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
 
 
 def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a folder for `what`, that exists or can be created, for checks before long work. Raises FileError."""
+    """`path` as a folder for `what` that exists or can be created, for checks before long work. Raises FileError."""
     path = Path(path)
     if not is_utf8(path):
         raise FileError(f"cannot make folder {path}: its name is not valid UTF-8; choose another name")
@@ -364,13 +366,13 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
     if not path.parent.is_dir():
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
-    if not _takes(folder / "file"):
+    if not _can_be_created(folder / "file"):
         raise FileError(f"cannot put the {what} into {path}: the folder {folder} takes no files; choose another folder")
     return path
 
 
 def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a folder for `what`, created where it is missing. Raises FileError where it cannot be."""
+    """`path` as a folder for `what`, created if it is missing. Raises FileError if that fails."""
     path = makeable_folder(path, what)
     try:
         path.mkdir(exist_ok=True)
@@ -382,7 +384,7 @@ def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
 
 
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
-    """Remove what process `pid`, ended by force, left unfinished in `folder`."""
+    """Remove the unfinished files that the killed process `pid` left in `folder`."""
     for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
         _remove_unbroken(left)
 
@@ -396,9 +398,9 @@ def remove_abandoned(folder: str | os.PathLike[str]) -> None:
 
 
 def _remove_unbroken(*paths: Path) -> None:
-    """Remove files, or folders with all that they hold, unless another process was faster, or may and we may not.
+    """Remove files, or folders with their content. Missing ones, and those without permission, are ignored.
 
-    No signal interrupts it: the command line's handler knows it by its name.
+    Signals do not interrupt it: the command line's handler checks for its name.
     """
     for left in paths:
         if left.is_dir() and not left.is_symlink():
@@ -410,12 +412,12 @@ def _remove_unbroken(*paths: Path) -> None:
 
 @cache
 def _clear_once(folder: Path) -> None:
-    """At a process's first file in a folder only, which may hold a hundred thousand files."""
+    """Remove abandoned files at a process's first file in a folder only: it may contain a hundred thousand files."""
     remove_abandoned(folder)
 
 
 def _running(pid: int) -> bool:
-    if sys.platform == "win32":  # where os.kill would end it
+    if sys.platform == "win32":  # os.kill would end it there
         import ctypes
         from ctypes import wintypes
 
@@ -425,7 +427,7 @@ def _running(pid: int) -> bool:
         kernel.CloseHandle.argtypes = (wintypes.HANDLE,)
         process = kernel.OpenProcess(0x00100000, False, pid)  # SYNCHRONIZE
         if not process:
-            return ctypes.get_last_error() != 87  # ERROR_INVALID_PARAMETER: there is none
+            return ctypes.get_last_error() != 87  # ERROR_INVALID_PARAMETER: no such process
         running = kernel.WaitForSingleObject(process, 0) != 0
         kernel.CloseHandle(process)
         return running
@@ -439,15 +441,15 @@ def _running(pid: int) -> bool:
 
 
 def is_file(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a file; what cannot be a path is none."""
+    """Whether a path is a file; False for invalid paths."""
     try:
         return Path(path).is_file()
-    except (OSError, ValueError):  # a name too long, or one that holds a zero
+    except (OSError, ValueError):  # a name that is too long, or has a null character
         return False
 
 
 def existing_file(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a Path. Raises FileError, with `what` the file is, where it is missing or cannot be opened."""
+    """`path` as a Path. Raises FileError if it is missing or cannot be opened. what: the file's name in messages."""
     path = Path(path)
     try:
         if path.is_dir():
@@ -461,7 +463,7 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
 
 
 def check_small(path: Path, what: str) -> None:
-    """Raises FormatError where a file is larger than any of its kind, and is so `what` it is not."""
+    """Raise FormatError if a file is larger than any of its kind. what: the kind, for the message."""
     if path.stat().st_size > MAX_TEXT_BYTES:
         raise FormatError(f"{path} is larger than 1 MiB and so {what}; check the path")
 
@@ -469,7 +471,8 @@ def check_small(path: Path, what: str) -> None:
 def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys: Collection[str]) -> dict[str, Any]:
     """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`.
 
-    keys: its other keys. Raises FileError; FormatError for anything else, and for an unknown key, mostly a misspelling.
+    keys: its other keys. Raises FileError if it is missing; FormatError if it is another file, or has an unknown key,
+    usually a misspelling.
     """
     path = existing_file(path, f"{format_name.removeprefix('mpsnet-')} file")
     check_small(path, f"not a {format_name} file")
@@ -494,6 +497,6 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
 
 
 def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
-    """Write `data` as indented JSON, whole or not at all."""
+    """Write `data` atomically as indented JSON."""
     with written_whole(path) as unfinished:
         unfinished.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 # Suffix of a photo's name for its normals.
 RESULT = "_normals"
 
-# How many gaps in a sequence are named.
+# Number of gaps in a sequence that a message names.
 NAMED_GAPS = 5
 
 
@@ -50,7 +50,7 @@ class Numbering:
 
     @property
     def stems(self) -> list[str]:
-        """The files' names without suffix, the number moved after all other digits, where Blender expects it."""
+        """The file names without suffix, with the frame number moved behind all other digits, as Blender expects."""
         if not re.search("[0-9]", self.tail):
             return [f"{self.head}{digits}{self.tail}" for digits in self.digits]
         return [f"{self.head.rstrip('_.- ')}{self.tail}_{digits}" for digits in self.digits]
@@ -62,7 +62,7 @@ class Numbering:
 
     @property
     def gaps(self) -> str:
-        """The frame numbers that are missing between the first and the last, as text; "" where none is."""
+        """The frame numbers that are missing between the first and the last, as text; "" if there are none."""
         step, gaps = self.step, []
         for a, b in itertools.pairwise(sorted(self.numbers)):
             first, last = a + step, a + (b - a - 1) // step * step
@@ -72,7 +72,7 @@ class Numbering:
 
 
 def numbering(files: Sequence[Path]) -> Numbering | None:
-    """The numbers of `files`, or None where they are no sequence: names that differ in more, or a number twice."""
+    """The numbering of `files`, or None if they are no sequence: names differ in more than a number, or one repeats."""
     names = [re.split("([0-9]+)", file.stem) for file in files]
     if len({len(name) for name in names}) != 1:
         return None
@@ -88,7 +88,7 @@ def numbering(files: Sequence[Path]) -> Numbering | None:
 
 
 def natural_order(file: Path) -> tuple[list[str | int], str]:
-    """Sorts frame_2 before frame_10: runs of digits count as numbers."""
+    """A sort key that orders frame_2 before frame_10: runs of digits are compared as numbers."""
     parts: list[str | int] = [
         int(part) if place % 2 else part for place, part in enumerate(re.split("([0-9]+)", file.name))
     ]
@@ -96,10 +96,10 @@ def natural_order(file: Path) -> tuple[list[str | int], str]:
 
 
 def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
-    """Photos of one light each: three in the order given, which is red, green, blue, more of them as a shell sorts them
-    (10 before 2) in natural order.
+    """Photos of one light each: three in the given order, which is red, green, blue.
 
-    Warns where three come as a shell sorts them, which may not be meant.
+    Warns if these are in a shell's order (10 before 2), which may be unintended. More than three in that order are put
+    in natural order.
     """
     natural = sorted(photos, key=natural_order)
     if natural == list(photos) or list(photos) != sorted(photos, key=str):
@@ -118,18 +118,18 @@ def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
 
 
 def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """The photos of `inputs`: files in their order, those of folders and patterns in natural order (frame_2, frame_10).
+    """The photos of `inputs`: files in order, those of folders and patterns in natural order (frame_2, frame_10).
 
-    A run of # in a pattern matches as many digits; * and ? as in a shell. Of a photo both as raw and as JPEG, folders
-    and patterns match the raw file.
+    A run of # in a pattern matches as many digits; * and ? are as in a shell. If a photo exists as raw and JPEG,
+    folders and patterns match the raw file.
 
-    Raises FileError where a file is missing, or a folder or pattern matches no image.
+    Raises FileError if a file is missing, or a folder or pattern matches no image.
     """
     photos: list[Path] = []
     for given in inputs:
         path = Path(given)
         if path.is_dir():
-            # The results of an earlier run may be beside the photos.
+            # Results of an earlier run may be in the same folder.
             found = _photos(file for file in path.iterdir() if not _is_result(file))
             if not found:
                 kinds = ", ".join(IMAGE_SUFFIXES)
@@ -151,20 +151,20 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
 
 
 def is_several(given: str | os.PathLike[str]) -> bool:
-    """Whether a path is a folder or a pattern, not one file."""
+    """Whether a path is a folder or a pattern, not a single file."""
     path = Path(given)
     return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
 
 
 def is_video(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a video by its name."""
+    """Whether a file has the suffix of a video."""
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
 
 
 def files_meant(options: Iterable[str | None]) -> list[Path]:
-    """The files that options name, those of folders and patterns one by one: what no result may overwrite.
+    """The files that options name, with folders and patterns expanded: results must not overwrite them.
 
-    Raises FileError where a folder or a pattern means none.
+    Raises FileError if a folder or a pattern matches none.
     """
     given = [one for one in options if one]
     return [file for one in given for file in (expand_images([one]) if is_several(one) else [Path(one)])]
@@ -173,7 +173,7 @@ def files_meant(options: Iterable[str | None]) -> list[Path]:
 def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
     """The files in a folder, or those that match a pattern, in natural order; see :func:`expand_images`.
 
-    what: their name in messages. Raises FileError where there are none.
+    what: their name in messages. Raises FileError if there are none.
     """
     path = Path(given)
     if path.is_dir():
@@ -188,17 +188,17 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
 
 
 def _of_the_system(name: str) -> bool:
-    """Whether a file is hidden, or one that Windows or macOS puts into folders by itself."""
+    """Whether a file is hidden, or one that Windows or macOS creates in folders."""
     return name.startswith(".") or name.lower() in {"thumbs.db", "desktop.ini", "icon\r"}
 
 
 def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str | None = None) -> list[Path]:
     """The file of each photo's normals: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
-    kind: of file in a folder, as "png", which it is unless given.
+    kind: format of the files in a folder; "png" by default.
 
-    Raises FileError where two results would share a name, or cannot be written; SettingsError where `output` is a file
-    of another kind.
+    Raises FileError if two results would share a name, or cannot be written; SettingsError if `output` is a file
+    of another format.
     """
     target, suffix = Path(output), file_suffix(kind or "png")
     if len(photos) == 1 and not target.is_dir() and (target.suffix or target.exists()):
@@ -218,11 +218,11 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
 
 
 def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:
-    """The folder for the normals of several pictures, which is created with the first of them.
+    """The folder for the normals of several photos, which is created with the first of them.
 
-    given: why it must be a folder, for messages. what: its content, if not normals.
+    given: why it must be a folder, for messages. what: its content, normals by default.
 
-    Raises FileError where `output` is a file, or cannot be created.
+    Raises FileError if `output` is a file, or cannot be created.
     """
     target = Path(output)
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: one style for all reports, pictures inside the page."""
+"""Self-contained HTML pages: one style for all reports, images embedded."""
 
 import base64
 import os
@@ -27,5 +27,5 @@ def page_path(path: str | os.PathLike[str]) -> Path:
 
 
 def data_url(picture: NDArray[np.float32]) -> str:
-    """Display values (H, W, 3) as a PNG inside a URL."""
+    """Display values (H, W, 3) as a PNG in a data URL."""
     return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode("ascii")

@@ -1,4 +1,4 @@
-"""Image: a photo's linear values and what its file states of them; the sRGB curve."""
+"""Images: a photo's linear values with what its file states about them; the sRGB curve."""
 
 import logging
 from dataclasses import dataclass
@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 log = logging.getLogger(__name__)
 
-# The channels of a photo, and what the lights of a rig are called that lie in them.
+# Names of a photo's channels, and of the rig's lights in them.
 CHANNELS = ("red", "green", "blue")
 
 # Checked before any memory is allocated: a broken or hostile header can claim any size.
 MAX_PIXELS = 400_000_000
 
-# Above so many pixels photos and normals are held as half floats, within 0.05%, so that 100 megapixels take 2 GB.
+# Photos and normals with more pixels are stored as half floats (exact to 0.05%): 100 megapixels take 2 GB.
 HALF_ABOVE = 1 << 24
 
-# Exposure times that differ by less than this share are the same: files round them.
+# Relative tolerance of equal exposure times: files round them.
 SAME_EXPOSURE = 0.1
 
-# The share of saturated pixels from which a photo gets a warning.
+# The fraction of saturated pixels from which on a photo gets a warning.
 SPOILT_SHARE = 0.005
 
-# Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
+# A channel above this fraction of the clip value is saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
 
 
@@ -35,17 +35,17 @@ class Image:
     Attributes
     ----------
     pixels : (H, W, 3) float32 array
-        Linear, row 0 on top, not premultiplied by alpha; float16 where a large photo was read compactly.
+        Linear, row 0 on top, not premultiplied by alpha; float16 for a large photo that was read compactly.
     alpha : (H, W) float32 array or None
-        In 0 to 1; None where the file has none.
+        From 0 to 1; None if the file has none.
     clip : float
         The linear value where channels saturate: 1 in integer files, infinity in float files and with `clipped`.
     clipped : (H, W, 3) bool array or None
-        Where a channel is saturated; None where `clip` determines it.
+        Where a channel is saturated; None if `clip` determines it.
     exposure_time : float or None
-        In seconds, where the file states it.
+        In seconds, if the file states it.
     assumed : bool
-        Whether sRGB is only the usual encoding of such files, neither stated by the file nor requested.
+        Whether sRGB is assumed, as usual for such files, but neither stated by the file nor requested.
     """
 
     pixels: NDArray[np.floating[Any]]
@@ -57,19 +57,19 @@ class Image:
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
-        """(H, W, 3) where a channel is saturated, and so wrong."""
+        """(H, W, 3) where a channel is saturated, and its value wrong."""
         return self.pixels >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
 
 
 def note_saturated(name: object, image: Image) -> None:
-    """Warn of what is saturated in a photo whose floats, that are written, will not show it."""
+    """Warn of saturation in a photo that is written as floats, which lose that information."""
     spoilt = image.saturated.any(axis=-1).mean()
     if spoilt > SPOILT_SHARE:
         log.warning("%.1f%% of %s is saturated, and wrong; expose it shorter [clipped-photo]", 100 * spoilt, name)
 
 
 def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
-    """The type that stores values of an image (H, W): half floats where it is large."""
+    """The type that stores values of an image (H, W): half floats if it is large."""
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
 
 

@@ -1,4 +1,4 @@
-"""Which curve an image file's values have: the one that its profile, gamma or format states, or the usual one."""
+"""The transfer curve of an image file: the one that its profile, gamma or format states, or the usual one."""
 
 import logging
 from dataclasses import replace
@@ -18,20 +18,20 @@ from mpsnet_core.io.image_input import PNG_SIGNATURE, image_attribute
 log = logging.getLogger(__name__)
 
 Encoding = Literal["auto", "linear", "srgb"]
-# Whether values are linear; None where the file decides.
+# Whether values are linear; None if the file decides.
 IS_LINEAR = Choices[bool | None]("encoding", {"auto": None, "linear": True, "srgb": False})
 
-# The gamma of a PNG that stands for the sRGB curve, and the range of others that a display or a camera may have.
+# The PNG gamma that represents the sRGB curve, and the plausible range of others.
 SRGB_GAMMA, OTHER_GAMMAS = 2.2, (1.0, 3.0)
-# A colour profile's curve that differs nowhere by more is the sRGB curve, or none: small profiles have coarse tables.
+# Tolerance within which a profile's curve counts as sRGB or linear: small profiles have coarse tables.
 SAME_CURVE = 0.003
 
-# A PNG's chunks before its pixels are within so many bytes.
+# A PNG's chunks before its pixels are within this many bytes.
 PNG_HEAD = 65_536
 
 
 def stated_encoding(path: Path, spec: Any) -> tuple[Curve, bool]:
-    """The curve of a file's values by what it states, and whether that it is sRGB is only assumed."""
+    """The transfer curve of a file, and whether it is assumed to be sRGB without a statement."""
     floats = is_float(spec)
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
@@ -63,7 +63,7 @@ def is_float(spec: Any) -> bool:
 
 
 def _gamma_curve(gamma: float | None) -> Curve | None:
-    """Of a PNG that states no more than its gamma; None where that stands for the sRGB curve, or is none."""
+    """The curve of a PNG that states only its gamma; None if that represents the sRGB curve, or is invalid."""
     if gamma is None or abs(gamma - SRGB_GAMMA) < 0.01 or not OTHER_GAMMAS[0] <= gamma <= OTHER_GAMMAS[1]:
         return None
     return lambda values: np.maximum(values, 0) ** np.float32(gamma)
@@ -75,14 +75,14 @@ def identity_curve(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any
 
 
 def with_stored_values(image: Image) -> Image:
-    """An image that was decoded as sRGB, overwritten with the values of its file as linear ones."""
+    """An image that was decoded as sRGB, with the file's values as linear ones. It is overwritten."""
     for rows in bands(len(image.pixels)):
         image.pixels[rows] = linear_to_srgb(image.pixels[rows].astype(np.float32, copy=False))
     return replace(image, assumed=False)
 
 
 def _states_its_curve(path: Path, spec: Any) -> bool:
-    """Whether a file states its encoding otherwise than by a profile, as JPEG does.
+    """Whether a file states its encoding by other means than a profile, as JPEG does.
 
     OpenImageIO reports sRGB for files without a statement, too.
     """
@@ -94,13 +94,13 @@ def _states_its_curve(path: Path, spec: Any) -> bool:
 
 
 def _png_transfer(path: Path) -> int | None:
-    """The transfer characteristics that a PNG states in its chunk cICP, which OpenImageIO 3.0 passes over."""
+    """The transfer characteristics in a PNG's chunk cICP, which OpenImageIO 3.0 ignores."""
     _, found, body = _png_head(path).partition(b"\0\0\0\4cICP")
     return body[1] if found and len(body) > 1 and body[1] != UNKNOWN_TRANSFER else None
 
 
 def _png_head(path: Path) -> bytes:
-    """What stands before a PNG's pixels; nothing of other files."""
+    """The bytes before a PNG's pixels; empty for other files."""
     with path.open("rb") as file:
         if file.read(len(PNG_SIGNATURE)) != PNG_SIGNATURE:
             return b""

@@ -1,4 +1,4 @@
-"""OpenImageIO's readers, opened for four formats alone and without their words on stderr."""
+"""OpenImageIO's readers, limited to four formats and without output on stderr."""
 
 import os
 import struct
@@ -16,18 +16,18 @@ from mpsnet_core.io.image import MAX_PIXELS
 
 _Kind = TypeVar("_Kind")
 
-# First bytes of the formats that are read, and OpenImageIO's names of these formats.
+# Signatures of the formats that are read, and OpenImageIO's names of these formats.
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SIGNATURES = (PNG_SIGNATURE, b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
-# More markers, and bytes that are none, than any JPEG has before its size.
+# Limit of markers and stray bytes before the size of a JPEG.
 JPEG_MARKERS = 100_000
 _FORMATS = ("png", "jpeg", "tiff", "openexr")
 
 
 def open_image(path: Path) -> Any:
-    """OpenImageIO's reader of an image, for colours not premultiplied where the format leaves that open.
+    """OpenImageIO's reader of an image, for unpremultiplied colours if the format leaves that open.
 
-    Raises FileError where it is missing, FormatError where it is no image.
+    Raises FileError if it is missing, FormatError if it is no image.
     """
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -40,12 +40,12 @@ def open_image(path: Path) -> Any:
 
 
 def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
-    """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its suffix; None where it is none of them.
+    """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its suffix; None if it is none of them.
 
     Files of OpenImageIO's other formats are not opened. :func:`complaint` may return the reason.
 
-    Raises FileError where the file's name is not valid UTF-8, FormatError where a JPEG claims to be larger than what is
-    read: a progressive one is decoded as it is opened.
+    Raises FileError if the file's name is not valid UTF-8, FormatError if a JPEG claims more than the pixel limit: a
+    progressive one is decoded on opening.
     """
     try:
         with Path(path).open("rb") as file:
@@ -65,12 +65,12 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
 
 def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
-    """Raises FormatError where the frame header of a JPEG claims more than :data:`MAX_PIXELS`."""
+    """Raise FormatError if the frame header of a JPEG claims more than :data:`MAX_PIXELS`."""
     file.seek(0)
     if file.read(2) != b"\xff\xd8":
         return
     for _ in range(JPEG_MARKERS):
-        # libjpeg passes over whatever stands before a marker, and over any number of its first byte.
+        # libjpeg skips anything before a marker, and repetitions of its first byte.
         byte = file.read(1)
         if byte != b"\xff":
             if byte:
@@ -81,7 +81,7 @@ def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
         kind = int.from_bytes(byte, "big")
         if kind in (0, 1, *range(0xD0, 0xDA)):  # no segment follows
             continue
-        if kind == 0xDA:  # the pixels begin
+        if kind == 0xDA:  # start of the pixels
             return
         length = int.from_bytes(file.read(2), "big")
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
@@ -96,9 +96,9 @@ def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def libraries_silent() -> Iterator[None]:
-    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO returns as well.
+    """Keep libpng and OpenEXR from printing errors to stderr, which OpenImageIO returns, too.
 
-    stderr belongs to the whole process, so only one thread at a time may redirect it.
+    stderr is shared by the whole process, so only one thread at a time may redirect it.
     """
     with _stderr_lock:
         try:
@@ -121,15 +121,15 @@ _stderr_lock = threading.RLock()
 def complaint(source: Any, lines: int | None = None) -> str:
     """The pending error message of OpenImageIO, or of its reader or writer, as one line; clears it.
 
-    lines: how many of its lines are wanted, the first ones; all by default.
+    lines: maximum number of lines, from the first; all by default.
     """
     try:
         return " ".join(" ".join(source.geterror().strip().splitlines()[:lines]).split())
-    except UnicodeDecodeError:  # it quotes the file
+    except UnicodeDecodeError:  # it quotes bytes of the file
         return "a text in it is not UTF-8"
 
 
 def image_attribute(spec: Any, name: str, kind: type[_Kind]) -> _Kind | None:
-    """An attribute of a file, None where it has none of this kind."""
+    """An attribute of a file, None if it is missing or of another type."""
     value = spec.getattribute(name)
     return value if isinstance(value, kind) else None

@@ -1,4 +1,4 @@
-"""Layers of image files: their names, and their values as stored."""
+"""Layers of image files: their names and stored values."""
 
 import os
 from collections.abc import Iterable
@@ -20,8 +20,8 @@ T = TypeVar("T", bound=np.generic)
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
-MAX_TILE = 1 << 24  # pixels; a tile is decoded whole, however much of it the picture has
-MAX_LAYER_VALUES = 4 * MAX_PIXELS  # of all the channels that are read at once
+MAX_TILE = 1 << 24  # pixels; a tile is decoded completely, even if the image covers little of it
+MAX_LAYER_VALUES = 4 * MAX_PIXELS  # over all channels that are read at once
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class _Layer:
 
 
 def image_layers(path: str | os.PathLike[str]) -> list[str]:
-    """Names of the layers in a file, "" for channels without a layer's name. Parts of multi-part EXRs count too."""
+    """Names of the layers in a file, "" for channels without a layer name. Parts of multi-part EXRs are layers, too."""
     path = Path(path)
     with closing(open_image(path)) as source, libraries_silent():
         return list(layers_of(source, path))
 
 
 def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
-    """The layer to read of a file that belongs to a photo's `layer`: the same, where the file has several."""
+    """The layer to read from a companion file of a photo with this `layer`: the same, if the file has several."""
     if layer is None or Path(path).suffix.lower() in RAW_SUFFIXES:
         return None
     return layer if len(image_layers(path)) > 1 else None
@@ -53,8 +53,8 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
     Raises FileError, FormatError or SettingsError as :func:`mpsnet_core.io.image_reading.read_image` does.
     """
     with closing(open_image(path)) as source, libraries_silent():
-        reason = complaint(source)  # progressive JPEGs are decoded as they are opened
-        is_whole_picture = source.format_name() == "png"  # its offset says where on a page it was
+        reason = complaint(source)  # progressive JPEGs are decoded on opening
+        is_whole_picture = source.format_name() == "png"  # its offset is a position on a page
         chosen = choose_layer(layers_of(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
@@ -77,7 +77,7 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
 
 
 def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
-    """The layers of an open file by name. Raises FormatError where it claims to be larger than is read."""
+    """The layers of an open file by name. Raises FormatError if it claims to exceed a limit."""
     layers: dict[str, _Layer] = {}
     subimage = 0
     while source.seek_subimage(subimage, 0):
@@ -97,20 +97,20 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
         names = _channel_names(spec, path)
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
-            # Blender 5 writes a part per pass and repeats its name in the channels only where a pass has a layer.
+            # Blender 5 writes a part per pass, and repeats its name in the channels only if the pass has a layer.
             layer = prefix or (part if subimage or not has_colours(names) else "")
             found = layers.setdefault(layer, _Layer(subimage, {}))
-            if found.subimage == subimage:  # further pages of a TIFF have no name, and are not read
+            if found.subimage == subimage:  # further pages of a TIFF are unnamed and not read
                 found.channels.setdefault(_short(name, spec.nchannels), number)
         subimage += 1
-    complaint(source)  # of seeking past the last part
+    complaint(source)  # clears that of seeking past the last part
     return layers
 
 
 def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:
     try:
         names: tuple[str, ...] = spec.channelnames
-        "".join(names).encode()  # OpenImageIO 3.1 hands out what it cannot decode
+        "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
     except UnicodeError:
         raise FormatError(
             f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
@@ -131,7 +131,7 @@ def _short(name: str, count: int) -> str:
 
 
 def choose_layer(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _Layer:
-    """The layer of that name, or the one to read where none is named. Raises SettingsError."""
+    """The layer of that name, or the default layer if no name is given. Raises SettingsError if there is none."""
     if wanted is not None:
         matches = [name for name in layers if name == wanted or name.endswith("." + wanted)]
     elif "" in layers or len(layers) == 1:
@@ -147,7 +147,7 @@ def choose_layer(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _
 
 
 def orientation_of(spec: Any) -> int:
-    """EXIF orientation, 1 where the file has none."""
+    """EXIF orientation, 1 if the file has none."""
     orientation = image_attribute(spec, "Orientation", int) or 1
     return orientation if 1 <= orientation <= 8 else 1
 
@@ -165,7 +165,7 @@ def _upright(values: NDArray[T], spec: Any) -> NDArray[T]:
 
 
 def _on_display_window(values: NDArray[T], spec: Any) -> NDArray[T]:
-    """An EXR's data window may be smaller (a render region) or larger than its display window; fills with zero."""
+    """The display window of an EXR. Its data window may be smaller (a render region) or larger; gaps become zero."""
     top, left = spec.y - spec.full_y, spec.x - spec.full_x
     if (top, left, spec.height, spec.width) == (0, 0, spec.full_height, spec.full_width):
         return values

@@ -21,7 +21,7 @@ from mpsnet_core.io.raw import read_raw
 
 log = logging.getLogger(__name__)
 
-# Far above the sun's, and its square is finite in float32; larger values count as not finite.
+# Larger values count as not finite. It is far above the sun's radiance, and its square is finite in float32.
 MAX_VALUE = 1e15
 
 
@@ -33,20 +33,20 @@ def read_image(
     grey: bool = False,
     compact: bool = False,
 ) -> Image:
-    """Read a colour image; camera raw files too, where rawpy is installed.
+    """Read a colour image, or a camera raw file if rawpy is installed.
 
     Parameters
     ----------
     path : path-like
         A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
     encoding : {"auto", "linear", "srgb"}, optional
-        Of the file's values. "auto": those with a colour profile (ICC) or a PNG's gamma have its curve, other float
-        files and files that state so are linear, all others have the sRGB curve.
+        Encoding of the file's values. "auto": files with an ICC profile or a PNG gamma have its curve, other float
+        files and files that state so are linear, all others are sRGB.
     layer : str, optional
-        Layer of a multi-layer or multi-part EXR: its full name or the name's last part ("Combined"). By default the
-        unnamed layer, else the only one, else the one called Combined.
+        Layer of a multi-layer or multi-part EXR: its full name, or the name's last part ("Combined"). By default the
+        unnamed layer, else the only one, else the one named Combined.
     grey : bool, optional
-        Accept a file of one channel too, for all three.
+        Accept a file with one channel, too, and use it for all three.
     compact : bool, optional
         Store a large photo in half floats, if its file has at most 16 bits per channel.
 
@@ -61,7 +61,7 @@ def read_image(
     FormatError
         If it is damaged, too large or not RGB.
     SettingsError
-        If the layer is missing or ambiguous, or the encoding unknown.
+        If the layer is missing or ambiguous, or the encoding is unknown.
     """
     requested = IS_LINEAR[encoding]
     path = Path(path)
@@ -83,10 +83,10 @@ def read_image(
         band = _as_float(values[rows][..., colour])
         if alpha is not None and premultiplied:
             cover = alpha[rows, :, None]
-            # Without any cover a colour is light alone, as some renderers write every pixel.
+            # A colour without coverage is pure emission; some renderers write every pixel that way.
             band = np.divide(band, cover, out=band, where=cover > 1e-6)
         pixels[rows] = decoded(band)
-    # What another curve makes ends at 1.
+    # Other curves end at 1.
     clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear) else 1.0
     return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
 
@@ -120,9 +120,9 @@ def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
 
 
 def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
-    """Read a mask: where the alpha channel is above half if it varies, else where the brightest channel is.
+    """Read a mask: where the alpha channel is above one half if it varies, else where the brightest channel is.
 
-    Whole numbers that are 0 and one other alone are labels, as annotation tools write them: the other is the object.
+    Integers with only two values, 0 and another, are labels from annotation tools: the other value is the object.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 def read_data(
     path: str | os.PathLike[str], layer: str | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Read three channels of data (normals), (H, W, 3) float32 without any curve, and alpha or None."""
+    """Read three channels of data (normals), (H, W, 3) float32 without a curve, and alpha or None."""
     image = read_image(path, encoding="linear", layer=layer)
     return image.pixels, image.alpha
 
@@ -164,9 +164,9 @@ def read_data(
 def read_orientation(path: str | os.PathLike[str]) -> int:
     """EXIF orientation of a photo, 1 to 8, by which :func:`read_image` rotates it; 1, upright, if the file has none.
 
-    Camera raw counts as 1: other programs read a raw converter's output, which is upright.
+    Camera raw files return 1: other programs read the output of a raw converter, which is upright.
 
-    Raises FileError where the file is missing, FormatError where it is damaged.
+    Raises FileError if the file is missing, FormatError if it is damaged.
     """
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
@@ -177,9 +177,9 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
 
 
 def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
-    """Height and width of what :func:`read_image` returns, by the file's header alone; None for camera raw.
+    """Height and width of the result of :func:`read_image`, from the file's header alone; None for camera raw.
 
-    Raises FileError where the file is missing, FormatError where it is no image, SettingsError where it lacks the
+    Raises FileError if the file is missing, FormatError if it is no image, SettingsError if it lacks the
     layer.
     """
     path = Path(path)
@@ -194,9 +194,9 @@ def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[i
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
-    """The description in an image file, "" where it has none or cannot be read as an image.
+    """The description in an image file, "" if it has none or cannot be read as an image.
 
-    Raises FileError where the file's name is not valid UTF-8.
+    Raises FileError if the file's name is not valid UTF-8.
     """
     source = image_input(path)
     if source is None:
@@ -207,7 +207,7 @@ def image_description(path: str | os.PathLike[str]) -> str:
 
 
 def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Stored values as float32, integers as 0 to 1, NaN for what counts as not finite."""
+    """Stored values as float32, integers as 0 to 1, NaN for values that count as not finite."""
     if values.dtype.kind != "u":
         return np.where(np.abs(values) <= MAX_VALUE, values, np.float32(np.nan))
     scaled: NDArray[np.float32] = np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)

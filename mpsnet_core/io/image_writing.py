@@ -1,4 +1,4 @@
-"""Images written to files, whole or not at all."""
+"""Images written to files atomically."""
 
 import os
 from collections.abc import Callable
@@ -27,20 +27,20 @@ def write_image(
     color_space: str = "raw",
     description: str | None = None,
 ) -> None:
-    """Write an image without applying a curve, whole or not at all.
+    """Write an image atomically, without applying a curve.
 
     Parameters
     ----------
     path : path-like
         A .png, .tif or .exr file.
     pixels : (H, W) or (H, W, C) array
-        Of four channels the last is alpha, not premultiplied.
+        The last of four channels is alpha, not premultiplied.
     bits : int, optional
-        8, 16 or 32 per channel as the format allows. Integers store 0 to 1; EXR's 16 are half floats.
+        8, 16 or 32 per channel, as the format allows. Integers store 0 to 1; 16 bits in EXR are half floats.
     color_space : str, optional
-        "raw" for data, "sRGB" for pictures with that curve.
+        "raw" for data, "sRGB" for images with that curve.
     description : str, optional
-        A line of text in the file.
+        A line of text to store in the file.
 
     Raises
     ------
@@ -67,9 +67,9 @@ def write_image(
 
 
 def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, description: str | None = None) -> None:
-    """Write a picture of sRGB values (H, W, 3) for people: 8 bits; in an EXR linear floats, as viewers take it.
+    """Write an image of sRGB values (H, W, 3) for display: 8 bits; in an EXR linear floats, which viewers expect.
 
-    description: a line of text in the file. Raises as :func:`write_image` does.
+    description: a line of text to store in the file. Raises as :func:`write_image` does.
     """
     if Path(path).suffix.lower() == ".exr":
         write_image(path, srgb_to_linear(pixels), color_space="lin_rec709_scene", description=description)
@@ -78,7 +78,7 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
 
 
 def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
-    """Write a mask, or values (H, W) from 0 to 1 of a few levels: 8 bits; in an EXR floats.
+    """Write a mask, or values (H, W) from 0 to 1 in a few levels: 8 bits; in an EXR floats.
 
     Raises as :func:`write_image` does.
     """
@@ -94,15 +94,15 @@ def write_bands(
     color_space: str = "raw",
     description: str | None = None,
 ) -> None:
-    """Write an image of `shape` (H, W, C) that is computed as it is written, whole or not at all.
+    """Write an image of `shape` (H, W, C) atomically, computed band by band.
 
-    band: returns the values (h, W, C) of some rows, from the top to the bottom. All else as of :func:`write_image`.
+    band: returns the values (h, W, C) of the given rows, from top to bottom. The rest as for :func:`write_image`.
     """
     _write(Path(path), written_whole(path), shape, band, bits, color_space, description)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
-    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises FileError where the disk is full."""
+    """An image (H, W, 3) of sRGB values as an 8-bit PNG file. Raises FileError if the disk is full."""
     height, width, channels = pixels.shape
     with temporary_folder() as folder:
         file = folder / "picture.png"
@@ -119,7 +119,7 @@ def _write(
     color_space: str,
     description: str | None,
 ) -> None:
-    """Write the image `path` into the file that `place` yields."""
+    """Write the image `path` to the file that `place` yields."""
     height, _, channels = shape
     premultiplied = path.suffix.lower() == ".exr" and channels == 4  # as OpenEXR defines colour
     spec = _output_spec(path, shape, bits)
@@ -141,11 +141,11 @@ def _write(
                 if not done:
                     break
         finally:
-            with libraries_silent():  # libpng reports a picture that is not whole
+            with libraries_silent():  # libpng reports an incomplete image
                 closed = target.close()
-        # OpenImageIO reports success where a full disk cut a file short.
+        # OpenImageIO reports success even if a full disk truncates the file.
         if not (closed and done and is_whole(file)):
-            # libpng has a line for each piece that the disk does not take.
+            # libpng prints a line for each chunk that the disk rejects.
             reason = complaint(target, lines=1) or complaint(oiio) or "the file was cut short"
             raise FileError(f"cannot write {path} ({reason.replace(str(file), path.name)}); make room on the disk")
 
@@ -157,7 +157,7 @@ def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> A
     kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
     spec = oiio.ImageSpec(width, height, channels, kind)
     if suffix == ".png":
-        # For 16 bits of normals or photos, smaller files than libpng's defaults in a quarter of the time.
+        # For normals or photos of 16 bits, smaller files than libpng's defaults in a quarter of the time.
         spec.attribute("compression", "rle")
         spec.attribute("png:filter", PNG_FILTER_UP)
     else:
@@ -170,9 +170,9 @@ def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> A
 
 
 def is_whole(path: str | os.PathLike[str]) -> bool:
-    """Whether an image file of ours exists and is not cut short.
+    """Whether an image file that this program wrote exists and is not truncated.
 
-    Fast enough for folders of thousands: a PNG ends in a marker, and of other formats only the last rows are read.
+    Fast enough for folders of thousands: a PNG ends with a marker, and of other formats only the last rows are read.
     """
     path = Path(path)
     if path.suffix.lower() == ".png":
@@ -187,7 +187,7 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
             return False
         with closing(source):
             spec = source.spec()
-            strip = max(image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1)  # strips are decoded whole
+            strip = max(image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1)  # strips are decoded completely
             first = (spec.height - 1) // strip * strip
             last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
             return last is not None and not complaint(source)

@@ -15,43 +15,43 @@ from mpsnet_core.io.npz import most_bytes
 
 log = logging.getLogger(__name__)
 
-# Of glTF: how many numbers an item has, and how many bytes a number.
+# glTF: components per element, and bytes per component.
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 FLOAT = 5126
-FAN = 6  # of a primitive's modes
+FAN = 6  # mode of a glTF primitive
 TRANSFORM = "KHR_texture_transform"
 INSTANCES = "EXT_mesh_gpu_instancing"
-# What is read of a mesh, and the extensions that pack it.
+# The attributes of a mesh that are read, and extensions that compress them.
 PLAIN = {"POSITION", "NORMAL", "TEXCOORD_0", "indices"}
 PACKED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
 MAX_BYTES = 4 << 30
-# Where they stand: of a mesh that stands in many places each time.
+# Limit of vertices over all instances of all meshes.
 MAX_VERTICES = 1 << 26
-# Of a GLB file's nodes and meshes, each node counted once for itself and once for each node that it lies in.
+# Limit of a GLB file's nodes and meshes. Each node counts once for itself and once for each of its ancestors.
 MAX_PARTS = 1 << 16
 
 
 @contextmanager
 def read_scene(path: Path) -> Iterator[Any]:
-    """The trimesh scene of a file, its format by its suffix, with vertices and UVs unmerged.
+    """The trimesh scene of a file, whose suffix determines its format, with vertices and UVs unmerged.
 
     Files that it refers to are not opened.
 
-    Raises FormatError, without the file's name, where it cannot be read, or the block fails on its content.
+    Raises FormatError, without the file's name, if it cannot be read, or the with block fails on its content.
     """
-    import trimesh  # takes a while to load
+    import trimesh  # slow to import
 
-    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it logs stands beside our sentence
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # keep its log messages off stderr
 
     class Alone(trimesh.resolvers.ZipResolver):
-        """In place of one that finds what the file names beside it."""
+        """Replaces the resolver that opens the files next to the mesh that it refers to."""
 
         def get(self, name: str) -> bytes:
             raise InputError(f"it names the file {name[:99]!r}, and is read alone; export it with all in one file")
 
     try:
-        with path.open("rb") as file:  # by a path trimesh would open the files beside it
+        with path.open("rb") as file:  # given a path, trimesh would open the files next to it
             content: IO[bytes] = file
             if path.suffix.lower() == ".glb":
                 header = _glb_header(file)
@@ -90,7 +90,7 @@ def _no_number(text: str) -> float:
 
 
 def _without_pictures(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
-    """A GLB file, open behind its JSON part, without pictures, which nobody looks at and trimesh may decode."""
+    """A GLB file, open after its JSON part, without its images: they are not needed, and trimesh may decode them."""
     kept = {name: part for name, part in header.items() if name not in ("images", "textures", "samplers")}
     if "materials" in kept:
         kept["materials"] = [{"name": str(one.get("name", ""))} if "name" in one else {} for one in kept["materials"]]
@@ -102,8 +102,10 @@ def _without_pictures(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
 
 
 def _check_size(header: dict[str, Any], most: int) -> None:
-    """Raises FormatError where a GLB file claims more than `most` bytes: trimesh believes what it says of its arrays,
-    and copies one as often as something names it."""
+    """Raise FormatError if a GLB file claims more than `most` bytes.
+
+    trimesh trusts the sizes of arrays in the file, and copies an array for each reference to it.
+    """
     arrays = [
         _NUMBERS[one["type"]] * _BYTES[one["componentType"]] * abs(one["count"]) for one in header.get("accessors", ())
     ]
@@ -116,12 +118,12 @@ def _check_size(header: dict[str, Any], most: int) -> None:
 
 
 def _check_parts(header: dict[str, Any]) -> None:
-    """Raises FormatError where a GLB file has more than :data:`MAX_PARTS`: trimesh follows each node to the root."""
+    """Raise FormatError if a GLB file exceeds :data:`MAX_PARTS`: trimesh follows each node to the root."""
     nodes = header.get("nodes", ())
     meshes = [len(mesh["primitives"]) for mesh in header.get("meshes", ())]
     parts = sum(meshes) + sum(meshes[node["mesh"]] for node in nodes if "mesh" in node)
     level = nodes
-    while level and parts <= MAX_PARTS:  # a node that lies in itself never ends
+    while level and parts <= MAX_PARTS:  # a cycle of nodes never ends
         parts += len(level)
         inner = (nodes[child] for node in level for child in node.get("children", ()))
         level = list(islice(inner, MAX_PARTS))
@@ -130,7 +132,7 @@ def _check_parts(header: dict[str, Any]) -> None:
 
 
 def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
-    """Warn where a material's normal map lies on other UVs than the first, which are those that are read."""
+    """Warn if a material's normal map uses another UV set than the first, the only one that is read."""
     for material in header.get("materials", ()):
         texture = material.get("normalTexture", {})
         if texture.get("texCoord", 0) or TRANSFORM in texture.get("extensions", {}):
@@ -143,8 +145,8 @@ def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
 
 
 def _check_plain(header: dict[str, Any]) -> None:
-    """Raises FormatError where a GLB file's vertices are stored in a way that trimesh takes for plain numbers, or its
-    triangles or instances in one that it leaves out."""
+    """Raise FormatError if a GLB file's vertices are stored in a form that trimesh mistakes for plain values, or its
+    triangles or instances in one that it ignores."""
     packed = PACKED & set(header.get("extensionsRequired", ()))
     if any(INSTANCES in node.get("extensions", {}) for node in header.get("nodes", ())):
         raise FormatError("it holds GPU instances, which are not read here; export it without them")
@@ -156,7 +158,7 @@ def _check_plain(header: dict[str, Any]) -> None:
             accessor = header["accessors"][numbers[name]]
             if "sparse" in accessor:
                 packed.add("sparse accessors")
-            # Of normals in whole numbers the direction is right all the same.
+            # Normalised integers do not change the direction of normals.
             shares = name == "POSITION" and accessor.get("normalized")
             if shares or (name == "TEXCOORD_0" and accessor["componentType"] != FLOAT):
                 packed.add("whole numbers for UVs or vertices")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
 
-# Raised by NumPy and zipfile for damaged files; RuntimeError for encrypted ones.
+# Exceptions of NumPy and zipfile for damaged files; RuntimeError for encrypted ones.
 _UNREADABLE = (
     EOFError,
     LookupError,
@@ -28,19 +28,19 @@ _UNREADABLE = (
 )
 
 
-# A file may unpack to so many times its size, and so many bytes beside that: zeros pack to a thousandth.
+# A file may unpack to this many times its size plus this many bytes: zeros compress to a thousandth.
 _RATIO, _FREE = 64, 64 << 20
 
 
 def most_bytes(path: Path, most: int) -> int:
-    """How many bytes a file may unpack to that may be as large as `most`: not many times as many as it has."""
+    """Limit in bytes of what a file may unpack to: `most`, or less for a small file (see _RATIO and _FREE)."""
     return min(most, _FREE + _RATIO * path.stat().st_size)
 
 
 def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
-    """All arrays of an ``.npz`` file by their names. most: limit of the unpacked size in bytes.
+    """All arrays of an ``.npz`` file by name. most: limit of the unpacked size in bytes.
 
-    Raises FormatError, without the file's name, where it is damaged, larger, or has arrays of objects.
+    Raises FormatError, without the file's name, if it is damaged, larger, or has arrays of objects.
     """
     try:
         most = most_bytes(path, most)
@@ -57,6 +57,6 @@ def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
 
 
 def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    if array.dtype.kind not in "biufU" or not array.dtype.itemsize:  # texts of no letters take no room, in any number
+    if array.dtype.kind not in "biufU" or not array.dtype.itemsize:  # empty strings take no space, in any number
         raise FormatError(f'its "{name}" holds neither numbers nor texts; export it again')
     return array

@@ -1,4 +1,4 @@
-"""PhotoFolder: photos by their names without suffix."""
+"""Folders of photos, looked up by name without suffix."""
 
 import os
 from collections.abc import Collection
@@ -11,7 +11,7 @@ from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES
 class PhotoFolder:
     """A folder of photos or masks, with or without subfolders. Each folder is listed once.
 
-    Raises FileError where it is no folder.
+    Raises FileError if it is no folder.
     """
 
     def __init__(self, path: str | os.PathLike[str], what: str = "photos") -> None:
@@ -25,10 +25,10 @@ class PhotoFolder:
     ) -> Path | None:
         """The image in the folder `within` (this one by default) that has one of these names without suffix.
 
-        Of a photo both as raw and otherwise, the raw file. Case counts where it distinguishes images. raw_only: return
-        None unless it is a raw file.
+        If a photo exists both as raw and in another format, the raw file is returned. Case matters only if it
+        distinguishes images. raw_only: return None unless it is a raw file.
 
-        Raises FileError, with the name `who`, where several match.
+        Raises FileError if several match. who: the photo's name in the message.
         """
         folder = self.path if within is None else within
         if folder not in self._listed:
@@ -45,7 +45,7 @@ class PhotoFolder:
 
 
 def _by_stem(folder: Path) -> dict[str, list[Path]]:
-    """The images of a folder by their names without suffix, in lower case; none where it cannot be listed."""
+    """The images of a folder by lower-case name without suffix; empty if the folder cannot be listed."""
     found: dict[str, list[Path]] = {}
     try:
         for file in folder.iterdir():

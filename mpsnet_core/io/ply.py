@@ -1,4 +1,4 @@
-"""PLY files: the numbers of their vertices, and polygons with any number of corners."""
+"""PLY files: values of their vertices, and polygons with any number of corners."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
 
-# By the names of either version.
+# By the type names of both versions of the format.
 _TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
@@ -21,13 +21,13 @@ MAX_HEAD = 1 << 20
 BROKEN = "it cannot be read as PLY ({}); export it again"
 
 
-# A name, a type, and of lists the type of their lengths, else "".
+# A name, a type, and the type of a list's length, "" for scalars.
 _Column = tuple[str, str, str]
 
 
 @dataclass
 class _Element:
-    """What a file has several of, and what each of them has."""
+    """An element of a file, such as "vertex", with its count and its properties."""
 
     count: int
     columns: list[_Column] = field(default_factory=list)
@@ -35,13 +35,13 @@ class _Element:
 
 @dataclass(frozen=True)
 class Values:
-    """numbers: of each row by their names, (N,), of lists one after the other. lengths: (N,) of each list."""
+    """The values of an element. numbers: by property name, (N,), lists concatenated. lengths: (N,) of each list."""
 
     numbers: dict[str, NDArray[np.float64]]
     lengths: dict[str, NDArray[np.int64]]
 
     def columns(self, names: Sequence[str]) -> NDArray[np.float64] | None:
-        """(N, K) the numbers of these names side by side, None where one is missing."""
+        """(N, K) the properties of these names as columns, None if one is missing."""
         if any(name not in self.numbers or name in self.lengths for name in names):
             return None
         return np.stack([self.numbers[name] for name in names], axis=-1)
@@ -52,7 +52,7 @@ NO_LENGTHS = np.empty(0, np.int64)
 
 
 def read_ply(path: Path) -> dict[str, Values]:
-    """The values of a file's elements, such as "vertex" and "face". Raises FormatError where it is damaged."""
+    """The values of a file's elements, such as "vertex" and "face". Raises FormatError if it is damaged."""
     data = path.read_bytes()
     head, end, _ = data[:MAX_HEAD].partition(b"end_header")
     line_end = data.find(b"\n", len(head))
@@ -75,7 +75,7 @@ def read_ply(path: Path) -> dict[str, Values]:
 
 
 def _header(text: str) -> tuple[str, dict[str, _Element]]:
-    """The order of bytes, "" for text, and the elements by their names."""
+    """The byte order, "" for text, and the elements by name."""
     order, elements, last = None, dict[str, _Element](), _Element(0)
     for line in text.splitlines()[1:]:
         match line.split():
@@ -97,12 +97,12 @@ def _header(text: str) -> tuple[str, dict[str, _Element]]:
 
 
 def _of_text(element: _Element) -> _Element:
-    """The same of a file in which every number is a word."""
+    """The element of a text file, in which every value is a word."""
     return _Element(element.count, [(name, "f8", length and "f8") for name, _, length in element.columns])
 
 
 def _parts(data: bytes, at: int, element: _Element, order: str) -> Iterator[NDArray[np.void]]:
-    """Rows of an element, in runs of those whose lists are as long. Raises ValueError where the file is cut short."""
+    """Yield rows of an element, in runs with lists of equal length. Raises ValueError if the file is truncated."""
     columns = tuple(element.columns)
     left, ahead = element.count if columns else 0, 1
     while left > 0:
@@ -119,7 +119,7 @@ def _parts(data: bytes, at: int, element: _Element, order: str) -> Iterator[NDAr
 
 
 def _lengths(data: bytes, at: int, columns: tuple[_Column, ...], order: str) -> tuple[int, ...]:
-    """Of the lists in the row that begins there, 1 of what is no list."""
+    """Lengths of the lists in the row that starts at `at`; 1 for scalars."""
     lengths = []
     for _, kind, length in columns:
         count = 1
@@ -135,7 +135,7 @@ def _lengths(data: bytes, at: int, columns: tuple[_Column, ...], order: str) -> 
 
 @lru_cache(1024)
 def _layout(columns: tuple[_Column, ...], order: str, lengths: tuple[int, ...]) -> np.dtype[np.void]:
-    """Of rows whose lists are so long."""
+    """The dtype of rows with lists of these lengths."""
     fields: list[tuple[str, str, tuple[int]]] = []
     for number, ((_, kind, length), count) in enumerate(zip(columns, lengths, strict=True)):
         fields += [(f"length{number}", order + length, (1,))] if length else []

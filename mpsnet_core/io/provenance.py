@@ -1,4 +1,4 @@
-"""Provenance: hashes of a result's inputs, by which a resumed run skips what is up to date."""
+"""Provenance: hashes of a result's inputs, which let a resumed run skip results that are up to date."""
 
 import hashlib
 import os
@@ -12,13 +12,13 @@ from mpsnet_core.operation import Operation, Provenance, settings
 
 
 def provenance_line(what: str, *facts: str) -> str:
-    """A picture's description: what it is, and a hash of the facts that it was computed from."""
+    """The description of an image: what it is, and a hash of the facts that it was computed from."""
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"{what} by mpsnet {__version__}, {digest[:32]}"
 
 
 def is_up_to_date(picture: Path, line: str) -> bool:
-    """Whether a picture exists with this description and is not cut short."""
+    """Whether an image exists with this description and is not truncated."""
     from mpsnet_core.io.image_reading import image_description
     from mpsnet_core.io.image_writing import is_whole
 
@@ -26,14 +26,14 @@ def is_up_to_date(picture: Path, line: str) -> bool:
 
 
 def is_result(picture: Path, what: str) -> bool:
-    """Whether a picture's description says that this program made it, from whatever facts."""
+    """Whether an image's description says that this program made it, from any facts."""
     from mpsnet_core.io.image_reading import image_description
 
     return image_description(picture).startswith(f"{what} by mpsnet ")
 
 
 def identity(given: str | os.PathLike[str]) -> str:
-    """Text that changes with files: their names, sizes and times.
+    """Fingerprint of files: their names, sizes and times.
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
     """
@@ -51,7 +51,7 @@ def identity(given: str | os.PathLike[str]) -> str:
 
 
 def content(file: str | os.PathLike[str]) -> str:
-    """Hash of a file's content. Raises FileError where it is missing."""
+    """Hash of a file's content. Raises FileError if it is missing."""
     with existing_file(file, "file").open("rb") as opened:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
@@ -65,11 +65,11 @@ _FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": conte
 
 
 def operation_facts(operation: Operation, *parts: type[Operation], **more: str) -> str:
-    """Text that changes with every option that affects an operation's result, and with `more` facts.
+    """Fingerprint of all options that affect an operation's result, and of `more` facts.
 
-    parts: the classes that the operation is derived from whose options count; without any, all of its options do.
+    parts: base classes of the operation whose options are included; all options by default.
 
-    Raises FileError where a given file is missing.
+    Raises FileError if a given file is missing.
     """
     facts = dict(more)
     for setting in (setting for part in parts or (type(operation),) for setting in settings(part)):

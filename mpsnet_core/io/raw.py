@@ -1,4 +1,4 @@
-"""Camera raw files by LibRaw (rawpy), as the sensor measured: linear, in the camera's own colours."""
+"""Camera raw files, read with LibRaw (rawpy) as the sensor measured them: linear, in the camera's own colours."""
 
 import importlib
 from pathlib import Path
@@ -20,14 +20,14 @@ def read_raw(path: Path) -> Image:
     """Read a camera raw file: black level subtracted, 1 where the sensor clips, rotated by its orientation.
 
     Neither white balance nor a colour matrix or curve is applied. Demosaicing is bilinear, each channel from its own
-    sites alone: other methods assume that channels correlate as under white light. Here each channel shows another
-    light, and they would mix one light's relief into another's (LibRaw's AHD and DCB do). The price: at sharp edges of
-    paint, colour fringes a pixel wide.
+    sites alone. Other methods assume that channels correlate, as under white light. Here each channel shows another
+    light, and they would mix the shading of one light into another's (as LibRaw's AHD and DCB do). The price is colour
+    fringes, one pixel wide, at sharp edges of paint.
 
     `clipped` marks a channel where its site, or a neighbour that it is interpolated from, is saturated.
 
-    Raises FileError where the file is missing; FormatError where it is damaged, too large, or of a sensor without red,
-    green and blue in upright rows; InputError where rawpy is not installed.
+    Raises FileError if the file is missing; FormatError if it is damaged, too large, or of a sensor without red,
+    green and blue in upright rows; InputError if rawpy is not installed.
     """
     path = existing_file(path, "image")
     try:
@@ -71,7 +71,7 @@ def _check(raw: Any, path: Path) -> None:
 
 
 def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
-    flip, exposure_time = raw.sizes.flip, raw.other.shutter_speed  # read now: postprocess resets them
+    flip, exposure_time = raw.sizes.flip, raw.other.shutter_speed  # read before postprocess resets them
     developed = raw.postprocess(
         demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
         user_wb=[1, 1, 1, 1],
@@ -80,7 +80,7 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
         output_bps=16,
         highlight_mode=rawpy.HighlightMode.Clip,
         no_auto_bright=True,
-        adjust_maximum_thr=0,  # else the brightest pixel of a photo would be its white level
+        adjust_maximum_thr=0,  # otherwise a photo's brightest pixel becomes its white level
         user_flip=0,  # rotated below, with `clipped`
     )
     clipped = _clipped(raw)
@@ -97,7 +97,7 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
 
 
 def _clipped(raw: Any) -> NDArray[np.bool_]:
-    """(H, W, 3) where a channel's site, or one next to it, is saturated; before rotation."""
+    """(H, W, 3) where a channel's site, or one that it is interpolated from, is saturated; before rotation."""
     sites = raw.raw_image_visible
     black = np.array(raw.black_level_per_channel, float)
     white = np.minimum(raw.white_level, raw.camera_white_level_per_channel or raw.white_level)
@@ -110,7 +110,7 @@ def _clipped(raw: Any) -> NDArray[np.bool_]:
     colours = raw.raw_colors_visible
     clipped = np.zeros((*sites.shape, 3), bool)
     saturated = sites >= ends.astype(sites.dtype)[colours]
-    for colour in range(4):  # 3 is a second green
+    for colour in range(4):  # 3 is the second green
         clipped[..., colour % 3 if colour < 3 else 1] |= saturated & (colours == colour)
     return dilated(clipped, 1)
 

@@ -26,9 +26,9 @@ def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int)
 
 
 def table_of_means(header: Sequence[str], values: Iterable[tuple[tuple[str, ...], str, float | None]]) -> str:
-    """Means of the values, each of which states its line (a cell for each of `header`) and its column.
+    """A table of means. Each value comes with its line (a cell for each of `header`) and its column.
 
-    The last column is the mean over all values of its line. None does not count.
+    The last column is the mean over all values of the line. None is ignored.
     """
     columns: dict[str, None] = {}
     lines: dict[tuple[str, ...], dict[str, list[float]]] = {}
@@ -48,5 +48,5 @@ def table_of_means(header: Sequence[str], values: Iterable[tuple[tuple[str, ...]
 
 
 def mean_cell(values: Sequence[float]) -> str:
-    """Their mean with two decimals, "-" where there are none."""
+    """The mean of values with two decimals, "-" if there are none."""
     return f"{np.mean(values):.2f}" if len(values) else "-"

@@ -1,9 +1,9 @@
-"""Triangles for a relief over pixels: few where it is flat, many where it bends, and no cracks between them.
+"""Adaptive triangulation of a height field: few triangles where it is flat, many where it bends, and no cracks.
 
 Right-triangulated irregular networks: Evans, Kirkpatrick and Townsend, Right-Triangulated Irregular Networks,
-Algorithmica 30 (2001). A triangle is split at the middle of its longest side, always together with its neighbour
-there. How wrong it is not to split there is known for each middle beforehand, and is at least as much as for anything
-finer within: so the triangles of any tolerance fit together.
+Algorithmica 30 (2001). A triangle is split at the midpoint of its longest side, always together with its neighbour
+there. The error of not splitting is computed for each midpoint beforehand, and is at least that of all finer midpoints
+within: the triangles of any tolerance fit together without cracks.
 """
 
 from typing import TypeVar
@@ -13,35 +13,35 @@ from numpy.typing import NDArray
 
 from mpsnet_core.progress import Progress, silent
 
-# The largest triangles are halves of squares of so many pixels.
+# The largest triangles are halves of squares with this many pixels on a side.
 LARGEST = 256
-# An outline that is a pixel off counts as much as a surface that is so many pixels off.
+# An outline error of one pixel counts as much as a surface error of this many.
 OUTLINE_WEIGHT = 0.5
 
 T = TypeVar("T", bound=np.generic)
-# The number of triangles is met to this share, or as far as so many tolerances come.
+# The search for a tolerance stops at this fraction of the requested triangles, or after this many rounds.
 NEAR_ENOUGH, ROUNDS = 0.97, 20
 
 
 def adaptive_triangles(
     values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, most: int, progress: Progress = silent
 ) -> NDArray[np.int32]:
-    """(T, 3) pixel numbers (row * W + column) of at most `most` triangles that span a relief of `values` (H, W).
+    """(T, 3) pixel indices (row * W + column) of at most `most` triangles that approximate heights `values` (H, W).
 
-    Their corners lie in the mask, (H, W) bool, and run counter-clockwise as the picture is seen. There are none where
-    `most` is too few for the largest triangles, or the mask too small for one. pixel: the size of a pixel, in the unit
-    of the values.
+    Their corners lie in the mask, (H, W) bool, and are counter-clockwise in the image. There are none if `most` is too
+    small even for the largest triangles, or the mask too small for one. pixel: size of a pixel, in the unit of the
+    values.
     """
     height, width = mask.shape
     side = 1 << (min(LARGEST, max(height, width) - 1).bit_length() - 1) if mask.size > 1 else 1
-    # Whole squares: what is beyond the picture's border counts as being on it, and so do triangles' corners there.
+    # Pad to whole squares: pixels and triangle corners beyond the image's border are clamped to it.
     padding = [(0, -(length - 1) % side) for length in (height, width)]
     mask = np.pad(mask, padding, mode="edge")
     progress(0.0, "triangles")
     errors = _errors(np.pad(values, padding, mode="edge"), mask, pixel, side)
     progress(0.4, "triangles")
     ordered = np.sort(errors[errors > 0])[::-1]
-    # With n middles to be split there are about 2 n triangles, less those outside the mask.
+    # n splits give about 2 n triangles, minus those outside the mask.
     best = np.empty((0, 3), np.int32)
     enough, too_many, tried = -1, len(ordered) + 1, min(most // 2, len(ordered))
     for turn in range(ROUNDS):
@@ -60,7 +60,7 @@ def adaptive_triangles(
 
 
 def _errors(values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, side: int) -> NDArray[np.float32]:
-    """(H, W) how wrong it is, in the unit of the values, not to split the longest side that has its middle there."""
+    """(H, W) error, in the unit of the values, of not splitting the longest side that has its midpoint there."""
     errors = np.zeros(mask.shape, np.float32)
     step = 1
     while step < side:
@@ -75,12 +75,12 @@ def _errors(values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, 
 def _along_rows(
     errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
 ) -> None:
-    """Fill in the errors of the middles of sides along rows, from `step` pixels before to `step` behind."""
+    """Fill in the errors at the midpoints of sides along rows, which reach `step` pixels to the left and right."""
     rows, middle = slice(0, None, 2 * step), slice(step, None, 2 * step)
     threes = (middle, slice(0, -step, 2 * step), slice(2 * step, None, 2 * step))
-    own = _off([values[rows, place] for place in threes], [mask[rows, place] for place in threes], outline)
+    own = _deviation([values[rows, place] for place in threes], [mask[rows, place] for place in threes], outline)
     if step > 1:
-        # Finer within: the middles of the four squares of `step` pixels around this one.
+        # Include finer midpoints: the centres of the four squares of `step` pixels around this one.
         squares = errors[step // 2 :: step, step // 2 :: step]
         beside = np.pad(np.maximum(squares[:, ::2], squares[:, 1::2]), ((1, 1), (0, 0)))
         own = np.maximum(own, np.maximum(beside[::2], beside[1::2]))
@@ -90,7 +90,7 @@ def _along_rows(
 def _across_squares(
     errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
 ) -> None:
-    """Fill in the errors of the middles of diagonals, of squares of 2 `step` pixels; the diagonals take turns."""
+    """Fill in the errors at the midpoints of diagonals, in squares of 2 `step` pixels. Diagonals alternate."""
     first, middle, last = slice(0, -step, 2 * step), slice(step, None, 2 * step), slice(2 * step, None, 2 * step)
     falling = np.indices(errors[middle, middle].shape).sum(axis=0) % 2 == 0
 
@@ -99,19 +99,19 @@ def _across_squares(
         other = np.where(falling, field[last, last], field[last, first])
         return [field[middle, middle], one, other]
 
-    own = _off(threes(values), threes(mask), outline)
+    own = _deviation(threes(values), threes(mask), outline)
     level, upright = errors[:: 2 * step, middle], errors[middle, :: 2 * step]
     for sides in (level[:-1], level[1:], upright[:, :-1], upright[:, 1:]):
         own = np.maximum(own, sides)
     errors[middle, middle] = own
 
 
-def _off(
+def _deviation(
     values: list[NDArray[np.float32]], inside: list[NDArray[np.bool_]], outline: np.float32
 ) -> NDArray[np.float32]:
-    """How far middles are off the line between their ends; `outline` where the mask's edge runs between the three.
+    """Distance of midpoints from the line between the ends; `outline` where the mask's edge runs between the three.
 
-    values, inside: of the middles, of one end and of the other.
+    values, inside: of the midpoints, of one end and of the other.
     """
     middle, one, other = values
     off = np.abs(middle - (one + other) / 2)
@@ -122,7 +122,7 @@ def _off(
 def _leaves(
     errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: float, side: int, picture: tuple[int, int]
 ) -> NDArray[np.int32]:
-    """(T, 3) corners, as numbers of the picture's pixels, of the triangles that need not be split, in the mask."""
+    """(T, 3) corners, as pixel indices of the image, of the triangles in the mask that need not be split."""
     height, width = mask.shape
     rows, columns = np.mgrid[0 : height - 1 : side, 0 : width - 1 : side].reshape(2, -1)
     top_left = rows * width + columns
@@ -136,7 +136,7 @@ def _leaves(
             falling, np.stack([top_left, bottom_right, top_right]), np.stack([top_right, bottom_left, bottom_right])
         ),
     ]
-    # The longest side from one to the other, and the corner that faces it.
+    # The two ends of the longest side, and the opposite corner.
     one, other, corner = np.concatenate(halves, axis=1)
     flat, inside = errors.ravel(), mask.ravel()
     leaves = []

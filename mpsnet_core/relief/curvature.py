@@ -14,9 +14,9 @@ from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Of |curvature|: what is bent more than that is as white or black as can be.
+# Quantile of |curvature| that is shown as white or black.
 PICTURE_QUANTILE = 0.99
-# Enough to know a quantile by.
+# Pixels that the quantile is computed from.
 _SAMPLED = 1_000_000
 
 
@@ -33,33 +33,33 @@ def curvature(
     Parameters
     ----------
     normals : NormalMap
-        In camera space, (H, W).
+        Normals in camera space, (H, W).
     camera : Camera
-        What the pixels see.
+        The photo's camera.
     depth : (H, W) array, optional
-        Along a perspective camera's axis, which needs it.
+        Depth along the camera's axis. Required for a perspective camera.
     radius : int
-        Averages over squares that reach 1, 2, 4, ... up to `radius` pixels, each weighted by its reach, so that fine
-        grain does not drown broad shapes. 0: each pixel's own, from its neighbours.
+        Averages over squares of 1, 2, 4, ... up to `radius` pixels around each pixel are weighted by their radius, to
+        keep broad shapes visible under fine grain. 0 takes the curvature of each pixel, from its neighbours.
     progress : Progress
 
     Returns
     -------
     (H, W) float32 array
         In 1 / the camera's unit, above 0 where the surface is convex: 2 / R on a sphere of radius R, 1 / R on a
-        cylinder, at every slant. 0 outside the mask.
+        cylinder, at any slant. 0 outside the mask.
 
     Raises
     ------
     GeometryError
-        Where the sizes differ or a depth is missing.
+        If the sizes differ or a depth is missing.
     SettingsError
-        Where the radius is below 0.
+        If the radius is below 0.
 
     Notes
     -----
-    The divergence of the normals in space, each constant along its pixel's ray. Depth discontinuities that the normals
-    do not show have no curvature.
+    It is the divergence of the normal field in space, with normals constant along each pixel's ray. Depth
+    discontinuities that the normals do not show have no curvature.
     """
     height, width = normals.mask.shape
     check_size("camera", (camera.height, camera.width), normals)
@@ -80,7 +80,7 @@ def curvature(
 def _averaged(
     sharp: NDArray[np.float32], mask: NDArray[np.bool_], radius: int, progress: Progress
 ) -> NDArray[np.float32]:
-    """The curvatures averaged over squares of several sizes, up to the radius."""
+    """Curvatures averaged over squares of several sizes, up to the radius."""
     radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
     summed = np.zeros(mask.shape, np.float32)
     for number, reach in enumerate(radii):
@@ -92,7 +92,7 @@ def _averaged(
 
 
 def check_curvature(radius: int, limit: float | None = None) -> None:
-    """Raises SettingsError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
+    """Raise SettingsError if the radius, or the limit of an image, is out of range."""
     if radius < 0:
         raise SettingsError(f"a radius of {radius} pixels is none; give 0 or more")
     if limit is not None and not 0 < limit < np.inf:
@@ -100,19 +100,19 @@ def check_curvature(radius: int, limit: float | None = None) -> None:
 
 
 def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> float:
-    """A range that suits a picture of these curvatures.
+    """A suitable range for an image of these curvatures.
 
     Parameters
     ----------
     values : (H, W) array
         Curvatures.
     mask : (H, W) bool array
-        Where they count.
+        The pixels to consider.
 
     Returns
     -------
     float
-        99 of 100 pixels of the mask lie within plus and minus this; 1 where all are 0.
+        99 % of the mask's pixels are within plus and minus this; 1 if all are 0.
     """
     inside = np.abs(np.asarray(values)[np.asarray(mask, bool)])
     limit = float(np.quantile(inside[:: -(-len(inside) // _SAMPLED)], PICTURE_QUANTILE))
@@ -120,7 +120,7 @@ def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) 
 
 
 def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArray[np.float32]:
-    """Curvatures as grey values: 0.5 is flat, white is convex by `limit` or more, black concave by as much.
+    """Curvatures as grey values: 0.5 is flat, white is convex by `limit` or more, black is concave by `limit` or more.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArra
 def _divergence(
     normals: NormalMap, camera: Camera, depth: NDArray[np.floating[Any]] | None, rows: slice
 ) -> NDArray[np.float32]:
-    """Of some rows.
+    """The divergence of the normals in some rows.
 
     With a = X / t and b = Y / t, where t is the depth, a field n(a, b) that is constant along the rays has
     div n = (dnx/da + dny/db + a dnz/da + b dnz/db) / t. Orthographic rays are parallel: div n = dnx/dX + dny/dY.
@@ -164,7 +164,7 @@ def _divergence(
 
 
 def _gradient(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_], axis: int) -> NDArray[np.floating[Any]]:
-    """How values (H, W, C) grow from one pixel to the next: the mean of both sides, or the one that is in the mask."""
+    """Finite differences of values (H, W, C): the mean of both sides, or the one that lies in the mask."""
     values, mask = values.swapaxes(0, axis), mask.swapaxes(0, axis)
     known = mask[1:] & mask[:-1]
     steps = np.where(known[..., None], values[1:] - values[:-1], 0)

@@ -1,8 +1,8 @@
-"""Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
+"""Height map files: float heights in the camera's unit, or 16 bits from black to white with a separate scale.
 
-Beside ``height.png`` stand ``height.png.json``, what its values mean, and ``height.png.mask.png``, where the object is.
-The picture itself has one channel and no alpha: that is what displacement takes, and in EXR colours are multiplied by
-alpha, which would tear the surface down to 0 along its outline. Instead the heights go on beyond the outline.
+``height.png`` comes with ``height.png.json``, the meaning of its values, and ``height.png.mask.png``, the mask.
+The image has one channel, which displacement expects, and no alpha: EXR premultiplies colours by alpha, which would
+pull the surface down to 0 along its outline. Instead, the heights are extrapolated beyond the outline.
 """
 
 import contextlib
@@ -38,24 +38,24 @@ from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 HEIGHT_FORMAT = "mpsnet-height"
 HEIGHT_VERSION = 1
 HEIGHT_KEYS = ("unit", "lowest", "highest", "black", "white", "pixels_per_unit", "displace", "mask", "camera")
-# Half floats and bytes are too coarse: a surface of 256 steps shows each of them.
+# Half floats and bytes are too coarse: in a surface of 256 steps, each step is visible.
 HEIGHT_BITS = (16, 32)
-# Heights in files from outside; float32 holds all below it.
+# Limit of heights in files, within the range of float32.
 MOST = 1e38
 
 
 @dataclass(frozen=True)
 class HeightScale:
-    """What the values of a height file mean: ``height = black + value * (white - black)``.
+    """The scale of a height file: ``height = black + value * (white - black)``.
 
     Attributes
     ----------
     black, white : float
         Heights of the values 0 and 1. In float files these are 0 and 1: the value is the height.
     zero : float
-        Height that stays where it is when a surface is displaced.
+        Height that is not displaced.
     unit : str
-        Name of the unit, as "mm".
+        Name of the unit, such as "mm".
 
     Examples
     --------
@@ -73,21 +73,21 @@ class HeightScale:
 
     @property
     def strength(self) -> float:
-        """The strength of Blender's Displace modifier with which the texture moves by true heights."""
+        """The strength of Blender's Displace modifier for true heights."""
         return self.white - self.black
 
     @property
     def midlevel(self) -> float:
-        """The modifier's midlevel, which is the value that stays where it is."""
+        """The modifier's midlevel: the texture value that is not displaced."""
         return (self.zero - self.black) / self.strength
 
     @property
     def displace_words(self) -> str:
-        """What to put into the modifier, for people."""
+        """The modifier's settings as text."""
         return f"Blender's Displace: strength {self.strength:.6g}, midlevel {self.midlevel:.6g}"
 
     def facts(self, lowest: float, highest: float, seam_step: float | None = None) -> "HeightFacts":
-        """The figures of heights that are written at this scale."""
+        """The facts of heights that are written at this scale."""
         return HeightFacts(lowest, highest, self.black, self.white, self.strength, self.midlevel, seam_step)
 
     def __str__(self) -> str:
@@ -98,9 +98,9 @@ class HeightScale:
 
 @dataclass(frozen=True)
 class HeightFacts:
-    """Figures of written heights: the lowest and the highest, and the file's scale, as :class:`HeightScale` has it.
+    """Facts of written heights: the lowest and highest one, and the file's scale, see :class:`HeightScale`.
 
-    seam_step: of heights on UVs, the step between the two sides of a seam.
+    seam_step: for heights on UVs, the step between the two sides of a seam.
     """
 
     lowest: float
@@ -115,8 +115,8 @@ class HeightFacts:
 def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
-    Raises FileError where they cannot be written there, or what stands in the place of the scale or of the mask is not
-    of heights that were written there before.
+    Raises FileError if they cannot be written there, or would overwrite a scale or mask that does not belong to an
+    earlier version of these heights.
     """
     path, scale, mask = height_names(writable_path(path))
     bits = checked_bits(path, bits)
@@ -144,10 +144,10 @@ def write_height(
     on_uvs: bool = False,
     ends: tuple[float, float] | None = None,
 ) -> HeightScale:
-    """Write heights, with their scale as ``NAME.json`` and their mask as ``NAME.mask.png`` beside them.
+    """Write heights, with their scale as ``NAME.json`` and their mask as ``NAME.mask.png`` in the same folder.
 
-    Heights continue smoothly beyond the mask. All files appear, or none. The picture keeps the scale as its
-    description, too.
+    Heights are extrapolated smoothly beyond the mask. Either all files are written, or none. The image's description
+    holds the scale, too.
 
     Parameters
     ----------
@@ -160,19 +160,19 @@ def write_height(
     unit : str
         Name of the heights' unit.
     on_uvs : bool
-        Whether the heights are a texture on UVs, which no camera sees.
+        Whether the heights are a texture on UVs, and so have no camera.
     ends : (float, float), optional
-        Heights that 16 bits write as black and white; by default the lowest and the highest in the mask.
+        Heights of black and white in 16 bits; by default the lowest and the highest in the mask.
 
     Returns
     -------
     HeightScale
-        What the values mean.
+        The meaning of the values.
 
     Raises
     ------
     FileError
-        Where a file cannot be written, or would overwrite another one.
+        If a file cannot be written, or would overwrite another one.
     """
     path, scale_file, mask_file = height_files(path, bits)
     bits = checked_bits(path, bits)
@@ -190,11 +190,11 @@ def write_height(
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
     with written_together():
-        write_json(scale_file, data)  # before the mask, which is known as its own by it
+        write_json(scale_file, data)  # before the mask, which the scale identifies as its own
         if data["mask"] is not None:
             write_image(mask_file, heights.mask, bits=8)
         else:
-            remove_file(mask_file)  # of the heights that were there before
+            remove_file(mask_file)  # the mask of earlier heights
         _remove_earlier(path)
         write_image(path, values, bits=bits, description=json.dumps(data))
     return scale
@@ -204,15 +204,14 @@ def _scale(heights: HeightMap, ends: tuple[float, float], unit: str) -> HeightSc
     """ends: the heights of black and of white."""
     black, white = ends
     zero = 0.0
-    # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
-    # are all far below it.
+    # Heights that are known up to a constant may have 0 as zero. Those of a perspective camera are far below 0.
     if heights.camera.projection == "perspective":
         zero = float(heights.values[heights.mask].mean(dtype=np.float64))
     return HeightScale(black, white if white > black else black + 1, zero, unit)
 
 
 def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: float) -> dict[str, Any]:
-    """The scale as it is written. lowest, highest: of the heights in the mask."""
+    """The scale as JSON data. lowest, highest: of the heights in the mask."""
     focal = pixels_per_unit(heights.camera)
     return {
         "format": HEIGHT_FORMAT,
@@ -222,14 +221,14 @@ def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: 
         "highest": highest,
         "black": scale.black,
         "white": scale.white,
-        # Of a perspective camera at the mean height.
+        # For a perspective camera, at the mean height.
         "pixels_per_unit": focal if heights.camera.projection == "orthographic" else focal / -scale.zero,
         "displace": {"strength": scale.strength, "midlevel": scale.midlevel},
     }
 
 
 def _remove_earlier(path: Path) -> None:
-    """Remove the scale and mask that an earlier version named otherwise, where they are of what stands at `path`."""
+    """Remove the scale and mask of the heights at `path` that an earlier version wrote under other names."""
     scale = earlier_scale(path)
     if scale.is_file():
         with contextlib.suppress(InputError):
@@ -241,7 +240,7 @@ def _remove_earlier(path: Path) -> None:
 
 
 def read_height(path: str | os.PathLike[str]) -> HeightMap:
-    """Read heights that :func:`write_height` wrote, with the scale, mask and camera beside them.
+    """Read heights that :func:`write_height` wrote, with their scale, mask and camera.
 
     Parameters
     ----------
@@ -257,11 +256,11 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     Raises
     ------
     FileError
-        Where a file is missing or cannot be read.
+        If a file is missing or cannot be read.
     FormatError
-        Where a file is damaged, or scale and picture do not belong together.
+        If a file is damaged, or scale and image do not belong together.
     GeometryError
-        Where the sizes of heights, mask and camera differ.
+        If the sizes of heights, mask and camera differ.
     """
     path = existing_file(path, "height map")
     scale_file = scale_sidecar(path)
@@ -286,7 +285,7 @@ def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:
 
 
 def _kept_data(path: Path) -> dict[str, Any] | None:
-    """The scale as the picture's own description has it, None where another program took it out."""
+    """The scale in the image's description, None if another program removed it."""
     text = image_description(path)
     try:
         data = json.loads(text) if len(text) < MAX_TEXT_BYTES else None
@@ -298,7 +297,7 @@ def _kept_data(path: Path) -> dict[str, Any] | None:
 def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     if name is None:
         return np.ones(shape, bool)
-    # The name comes from outside, and must not lead anywhere else.
+    # The name is untrusted and must not lead to another folder.
     if not isinstance(name, str) or not name or Path(name).name != name:
         raise FormatError('its "mask" must be the name of a file beside it')
     return read_mask(file.with_name(name))

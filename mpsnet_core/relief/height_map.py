@@ -1,4 +1,4 @@
-"""HeightMap: how far towards the camera the surface is at every pixel."""
+"""Height maps: the surface's height towards the camera at every pixel."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -18,17 +18,17 @@ class HeightMap:
     Parameters
     ----------
     values : (H, W) array
-        Heights in the camera's unit; stored as float32, 0 outside the mask. Under an orthographic camera each connected
-        piece of the mask is known up to a constant; under a perspective one up to a factor, and heights are below 0.
+        Heights in the camera's unit, stored as float32, 0 outside the mask. With an orthographic camera, each connected
+        piece of the mask is known up to a constant; with a perspective one, up to a factor, and heights are below 0.
     mask : (H, W) bool array
         Where the surface is.
     camera : Camera
-        What the pixels see; :func:`mpsnet_core.scene.camera.pixel_camera` where only those are known.
+        The photo's camera; :func:`mpsnet_core.scene.camera.pixel_camera` if it is unknown.
 
     Raises
     ------
     GeometryError
-        Where the sizes differ, the mask is empty or a height inside it is not finite.
+        If the sizes differ, the mask is empty or a height inside it is not finite.
 
     Examples
     --------
@@ -55,5 +55,5 @@ class HeightMap:
         object.__setattr__(self, "mask", mask)
 
     def points(self) -> NDArray[np.floating[Any]]:
-        """(H, W, 3) points in camera space; without meaning outside the mask."""
+        """(H, W, 3) points in camera space, meaningless outside the mask."""
         return self.camera.points(-self.values)

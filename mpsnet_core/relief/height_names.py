@@ -1,6 +1,6 @@
-"""What stands beside a height map: its scale as ``NAME.json`` and its mask as ``NAME.mask.png``, NAME with its ending.
+"""Names of a height map's sidecar files: its scale ``NAME.json`` and its mask ``NAME.mask.png``, NAME with suffix.
 
-So ``height.png`` and ``height.exr`` in one folder each have their own. Needs no image library, for Blender.
+So ``height.png`` and ``height.exr`` in one folder have separate ones. Needs no image library, for Blender.
 """
 
 import os
@@ -14,11 +14,11 @@ def height_names(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def earlier_scale(path: str | os.PathLike[str]) -> Path:
-    """Where earlier versions put the scale, the same for all endings."""
+    """The scale file of earlier versions, which is the same for all suffixes."""
     return Path(path).with_suffix(".json")
 
 
 def scale_sidecar(path: str | os.PathLike[str]) -> Path:
-    """The scale that stands beside a height map, be it an earlier version's; where none does, the place for it."""
+    """The existing scale file of a height map, even an earlier version's, or the name for a new one."""
     scale, earlier = height_names(path)[1], earlier_scale(path)
     return earlier if earlier.is_file() and not scale.exists() else scale

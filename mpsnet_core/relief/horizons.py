@@ -1,8 +1,8 @@
-"""Horizons: how high the surface rises towards every side of a pixel.
+"""Horizons: the highest elevation of the surface in every direction from a pixel, for ambient occlusion.
 
-There are a few sectors of directions, and each of 4 x 4 neighbouring pixels looks another way within them: together
-they see many directions for the price of a few. So everything here is laid out in *cells*, (4, 4, h, w): pixels of the
-same place in their block of 4 x 4 lie together, and all of them look the same way.
+Directions are grouped into a few sectors. Each pixel of a 4 x 4 block uses another direction within them: together they
+cover many directions at the cost of a few. Arrays here are laid out in *cells*, (4, 4, h, w): pixels at the same
+position in their block are contiguous, and all of them use the same directions.
 """
 
 from dataclasses import dataclass
@@ -15,23 +15,25 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 
 BLOCK = 4
-# In which order the pixels of a block take the directions of a sector: neighbours look far apart (Bayer's matrix).
+# Rank of each pixel's direction within a sector (Bayer matrix): directions of neighbouring pixels are far apart.
 TURNS = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
-# Each sector is around a line from pixel to pixel of up to so many to the side and up.
+# Each sector surrounds a line in steps of up to this many pixels sideways and up.
 FINENESS = 2
-# At least so many looks to each doubling of the distance: what is far counts by its angle.
+# Minimum number of samples per doubling of the distance: at a distance, stretches of pixels cover the same angle.
 STRETCHES = 4
-# A pixel's own gradient aside of a line, in heights by distance, counts as no more than this: of steep ones, which rims
-# are, next to nothing follows for what is beside them.
+# Limit of a pixel's own gradient across a line (height by distance): a steep one, as at rims, says little about what is
+# beside it.
 STEEPEST = np.float32(1)
-# Pixels of a band: what is made of them on the way stays in the processor's own memory.
+# Pixels per band: intermediate arrays stay in the CPU cache.
 AT_ONCE = 1 << 15
 
 
 @dataclass(frozen=True)
 class Sector:
-    """Directions about a line over the picture. step: (2,) whole pixels to the right and up along the line. angles:
-    (4, 4) from the right towards up, of each pixel of a block. share: of all angles, the sector and its opposite.
+    """Directions around a line in the image.
+
+    step: (2,) whole pixels to the right and up along the line. angles: (4, 4) direction of each pixel of a block, from
+    right towards up. share: fraction of all angles that the sector and its opposite cover.
     """
 
     step: NDArray[np.int64]
@@ -39,16 +41,16 @@ class Sector:
     share: float
 
     def turned(self) -> "Sector":
-        """The opposite one."""
+        """The opposite sector."""
         return Sector(-self.step, self.angles + np.pi, self.share)
 
     def ways(self) -> NDArray[np.float64]:
-        """(4, 4, 2) unit vectors, to the right and up."""
+        """(4, 4, 2) unit vectors of the directions, right and up."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
 
 
 def sectors() -> list[Sector]:
-    """Half of all directions; the others are opposite to them."""
+    """The sectors of half of all directions. The others are opposite to them."""
     span = range(-FINENESS, FINENESS + 1)
     steps = sorted(
         ((x, y) for x in span for y in span if gcd(x, y) == 1 and (y > 0 or (y == 0 and x > 0))),
@@ -65,7 +67,7 @@ def sectors() -> list[Sector]:
 
 
 def to_cells(values: NDArray[np.floating[Any]], outside: float = 0) -> NDArray[np.float32]:
-    """(4, 4, h, w) of a picture (H, W), which is filled up with `outside` to whole blocks."""
+    """An image (H, W) in cells (4, 4, h, w), padded with `outside` to whole blocks."""
     height, width = values.shape
     blocks = np.full((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), outside, np.float32)
     blocks[:height, :width] = values
@@ -74,17 +76,17 @@ def to_cells(values: NDArray[np.floating[Any]], outside: float = 0) -> NDArray[n
 
 
 def from_cells(cells: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """(H, W) of :func:`to_cells`."""
+    """The image (H, W) from cells, the inverse of :func:`to_cells`."""
     height, width = cells.shape[2:]
     return cells.transpose(2, 0, 3, 1).reshape(BLOCK * height, BLOCK * width)[: shape[0], : shape[1]]
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What is looked over, in cells; heights in any unit.
+    """The surface, in cells; heights in any unit.
 
-    heights: 0 outside the mask. seen: the same, minus infinity outside. right, up: by how much the surface's own
-    gradient rises to the next pixel.
+    heights: 0 outside the mask. seen: the same, minus infinity outside. right, up: the rise to the next pixel by the
+    surface's own gradient.
     """
 
     heights: NDArray[np.float32]
@@ -94,25 +96,24 @@ class Ground:
 
 
 def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
-    """(4, 4, h, w) the highest gradient along each pixel's way, per pixel of distance, up to `reach` pixels away; minus
-    infinity where there is nothing.
+    """(4, 4, h, w) the highest gradient in each pixel's direction, per pixel of distance, up to `reach` pixels away.
 
-    What is farther away is looked at in longer stretches, parallel to the sector's line, at the highest pixel of each:
-    all are points of the surface, so that nothing is hidden by what is not there. Such a pixel lies a little aside of
-    the way; the surface is taken to have the gradient there, across, that it has at the pixel that looks. So on planes
-    this is exact, and on what bulges nothing is hidden.
+    Minus infinity where there is no surface. With distance, longer stretches parallel to the sector's line are sampled,
+    each at its highest pixel: an actual point of the surface, so no horizon is invented. Such a pixel lies a little
+    beside the direction. It is corrected by the surface's gradient across, which is assumed to be that of the central
+    pixel. This is exact on planes, and convex surfaces do not occlude themselves.
     """
     gradients = np.full_like(ground.heights, -np.inf)
     ways, length = sector.ways(), hypot(*sector.step)
     east, north = np.moveaxis(ways, -1, 0)
-    # How far a step of the stretches goes along the way, and how far to its left for each pixel along.
+    # The length of a stretch's step along the direction, and its drift to the left per pixel along.
     forth = ways @ sector.step
     leaning = (east * sector.step[1] - north * sector.step[0]) / forth
     across = np.empty_like(gradients)
     for cell in np.ndindex(BLOCK, BLOCK):
         left = np.float32(east[cell]) * ground.up[cell] - np.float32(north[cell]) * ground.right[cell]
         np.clip(left, -STEEPEST, STEEPEST, out=across[cell])
-    # Of the stretch that begins at each pixel: how high its highest pixel is, and how many steps on.
+    # For the stretch that starts at each pixel: height of its highest pixel, and the steps to it.
     highest, place, stretch = ground.seen, np.zeros_like(gradients), 1
     away = 1.0
     while away <= reach:
@@ -126,22 +127,22 @@ def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
             ahead, step = _at(cell, offsets[cell])
             parts = ground.heights[cell], highest[ahead], across[cell], place[ahead] if stretch > 1 else None
             _look(gradients[cell], parts, step, (float(along[cell]), float(forth[cell])), float(aside[cell]))
-        # One pixel at a time until the stretches fit in.
+        # Advance one pixel at a time until a stretch is short enough for the distance.
         away += stretch * length if away >= STRETCHES * stretch * length else 1
-    # What every look has left out: see there.
+    # The correction for the drift, which `_look` leaves out because it is the same for all stretches.
     across *= leaning[..., None, None].astype(np.float32)
     gradients -= across
     return gradients
 
 
 def _at(cell: tuple[int, ...], offset: NDArray[np.number[Any]]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Which cell the pixels lie in that are an offset (to the right, up) away, and how far on (right, down) there."""
+    """The cell of the pixels at an offset (right, up), and the offset (right, down) within that cell."""
     row, column = cell[0] - int(offset[1]), cell[1] + int(offset[0])
     return (row % BLOCK, column % BLOCK), (column // BLOCK, row // BLOCK)
 
 
 def _overlap(shape: tuple[int, ...], step: tuple[int, int]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Slices of all pixels that have another one a step (to the right, down) away, and of those others."""
+    """Slices of all pixels that have another pixel at the offset `step` (right, down), and of those others."""
     (height, width), (right, down) = shape, step
     own = slice(max(0, -down), max(0, height - max(0, down))), slice(max(0, -right), max(0, width - max(0, right)))
     ahead = slice(max(0, down), max(0, height + min(0, down))), slice(max(0, right), max(0, width + min(0, right)))
@@ -151,7 +152,7 @@ def _overlap(shape: tuple[int, ...], step: tuple[int, int]) -> tuple[tuple[slice
 def _doubled(
     highest: NDArray[np.float32], place: NDArray[np.float32], stretch: int, step: NDArray[np.int64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The same of stretches twice as long."""
+    """`highest` and `place` of stretches twice as long."""
     both, places = highest.copy(), place.copy()
     for cell in np.ndindex(BLOCK, BLOCK):
         cell_ahead, moved = _at(cell, stretch * step)
@@ -170,12 +171,12 @@ def _look(
     along: tuple[float, float],
     aside: float,
 ) -> None:
-    """Raise the gradients (h, w) to those of one stretch, which begins a step away in its own cell.
+    """Raise the gradients (h, w) to those of one stretch, which starts at the offset `step` within its own cell.
 
-    parts: heights, highest of the stretches, the gradient across, and which step of the stretch is highest; none where
-    they are of one pixel. along: how far along the way the first pixel of a stretch is, and how far each step goes.
-    aside: how far to the left of the way the stretch would begin if it were prolonged back to the pixel that looks. By
-    how much it leans to the left is the same for all stretches, and left for the end.
+    parts: heights, highest heights of the stretches, the gradient across, and the step to the highest pixel (None for
+    stretches of one pixel). along: distance along the direction of a stretch's first pixel, and of each step. aside:
+    distance to the left at which the stretch, extended backwards, passes the central pixel. The drift per step is the
+    same for all stretches; the caller corrects it.
     """
     heights, highest, across, place = parts
     (own, columns), (ahead, columns_ahead) = _overlap(gradients.shape, step)

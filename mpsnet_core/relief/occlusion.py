@@ -1,4 +1,4 @@
-"""Ambient occlusion from heights: how much of the sky each pixel's surface sees."""
+"""Ambient occlusion from heights: how much of the hemisphere above each pixel is open."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -18,51 +18,51 @@ from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 
-# A normal that is turned away from the line of sight is assumed to lean at most this far (cosine).
+# Limit of the cosine between normal and line of sight, for normals that face away.
 LEAST_FACING = np.float32(0.05)
-# How far on either side neighbours are averaged, and how much they count, the pixel itself 2: every place in a block
-# gets the same weight, 2 of 8, whichever pixel is in the middle.
+# Distance and weight of the neighbours that are averaged on either side; the pixel itself has weight 2. Each of the 4
+# positions in a block has the same total weight, 2 of 8, whichever pixel is in the middle.
 NEIGHBOURS = ((1, 2), (2, 1))
-# A neighbour counts half where it is so many pixels off the surface's gradient for each pixel of distance, and half
-# where its normal is turned by 18° (1 - cosine).
+# Deviations at which a neighbour's weight is halved: from the surface's gradient, in pixels per pixel of distance, and
+# of its normal, 1 - cosine (18°).
 OFF, TURNED = np.float32(0.5), np.float32(0.05)
 
 
 def ambient_occlusion(
     heights: HeightMap, normals: NormalMap, *, reach: int | None = None, progress: Progress = silent
 ) -> NDArray[np.float32]:
-    """The share of a cosine-weighted hemisphere over each pixel's normal that the surface leaves open.
+    """The unoccluded fraction of the cosine-weighted hemisphere over each pixel's normal.
 
     Parameters
     ----------
     heights : HeightMap
-        The surface; what lies behind the visible surface does not count.
+        The surface. Nothing behind the visible surface is taken into account.
     normals : NormalMap
-        In camera space, of the same size.
+        Normals in camera space, of the same size.
     reach : int, optional
-        How far occluders count, in pixels; by default the whole object.
+        Maximum distance of occluders, in pixels; by default the whole object.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Returns
     -------
     (H, W) float32 array
-        0 to 1; 1 on what is convex or flat, and outside the mask.
+        From 0 to 1; 1 on convex or flat surfaces, and outside the mask.
 
     Raises
     ------
     GeometryError
-        Where the sizes differ.
+        If the sizes differ.
     SettingsError
-        Where the reach is below 1.
+        If the reach is below 1.
 
     Notes
     -----
-    Horizon-based: in 16 directions over the picture the highest elevation of the surface, and between the horizons of
-    two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time Strategies for Accurate Indirect
-    Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours has 16 directions of its own,
-    averaged over the surface that they share: of the same 16 for all, every high edge would cast 16 straight shadows.
-    Of what is far away only the highest pixel of each stretch counts.
+    Horizon-based: the highest elevation of the surface in 16 directions in the image, and the closed-form integral
+    between the horizons of two opposite ones (Jimenez et al., Practical Real-Time Strategies for Accurate Indirect
+    Occlusion, SIGGRAPH 2016 courses, section 4). As there, each pixel of a 4 x 4 block has 16 directions of its own,
+    and the results are averaged over the surface that they share. If all had the same 16, every high edge would cast 16
+    straight shadows. At a distance, only the highest pixel of each stretch is used.
     """
     mask = heights.mask
     check_size("height map", mask.shape, normals)
@@ -90,28 +90,28 @@ def ambient_occlusion(
 
 
 def check_reach(reach: int | None) -> None:
-    """Raises SettingsError where ambient occlusion cannot look so few pixels far."""
+    """Raise SettingsError if the reach is out of range."""
     if reach is not None and reach < 1:
         raise SettingsError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
 
 
 def _extent(mask: NDArray[np.bool_]) -> int:
-    """How far apart two pixels of the mask can be."""
+    """Largest possible distance between two pixels of the mask."""
     return int(hypot(*(side.stop - side.start - 1 for side in bounding_box(mask)))) + 1
 
 
 def _spacing(heights: HeightMap) -> NDArray[np.float64]:
-    """(2,) how far pixels are from those on the right and above, in the unit of :func:`parallel_heights`."""
+    """(2,) distance of a pixel from the next on the right and above, in the unit of :func:`parallel_heights`."""
     return mean_depth(heights) / heights.camera.focal
 
 
 @dataclass(frozen=True)
 class _Views:
-    """How each pixel sees its own surface; arrays of one shape.
+    """Normals and lines of sight of all pixels, as arrays of one shape.
 
-    x, y: of the normal. upright: the cosine between it and the line of sight. right, up: the unit vector to the
-    camera's x and y. scale: a gradient m of :func:`parallel_heights` along a unit vector e in the picture is the
-    direction e + m scale (right, up, ..).
+    x, y: of the normal. upright: cosine between normal and line of sight. right, up: x and y of the unit vector to the
+    camera. scale: a gradient m of :func:`parallel_heights` along a unit vector e in the image plane is the direction
+    e + m scale (right, up, ..).
     """
 
     x: NDArray[np.float32]
@@ -122,16 +122,16 @@ class _Views:
     scale: NDArray[np.float32]
 
     def facing(self) -> NDArray[np.float32]:
-        """The normal's part along `scale` times the line of sight, on which :func:`parallel_heights` are."""
+        """The normal's component along `scale` times the line of sight, the axis of :func:`parallel_heights`."""
         return self.upright * self.scale
 
     def of(self, cell: tuple[int, ...], rows: slice) -> "_Views":
-        """Some rows of one of the cells."""
+        """The views of some rows in one cell."""
         return _Views(*(part[cell][rows] for part in vars(self).values()))
 
 
 def _views(heights: HeightMap, normals: NormalMap) -> _Views:
-    """In cells."""
+    """The views of all pixels, in cells."""
     camera, (x, y, z) = heights.camera, np.moveaxis(normals.vectors, -1, 0)
     if camera.projection == "orthographic":
         upright = to_cells(z)
@@ -146,7 +146,7 @@ def _views(heights: HeightMap, normals: NormalMap) -> _Views:
         upright[rows] = (normals.vectors[rows] * towards).sum(axis=-1) / length
         right[rows], up[rows] = towards[..., 0] / length, towards[..., 1] / length
         scale[rows] = depth / middle * length
-    # Where blocks go beyond the picture there is a line of sight too, for what is worked out and cut off there.
+    # Blocks may exceed the image. They need a valid line of sight there, too, for values that are computed and cropped.
     parts = ((x, 0), (y, 0), (upright, 0), (right, 0), (up, 0), (scale, 1))
     return _Views(*(to_cells(part, outside) for part, outside in parts))
 
@@ -162,14 +162,14 @@ def _ground(heights: HeightMap, views: _Views) -> Ground:
 def _slice(
     views: _Views, way: NDArray[np.float64], gradients: list[NDArray[np.float32]]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Of the plane through the view and a line over the picture: how much light comes in, and how much if all is open.
+    """Ambient light in the plane through the line of sight and a line in the image, with and without occlusion.
 
-    way: (2,) a pixel's length on the line, to the right and up. gradients: along it and back, for each such length.
+    way: (2,) step of one pixel along the line, right and up. gradients: ahead and back along it, per such step.
     """
     length = np.float32(np.hypot(*way))
     east, north = way.astype(np.float32) / length
     lean = east * views.right + north * views.up
-    # The unit vector in the plane at right angles to the view is (east, north, 0) - lean view, so long:
+    # The length of (east, north, 0) - lean * view, the vector in the plane that is perpendicular to the view:
     aside = np.sqrt(1 - lean * lean)
     tilted = (east * views.x + north * views.y - lean * views.upright) / aside
     upright, rise = views.upright, views.scale / length
@@ -184,7 +184,7 @@ def _slice(
 def _averaged(
     found: NDArray[np.float32], heights: HeightMap, normals: NormalMap, facing: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """(H, W) means over as much of a block around each pixel as is one smooth surface with it.
+    """(H, W) edge-preserving means over the block around each pixel: only over what is one smooth surface with it.
 
     Along rows, then along columns, over two neighbours on either side.
     """
@@ -212,8 +212,8 @@ def _means_along(
 ) -> NDArray[np.float32]:
     """(N, M) means along the first axis.
 
-    raised: the heights. facing, leaning: the normals' part along the heights and along the axis. pixel: how long a step
-    is.
+    raised: the heights. facing, leaning: components of the normals along the heights and along the axis. pixel: length
+    of a step.
     """
     counted = np.full(values.shape, 2, np.float32)
     sums = 2 * values

@@ -1,4 +1,4 @@
-"""Operations of the relief: what a normal map is made into, and a photo of something flat to a seamless material."""
+"""The operations ``integrate`` (products of a normal map) and ``material`` (a seamless material from a photo)."""
 
 import logging
 from dataclasses import dataclass
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# The products of a photo's normals, in this order; each is requested by the option of its name.
+# The products of a photo's normals in order. Each is requested by the option of its name.
 PRODUCTS = ("height", "curvature", "occlusion", "relit", "mesh")
-# Options that go with a photo's normal map only.
+# Options that apply to a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
-# Options that mean nothing without another one.
+# Options that have no effect without another one.
 _NEEDED = {
     "height_bits": "height",
     **dict.fromkeys(("faces", "open", "up"), "mesh"),
@@ -60,8 +60,8 @@ _ONE_SCALE = "give one of --width, --pixel-size or --ruler"
 class SurfaceMade(Result):
     """The products of a photo's normals.
 
-    outputs: the files. unit: what the unit of all numbers is called. height, curvature, occlusion, relit, mesh:
-    the figures of each that was requested.
+    outputs: the files. unit: name of the unit of all values. height, curvature, occlusion, relit, mesh: the facts of
+    each requested product.
     """
 
     outputs: list[str]
@@ -75,7 +75,7 @@ class SurfaceMade(Result):
 
 @dataclass(frozen=True)
 class HasScale(Operation):
-    """How the camera of a photo sees, and in what unit."""
+    """A photo's camera and unit."""
 
     heading: ClassVar[str] = "what the photo was taken with"
 
@@ -169,7 +169,7 @@ class MakesProducts(Operation):
 
 @dataclass(frozen=True)
 class DisplacesMesh(Operation):
-    """How the heights of a texture on a mesh's UVs are made."""
+    """How the heights of a texture on a mesh's UVs are computed."""
 
     heading: ClassVar[str] = "heights on a mesh's UVs, from a baked normal texture"
 
@@ -237,7 +237,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     )
 
     def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
-        """Write all that is requested, or the heights on a mesh's UVs."""
+        """Write the requested products, or the heights on a mesh's UVs."""
         self._check_together()
         if self.uvs is None:
             return self._of_photo(progress)
@@ -256,7 +256,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         )
 
     def _check_together(self) -> None:
-        """Raises SettingsError where an option is set that the others make meaningless."""
+        """Raise SettingsError if an option is set that has no effect with the others."""
         given = {
             setting.name: setting.flags[-1]
             for setting in settings(type(self))
@@ -286,7 +286,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
                 try:
                     made = product.make(surface, part(progress, first, last))
-                except NoFaceError as error:  # only known now, and shall cost none of the others
+                except NoFaceError as error:  # not known before; the other products are kept
                     no_mesh = error
                     continue
                 outputs += map(str, made.files)
@@ -298,7 +298,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return SurfaceMade(outputs, surface.unit, **facts, text="\n".join(lines))
 
     def _products(self) -> "dict[str, Product]":
-        """What is requested, by its option. Raises InputError where that is nothing, or cannot be made or written."""
+        """The requested products by option. Raises InputError if there are none, or one cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
         from mpsnet_core.io.files import check_apart
         from mpsnet_core.io.frames import is_several
@@ -348,7 +348,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return normals
 
     def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
-        """What the requested products are computed from, and no more."""
+        """The inputs that the requested products need."""
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.relief.integration.integrate import integrate
         from mpsnet_core.relief.occlusion import ambient_occlusion
@@ -386,7 +386,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return Surface(normals, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
     def _camera(self, height: int, width: int) -> "Camera | None":
-        """The camera of a photo of that size, None where the options define none."""
+        """The camera of a photo of that size, None if the options define none."""
         import numpy as np
 
         from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera
@@ -416,8 +416,8 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 class MaterialMade(Result):
     """The textures of a flat material.
 
-    files: by what they hold. width_mm, height_mm: what the tile measures. relief_mm: how deep it is. seam: the step of
-    the normals across the tile's border, as a share of that between other neighbours.
+    files: by content. width_mm, height_mm: size of the tile. relief_mm: depth of its relief. seam: the step of the
+    normals across the tile's border, divided by that between other neighbours.
     """
 
     files: dict[str, str]
@@ -429,7 +429,7 @@ class MaterialMade(Result):
 
 @dataclass(frozen=True)
 class MeasuresPhoto(Operation):
-    """How large what the photo shows is."""
+    """The scale of the photo."""
 
     heading: ClassVar[str] = "how large it is, one of these"
 
@@ -446,7 +446,7 @@ class MeasuresPhoto(Operation):
     )
 
     def _scale(self) -> tuple[float, float | None]:
-        """A length in millimetres, and how many of the photo's pixels it is; None for its width, not known yet."""
+        """A length in millimetres, and in pixels of the photo; None for the photo's width, which is not yet known."""
         from mpsnet_core.relief.material.scale import millimetres, parse_ruler
 
         if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
@@ -471,8 +471,8 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         positional=True, help="photo of something flat that fills it, or its --crop", provenance="files"
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    # Of cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks that have learned
-    # from whole objects.
+    # On cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks trained on whole
+    # objects.
     model: str = option(
         default=LAMBERTIAN_GREY_WORLD,
         help="what turns the photo into normals: one of the models by its name, or an .onnx file",
@@ -555,7 +555,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         )
 
     def _checked_name(self) -> str:
-        """What the files' names begin with. Raises SettingsError where name or folder cannot be meant."""
+        """The prefix of the file names. Raises SettingsError if name or folder is invalid."""
         from mpsnet_core.io.files import IMAGE_SUFFIXES
 
         name = Path(self.image).stem if self.name is None else self.name
@@ -568,7 +568,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     def _capture(
         self, length_mm: float, pixels: float | None, crop: tuple[int, int, int, int] | None
     ) -> "tuple[Capture, float]":
-        """The part of the photo to use, and what a pixel measures in millimetres."""
+        """The part of the photo to use, and the size of a pixel in millimetres."""
         from mpsnet_core.capture.capture import capture_from
         from mpsnet_core.capture.transfer_curve import note_doubtful_curve
         from mpsnet_core.io.files import located

@@ -1,4 +1,4 @@
-"""What a photo's normal map is converted to: for each product its file, its computation and its description."""
+"""Products of a photo's normal map: for each its file, its computation and its description."""
 
 import re
 from abc import ABC, abstractmethod
@@ -33,9 +33,9 @@ from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
 
 @dataclass(frozen=True)
 class Surface:
-    """What the products are computed from, None where none of them needs it.
+    """Inputs of the products, None where no requested product needs them.
 
-    unit: what the camera's unit is called. heights: in that unit. occlusion: (H, W). albedo: (H, W, 3), linear.
+    unit: name of the camera's unit. heights: in that unit. occlusion: (H, W). albedo: (H, W, 3), linear.
     """
 
     normals: NormalMap
@@ -48,28 +48,28 @@ class Surface:
 
 @dataclass(frozen=True)
 class CurvatureFacts:
-    """range: the curvature that is white."""
+    """Facts of a curvature image. range: the curvature that is white."""
 
     range: float
 
 
 @dataclass(frozen=True)
 class OcclusionFacts:
-    """mean: the share of the light that comes in."""
+    """Facts of an occlusion image. mean: mean fraction of ambient light that reaches the surface."""
 
     mean: float
 
 
 @dataclass(frozen=True)
 class RelitFacts:
-    """tilts: of the lights, in degrees."""
+    """Facts of relit images. tilts: of the lights, in degrees."""
 
     tilts: list[float]
 
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """How many vertices and faces there are, and the axis that points up."""
+    """Facts of a mesh: its vertex and face counts, and the axis that points up."""
 
     vertices: int
     faces: int
@@ -81,7 +81,7 @@ Facts: TypeAlias = HeightFacts | CurvatureFacts | OcclusionFacts | RelitFacts | 
 
 @dataclass(frozen=True)
 class Made:
-    """Files that were written, described in words and by figures."""
+    """Files that were written, with a description and facts."""
 
     files: list[Path]
     words: str
@@ -96,16 +96,16 @@ class Product(ABC):
 
     @abstractmethod
     def files(self) -> list[Path]:
-        """The files that it is written to. Raises InputError where it cannot be made, or not written there."""
+        """The files that it writes. Raises InputError if it cannot be made or written."""
 
     @abstractmethod
     def make(self, surface: Surface, progress: Progress) -> Made:
-        """Make and write it. Raises InputError where that fails."""
+        """Compute and write it. Raises InputError if that fails."""
 
 
 @dataclass(frozen=True)
 class HeightPicture(Product):
-    """The heights, their scale and their mask. bits: as :func:`write_height` takes them."""
+    """The heights, their scale and their mask. bits: see :func:`write_height`."""
 
     bits: int | None
 
@@ -126,7 +126,7 @@ class HeightPicture(Product):
 
 @dataclass(frozen=True)
 class CurvaturePicture(Product):
-    """Edges bright and creases dark. radius: in pixels. range: the curvature that is white, None for what is found."""
+    """Curvature: edges bright, creases dark. radius: in pixels. range: curvature that is white, None for automatic."""
 
     radius: int
     range: float | None
@@ -151,7 +151,7 @@ class CurvaturePicture(Product):
 
 @dataclass(frozen=True)
 class OcclusionPicture(Product):
-    """Ambient occlusion. reach: how far it looks, in pixels, None for everywhere."""
+    """Ambient occlusion. reach: greatest distance of occluders in pixels, None for no limit."""
 
     reach: int | None
 
@@ -168,13 +168,16 @@ class OcclusionPicture(Product):
 
 @dataclass(frozen=True)
 class RelitPicture(Product):
-    """The surface under a white light. light: "SLANT,TILT" in degrees. turntable: lights around, None for one alone."""
+    """The surface under a white light.
+
+    light: "SLANT,TILT" in degrees. turntable: number of lights around, None for a single image.
+    """
 
     light: str
     turntable: int | None
 
     def files(self) -> list[Path]:
-        """One picture, or a frame for each light of a turntable where the name has a run of #."""
+        """One image or, if the name has a run of #, a frame for each light of the turntable."""
         slant_and_tilt("--light", self.light)
         count = 1 if self.turntable is None else len(turntable_tilts(self.turntable, 0))
         if self.path.suffix.lower() == ".exr":
@@ -212,8 +215,8 @@ class RelitPicture(Product):
 class MeshFile(Product):
     """The surface as a mesh.
 
-    faces, open_from: as :func:`surface_mesh` takes them. up: what points up in the camera's world. distance: where it
-    stands before an orthographic camera, None for where its heights have it.
+    faces, open_from: see :func:`surface_mesh`. up: axis that points up in the camera's world. distance: of the mesh
+    from an orthographic camera, None to keep its heights.
     """
 
     faces: int

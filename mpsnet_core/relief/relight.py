@@ -1,4 +1,4 @@
-"""The surface under a white light from anywhere: a picture to judge normals by."""
+"""Relighting: the surface under a white light from any direction, to judge normals by."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import contact_sheet, on_background
 from mpsnet_core.scene.rig import direction_from_angles
 
-# The share of the light that comes from everywhere, and that ambient occlusion takes away.
+# The fraction of ambient light, which ambient occlusion reduces.
 AMBIENT = 0.15
 MAX_TILTS = 360
 
@@ -31,13 +31,13 @@ def relit(
     Parameters
     ----------
     normals : NormalMap
-        In camera space, (H, W).
+        Normals in camera space, (H, W).
     direction : (3,) array_like
-        From the surface to the light in camera space, of any length.
+        Direction from the surface to the light in camera space, of any length.
     occlusion : (H, W) array, optional
-        0 to 1, as :func:`mpsnet_core.relief.occlusion.ambient_occlusion` returns it; 1 by default.
+        Ambient occlusion, 0 to 1, from :func:`mpsnet_core.relief.occlusion.ambient_occlusion`; 1 by default.
     albedo : (H, W, 3) array, optional
-        Linear; a light grey of 0.8 by default.
+        Linear albedo; a light grey of 0.8 by default.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def relit(
     Raises
     ------
     GeometryError
-        Where the sizes differ, or the direction is 0 or not finite.
+        If the sizes differ, or the direction is 0 or not finite.
 
     Notes
     -----
@@ -73,7 +73,7 @@ def relit(
 
 
 def turntable_tilts(count: int, first: float) -> list[float]:
-    """`count` tilts in degrees, evenly around from `first` on. Raises SettingsError where these are 0 or too many."""
+    """`count` tilts in degrees, evenly spaced from `first` on. Raises SettingsError if `count` is 0 or too large."""
     if not 1 <= count <= MAX_TILTS:
         raise SettingsError(f"a turntable has 1 to {MAX_TILTS} lights, not {count}")
     return [(first + 360 * number / count) % 360 for number in range(count)]
@@ -87,7 +87,7 @@ def turntable_sheet(
     occlusion: NDArray[np.floating[Any]] | None = None,
     albedo: NDArray[np.floating[Any]] | None = None,
 ) -> NDArray[np.float32]:
-    """(H, W, 3) sRGB values: a small picture for each light, titled with its tilt; the rest as for :func:`relit`."""
+    """(H, W, 3) sRGB values: a small image for each light, titled with its tilt. The rest as for :func:`relit`."""
     columns = int(np.ceil(np.sqrt(len(tilts))))
     tiles = []
     for tilt in tilts:

@@ -1,4 +1,4 @@
-"""The sizes that are taken: of what goes with a normal map, and of textures on UVs."""
+"""Checks of the sizes of arrays that go with a normal map, and of textures on UVs."""
 
 from collections.abc import Sequence
 
@@ -6,17 +6,17 @@ from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Of a texture on UVs whose heights are looked for; takes about 11 GB.
+# Largest side of a texture on UVs that is integrated to heights; takes about 11 GB.
 MAX_SIZE = 8192
 
 
 def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
-    """Raises GeometryError where `what`, an array of `shape` (H, W, ...), is of another size than the normals."""
+    """Raise GeometryError if an array of `shape` (H, W, ...) and the normals differ in size. what: its name."""
     check_same_size(f"the {what}", shape[:2], "the normal map", normals.mask.shape)
 
 
 def check_square(height: int, width: int) -> None:
-    """Raises GeometryError where a texture of that size was not baked onto UVs: those lie in a square."""
+    """Raise GeometryError if a texture is not square, and so was not baked onto UVs."""
     if height != width:
         raise GeometryError(
             f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked"

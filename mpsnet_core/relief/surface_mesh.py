@@ -1,4 +1,4 @@
-"""A height map as a mesh, with the photo's own UVs, and its files."""
+"""A height map as a mesh, with the photo as UV space, and its files."""
 
 import os
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 Floats = NDArray[np.floating[Any]]
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
-# How many times a mesh's size from the origin it is written in more digits: floats of 32 bits have seven.
+# A mesh further from the origin than this many times its size is written with more digits: float32 has seven.
 FAR = 100
 
 
@@ -34,16 +34,16 @@ class NoFaceError(GeometryError):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """A surface in the camera's world.
+    """A surface in world space.
 
     Attributes
     ----------
     vertices : (V, 3) float64 array
-        Positions in the world, in the camera's unit.
+        Positions in world space, in the camera's unit.
     triangles : (T, 3) int32 array
-        Vertex numbers, counter-clockwise seen from the camera.
+        Vertex indices, counter-clockwise seen from the camera.
     normals : (V, 3) float32 array
-        Unit normals in the world, for smooth shading.
+        Unit normals in world space, for smooth shading.
     uvs : (V, 2) float32 array
         Positions in the photo: (0, 0) is its lower left corner, (1, 1) its upper right one.
     """
@@ -62,18 +62,19 @@ def surface_mesh(
     open_from: float | None = None,
     progress: Progress = silent,
 ) -> SurfaceMesh:
-    """The surface as at most `faces` triangles, small ones where it bends and large ones where it does not.
+    """The surface as at most `faces` triangles, small where it bends and large where it is flat.
 
     Parameters
     ----------
     heights : HeightMap
-        The surface; each vertex is the point of a pixel.
+        The surface. Each vertex is the point of a pixel.
     normals : NormalMap
-        In camera space, of the same size.
+        Normals in camera space, of the same size.
     faces : int
-        Most triangles.
+        Maximum number of triangles.
     open_from : float, optional
-        Degrees between line of sight and normal from which on triangles are removed: depth discontinuities stay open.
+        Angle in degrees between line of sight and normal above which triangles are removed, which leaves depth
+        discontinuities open.
     progress : Progress
 
     Returns
@@ -83,9 +84,9 @@ def surface_mesh(
     Raises
     ------
     SettingsError
-        Where an option is out of range.
+        If an option is out of range.
     GeometryError
-        Where the sizes differ, or no triangle is left (NoFaceError).
+        If the sizes differ, or no triangle remains (NoFaceError).
 
     Examples
     --------
@@ -117,7 +118,7 @@ def surface_mesh(
 
 
 def _numbered(triangles: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """(V,) the numbers that triangles (T, 3) use, and the triangles by their places among these."""
+    """(V,) the distinct indices in triangles (T, 3), and the triangles as indices into these."""
     used, places = np.unique(triangles, return_inverse=True)
     return used, places.reshape(-1, 3).astype(np.int32)
 
@@ -125,7 +126,7 @@ def _numbered(triangles: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[
 def _points(
     heights: HeightMap, rows: NDArray[np.int32], columns: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(V, 3) the pixels' points in the world, and (V, 3) their unit rays."""
+    """(V, 3) the pixels' points in world space, and (V, 3) unit directions of their rays."""
     origins, rays = heights.camera.rays(np.stack([columns, rows], axis=-1) + 0.5)
     along = rays @ -heights.camera.rotation[:, 2]
     return origins - rays * (heights.values[rows, columns] / along)[:, None], rays
@@ -138,7 +139,7 @@ def _uvs(camera: Camera, rows: NDArray[np.int32], columns: NDArray[np.int32]) ->
 
 
 def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, of unit rays (T, 3)."""
+    """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, unit rays (T, 3)."""
     normals = triangle_normals(corners)
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
     angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-dot(normals, rays) / lengths, -1, 1)))
@@ -146,7 +147,7 @@ def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[
 
 
 def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
-    """Raises SettingsError where :func:`surface_mesh` would make none with these options."""
+    """Raise SettingsError if an option of :func:`surface_mesh` is out of range."""
     if not 1 <= faces <= MAX_FACES:
         raise SettingsError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
     if open_from is not None and not 0 < open_from <= 90:
@@ -154,14 +155,14 @@ def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
 
 
 def check_has_faces(mask: NDArray[np.bool_]) -> None:
-    """Raises GeometryError where no triangle of neighbouring pixels is within the mask, (H, W)."""
+    """Raise GeometryError if no triangle of neighbouring pixels is within the mask, (H, W)."""
     ones = mask.astype(np.int8)
     if not (ones[:-1, :-1] + ones[:-1, 1:] + ones[1:, :-1] + ones[1:, 1:] >= 3).any():
         raise GeometryError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
 
 
 def writable_mesh(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or FileError where no mesh can be written there."""
+    """`path` as a Path. Raises FileError if no mesh can be written there."""
     path = writable_path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         kind = path.suffix or "no suffix"
@@ -170,12 +171,12 @@ def writable_mesh(path: str | os.PathLike[str]) -> Path:
 
 
 def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: Up = "z") -> None:
-    """Write a mesh with normals and UVs as PLY, GLB or OBJ, whole or not at all.
+    """Write a mesh with normals and UVs atomically as PLY, GLB or OBJ.
 
     Parameters
     ----------
     path : str or PathLike
-        The file; the object is called as it is.
+        The file, whose name is the object's name, too.
     mesh : SurfaceMesh
         The surface.
     up : {"z", "y"}
@@ -185,9 +186,9 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
     Raises
     ------
     FileError
-        Where the suffix is another, or the file cannot be written.
+        If the suffix is unknown, or the file cannot be written.
     SettingsError
-        Where `up` is another axis.
+        If `up` is another axis.
     """
     path = writable_mesh(path)
     if up not in ("y", "z"):
@@ -201,12 +202,12 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
 
 
 def _is_far(vertices: Floats) -> bool:
-    """Whether floats of 32 bits are too coarse for positions, as in the coordinates of a survey."""
+    """Whether float32 is too coarse for the positions, as with survey coordinates."""
     return bool(np.abs(vertices).max() > FAR * np.ptp(vertices, axis=0).max())
 
 
 def _write_obj(path: Path, name: str, vertices: Floats, normals: Floats, mesh: SurfaceMesh) -> None:
-    """By hand: trimesh writes 8 decimals, too few for small units, and names a material file that is not there."""
+    """Write OBJ without trimesh, whose 8 decimals are too few for small units, and which names a missing material."""
     corners = np.repeat(mesh.triangles + 1, 3, axis=1)
     position = " ".join(["%.15g" if _is_far(vertices) else "%.9g"] * 3)
     blocks = (
@@ -220,7 +221,7 @@ def _write_obj(path: Path, name: str, vertices: Floats, normals: Floats, mesh: S
 
 
 def _write_ply(path: Path, name: str, vertices: Floats, normals: Floats, mesh: SurfaceMesh) -> None:
-    """By hand: trimesh writes positions as floats of 32 bits."""
+    """Write PLY without trimesh, which writes positions as float32."""
     kind, size = ("double", "<f8") if _is_far(vertices) else ("float", "<f4")
     others = [(part, "float", "<f4") for part in ("nx", "ny", "nz", "s", "t")]
     columns = [*((axis, kind, size) for axis in "xyz"), *others]
@@ -238,8 +239,8 @@ def _write_ply(path: Path, name: str, vertices: Floats, normals: Floats, mesh: S
 
 
 def _write_glb(path: Path, name: str, vertices: Floats, normals: Floats, mesh: SurfaceMesh) -> None:
-    """name: what the object in the file is called. Where it is far from the origin, its node is placed there."""
-    import trimesh as untyped  # takes a while to load
+    """Write GLB. name: of the object in the file. If it is far from the origin, its node is placed there."""
+    import trimesh as untyped  # slow to import
 
     trimesh: Any = untyped
     place = np.eye(4)

@@ -1,4 +1,4 @@
-"""Camera: orthographic or perspective, with its pose; camera files."""
+"""Cameras, orthographic or perspective, with their pose; camera files."""
 
 import os
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
-# Limits in pixels or pixels per world unit, and in world units: products of such numbers stay finite.
+# Limits in pixels or pixels per world unit, and in world units: products of such values stay finite.
 MOST = 1e9
 FARTHEST = 1e12
 LEAST_FOCAL = 1e-6
@@ -35,8 +35,8 @@ class Camera:
     focal : (2,) float64 array
         Along x and y: the focal length in pixels if perspective, the pixels per world unit if orthographic.
     centre : (2,) float64 array, optional
-        Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top. The image's
-        middle by default.
+        Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top. The image
+        centre by default.
     world_from_camera : (4, 4) float64 array, optional
         Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's and OpenGL's).
 
@@ -84,16 +84,16 @@ class Camera:
 
     @property
     def rotation(self) -> NDArray[np.float64]:
-        """(3, 3): turns vectors from camera space to world space."""
+        """(3, 3) rotation from camera space to world space."""
         return self.world_from_camera[:3, :3]
 
     def resized(self, width: int, height: int) -> "Camera":
-        """The same view in another number of pixels."""
+        """The same view at another resolution."""
         scale = np.array([width / self.width, height / self.height])
         return replace(self, width=width, height=height, focal=self.focal * scale, centre=self.centre * scale)
 
     def cropped(self, left: int, top: int, width: int, height: int, factor: int = 1) -> "Camera":
-        """The camera of a part of the picture, of which each block of `factor` x `factor` pixels becomes one."""
+        """The camera of a part of the image, whose blocks of `factor` x `factor` pixels become one pixel each."""
         width, height = -(-width // factor), -(-height // factor)
         centre = (self.centre - (left, top)) / factor
         return replace(self, width=width, height=height, focal=self.focal / factor, centre=centre)
@@ -136,7 +136,7 @@ class Camera:
 
 
 def pixel_camera(width: int, height: int) -> Camera:
-    """The camera of a photo whose lens is unknown: orthographic, its unit a pixel."""
+    """The camera of a photo whose lens is unknown: orthographic, with a pixel as world unit."""
     return Camera("orthographic", width, height, np.ones(2))
 
 
@@ -178,7 +178,7 @@ def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -
 
 
 def camera_data(camera: Camera) -> dict[str, Any]:
-    """A camera as plain JSON data; :func:`camera_from_data` is its inverse."""
+    """A camera as plain JSON data, the inverse of :func:`camera_from_data`."""
     return {
         "projection": camera.projection,
         "width": int(camera.width),
@@ -190,9 +190,9 @@ def camera_data(camera: Camera) -> dict[str, Any]:
 
 
 def camera_from_data(data: dict[str, Any]) -> Camera:
-    """A camera from JSON data with (at least) :func:`camera_data`'s keys; "centre" may be left out.
+    """A camera from JSON data with at least the keys of :func:`camera_data`. "centre" is optional.
 
-    Raises FormatError where a key is missing, GeometryError where a value cannot be a camera's.
+    Raises FormatError if a key is missing, GeometryError if a value cannot be a camera's.
     """
     missing = [key for key in CAMERA_KEYS if key not in data and key != "centre"]
     if missing:
@@ -218,7 +218,7 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
 
 
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
-    """Write a JSON camera file, whole or not at all.
+    """Write a JSON camera file atomically.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Several meshes as one, where only their shape counts: for occlusion and world positions."""
+"""Several meshes joined for occlusion and world positions, where only their shape matters."""
 
 import itertools
 from collections.abc import Sequence
@@ -14,17 +14,17 @@ T = TypeVar("T", bound=np.generic)
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh in world space, its triangles those of the meshes in their order.
+    """Join meshes into one in world space, with their triangles in order.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-        A single mesh is returned unchanged. Labels and given tangents of several are dropped.
+        A single mesh is returned unchanged. Of several, labels and given tangents are dropped.
 
     Raises
     ------
     GeometryError
-        If the joined arrays are no :class:`Mesh`.
+        If the joined arrays are not a valid :class:`Mesh`.
     """
     if len(meshes) == 1:
         return meshes[0]
@@ -39,7 +39,7 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
-    """Corner values (T, 3, ...) in counter-clockwise order in the world: reversed for a mirrored object."""
+    """Corner values (T, 3, ...) in counter-clockwise order in world space: reversed for a mirrored object."""
     return at_corners[:, ::-1] if mesh.is_mirrored else at_corners
 
 

@@ -1,4 +1,7 @@
-"""A preview of the three lights on a mesh: its photo, and how many lights reach each pixel, before either is made."""
+"""A preview of the three lights on a mesh before the photo is taken: its shading, and how many lights reach each pixel.
+
+Three lights are needed for a normal.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,16 +19,17 @@ from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.visibility import OFFSET
 
-# Of pixels that no light reaches, that one does and that two do; three give a normal, which has its own colour.
+# Colours of pixels that no light, one and two lights reach. Where three do, the normal's colour is shown.
 TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)
 
 
 @dataclass(frozen=True)
 class LitView:
-    """What a camera sees of a matt white mesh under a rig.
+    """A matt white mesh under a rig, as a camera sees it.
 
-    photo: (H, W, 3) float32, linear; 1 where a light of full strength is faced. normals: (H, W, 3) float32, the mesh's
-    in camera space. mask: (H, W) bool, where the mesh is. reached: (H, W, 3) bool, which lights reach the pixel.
+    photo: (H, W, 3) float32, linear; 1 where the surface faces a light of full strength. normals: (H, W, 3) float32,
+    the mesh's in camera space. mask: (H, W) bool, where the mesh is. reached: (H, W, 3) bool, which lights reach the
+    pixel.
     """
 
     photo: NDArray[np.float32]
@@ -35,13 +39,13 @@ class LitView:
 
     @property
     def shares(self) -> list[float]:
-        """Of the pixels that show the mesh, the shares that no light, one, two and three reach."""
+        """Fractions of the mesh's pixels that no light, one, two and three lights reach."""
         counts = np.bincount(self.reached.sum(axis=-1)[self.mask], minlength=4)
         return [float(count) for count in counts / counts.sum()]
 
     def picture(self) -> NDArray[np.float32]:
-        """(H, 2 W, 4) display values and opacity: the photo, and right of it the normals as colours where three lights
-        reach, :data:`TOO_FEW` elsewhere."""
+        """(H, 2 W, 4) display values and opacity: the photo on the left, on the right the normals as colours where
+        three lights reach, :data:`TOO_FEW` elsewhere."""
         count = self.reached.sum(axis=-1)
         right = np.where((count == 3)[..., None], encode(self.normals), TOO_FEW[np.minimum(count, 2)])
         colours = np.concatenate([linear_to_srgb(self.photo), right], axis=1)
@@ -51,17 +55,17 @@ class LitView:
 
 
 def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
-    """What the camera sees of the mesh, as if it were matt and white, with cast and attached shadows.
+    """Shade the mesh as a matt white surface, with cast and attached shadows.
 
-    Lights count as points: shadows have hard edges, and light does not go from surface to surface.
+    Lights are points: shadows have hard edges. There are no interreflections.
 
     Parameters
     ----------
     camera : Camera
     rig : LightRig
-        In the camera's space.
+        The lights in the camera's space.
     mesh : Mesh
-        In the camera's world.
+        The mesh, in the camera's world space.
 
     Raises
     ------
@@ -95,9 +99,9 @@ def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
 def _surface(
     mesh: Mesh, hits: Hits, points: NDArray[np.float64], view: NDArray[np.float64], offset: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Of points (N, 3) that rays hit, in the world: their unit normals, and where rays that leave them start.
+    """Unit normals at points (N, 3) that rays hit, in world space, and the origins of rays that leave the surface.
 
-    view: (N, 3) towards the viewer; what is seen from its back has its normals turned round.
+    view: (N, 3) towards the viewer. Normals of back faces are flipped.
     """
     weights = hits.weights.astype(np.float64)
     corners = mesh.world_vertices[mesh.triangles[hits.triangle]]
@@ -118,7 +122,7 @@ def _irradiance(
     normals: NDArray[np.float64],
     starts: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """(N, 3) what each light brings to points (N, 3) of the world, 1 where one of full strength is faced."""
+    """(N, 3) irradiance by each light at points (N, 3) in world space; 1 where a surface faces one of full strength."""
     if rig.near is None:
         arriving = np.broadcast_to(rig.directions @ camera.rotation.T, (len(points), 3, 3))
     else:
@@ -129,7 +133,7 @@ def _irradiance(
         towards = normalised(np.ascontiguousarray(arriving[facing, number]))
         if rig.near is None:
             hidden = scene.occluded(starts[facing], towards)
-        else:  # what is behind the light hides nothing
+        else:  # surfaces behind the light cast no shadow
             place = camera.world_from_camera[:3, 3] + camera.rotation @ rig.near.positions[number]
             hidden = scene.distances(starts[facing], towards) < np.linalg.norm(place - starts[facing], axis=1)
         irradiance[facing[hidden], number] = 0

@@ -1,4 +1,4 @@
-"""Mesh: triangles with UVs, shading normals and tangents for every corner; mesh files."""
+"""Meshes of triangles with UVs, shading normals and tangents at every corner; mesh files."""
 
 import logging
 import os
@@ -27,36 +27,36 @@ log = logging.getLogger(__name__)
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
-# In any unit: products of three such lengths stay finite.
+# Largest coordinate, in any unit: products of three such lengths stay finite.
 MOST = 1e12
-# No modeller's faces have more corners, and cutting ears takes their square in time.
+# Faces made by people have fewer corners; ear clipping takes quadratic time.
 MAX_CORNERS = 4096
-# Pairs of corners that cutting ears looks at together: few enough to stay in a core's cache.
+# Pairs of corners that ear clipping tests at once: few enough to stay in a CPU core's cache.
 CORNERS_AT_ONCE = 1 << 15
-# Scales that differ by less than this share stretch nothing.
+# Relative tolerance within which the scales of a pose count as equal.
 SAME_SCALE = 1e-4
-# The names of a PLY file's UVs, by MeshLab, others and Blender; the last that is there counts.
+# The names of UVs in PLY files by MeshLab, others and Blender. The last pair that exists applies.
 PLY_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh; everything but `world_from_object` is in object space.
+    """A triangle mesh. All its data is in object space, except `world_from_object`.
 
     Parameters
     ----------
     vertices : (V, 3) float64 array
-        Those that no triangle has are left out: a stray one far away would count for the mesh's size.
+        Unused vertices are dropped: a stray one far away would falsify the mesh's size.
     triangles : (T, 3) int32 array
         Vertex indices, counter-clockwise seen from outside.
     corner_normals : (T, 3, 3) float32 array
         Unit shading normals.
     uvs : (T, 3, 2) float32 array
-        v up; one unit square is the texture.
+        With v up. A texture covers one unit square.
     given_tangents : (T, 3, 4) float32 array, optional
-        What :attr:`tangents` returns; MikkTSpace's by default.
+        The value of :attr:`tangents`; by default it is computed by MikkTSpace.
     world_from_object : (4, 4) float64 array, optional
-        Affine, may be scaled; the identity by default.
+        Affine transform, scaling included; the identity by default.
     materials, objects : Labels, optional
         Each triangle's material and object.
     polygons : (T,) int32 array, optional
@@ -65,7 +65,7 @@ class Mesh:
     Raises
     ------
     GeometryError
-        If shapes do not agree, a number is not finite, or the object is scaled to nothing.
+        If shapes do not agree, a value is not finite, or the object's scale is zero.
 
     Examples
     --------
@@ -143,15 +143,15 @@ class Mesh:
 
     @cached_property
     def normals_to_world(self) -> NDArray[np.float64]:
-        """(3, 3) what normals in object space, as rows, are multiplied by to be in world space, not of unit length.
+        """(3, 3) matrix to multiply row normals in object space by for world space. It does not keep unit length.
 
-        Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+        Normals transform by the inverse transpose; for row vectors, that is the inverse.
         """
         return np.linalg.inv(self.world_from_object[:3, :3])
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether triangles are clockwise seen from outside, in world space."""
+        """Whether triangles are clockwise in world space, seen from outside."""
         return bool(np.linalg.det(self.world_from_object[:3, :3]) < 0)
 
 
@@ -163,7 +163,7 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
 
 
 def _scales(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) by how much a pose stretches what it places, the most first."""
+    """(3,) scale factors (singular values) of a pose, largest first."""
     scales: NDArray[np.float64] = np.linalg.svd(pose[:3, :3], compute_uv=False)
     return scales
 
@@ -182,9 +182,9 @@ def _check_numbers(triangles: NDArray[Any], count: int) -> None:
 def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
     """Read a mesh with UVs: OBJ, PLY, GLB, or the ``.npz`` that the add-on writes.
 
-    Polygons become triangles, and all of the file's objects and materials one mesh that is labelled with their
-    names. Shading normals are the file's own, else smooth ones, across UV seams too. The axes stay the file's: cameras
-    must be in the same world.
+    Polygons are triangulated. All objects and materials of the file become one mesh, labelled with their names. Shading
+    normals are those of the file or, if it has none, smooth, even across UV seams. The axes are the file's: cameras
+    must be in the same world space.
 
     Parameters
     ----------
@@ -197,9 +197,9 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     FileError
         If the file is missing.
     FormatError
-        If it is damaged, or none of these formats.
+        If it is damaged, or not in one of these formats.
     GeometryError
-        If the mesh has no faces or no UVs, or cannot be a :class:`Mesh`.
+        If the mesh has no faces or no UVs, or is no valid :class:`Mesh`.
     """
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:
@@ -224,7 +224,7 @@ def _is_inside_out(mesh: Mesh) -> bool:
     return np.count_nonzero(outwards < 0) > len(outwards) / 2
 
 
-# The .npz arrays of labels: names, and each triangle's index into them.
+# The .npz arrays of labels: the names, and each triangle's index into them.
 _LABEL_KEYS = {"materials": "triangle_material", "objects": "triangle_object"}
 
 
@@ -264,14 +264,14 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
 
 
 def _read_obj(path: Path, shape_only: bool) -> Mesh:
-    """OBJ by hand: trimesh splits vertices at seams and loses the UVs of files with quads or several materials."""
+    """Read OBJ without trimesh, which splits vertices at seams and loses UVs of files with quads or many materials."""
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
     corners: list[tuple[int, ...]] = []
     sizes: list[int] = []
-    # By OBJ's keywords, the first face that each name applies to.
+    # By OBJ keyword, the names with the first face that each applies to.
     named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
-    # A backslash joins a line with the next one, but for a comment, which may end with a Windows folder.
+    # A backslash continues a line, except a comment, which may end with a Windows path.
     joined = re.sub(r"^([^#\n]*)\\\n", r"\1 ", _text_of(path), flags=re.MULTILINE)
     for number, line in enumerate(joined.split("\n"), 1):
         key, *words = line.partition("#")[0].split() or [""]
@@ -291,7 +291,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
                 if len(face) > 2:
                     corners += face
                     sizes.append(len(face))
-            elif key in named:  # a name may hold a #, as 3ds Max's do
+            elif key in named:  # names may contain a #, as those of 3ds Max do
                 named[key].append((len(sizes), line.strip().removeprefix(key).strip()))
         except FormatError:
             raise
@@ -319,7 +319,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
 
 
 def _text_of(path: Path) -> str:
-    """An OBJ's text: UTF-8, also with the mark that Windows programs begin it with, or as older programs write it."""
+    """The text of an OBJ file: UTF-8, with or without a byte order mark, or the encoding of older programs."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -327,7 +327,7 @@ def _text_of(path: Path) -> str:
 
 
 def _labels_from(starts: list[tuple[int, str]], triangles: NDArray[np.int64]) -> Labels | None:
-    """Labels from the first face of each name, by the faces' numbers of triangles; None where there are no names."""
+    """Labels from the first face of each name and (F,) the faces' triangle counts; None if there are no names."""
     if not starts:
         return None
     runs = pairwise([(0, ""), *starts, (len(triangles), "")])
@@ -335,10 +335,10 @@ def _labels_from(starts: list[tuple[int, str]], triangles: NDArray[np.int64]) ->
 
 
 def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(T, 3) the corners of polygons' triangles, those of one polygon in a row.
+    """(T, 3) corner indices of the triangulated polygons, in the polygons' order.
 
-    places: (C, 3) of the corners, polygon after polygon. sizes: (F,) their numbers. A polygon with a corner that turns
-    inwards loses ear after ear, so that its notches stay open; any other becomes a fan.
+    places: (C, 3) positions of the corners, polygon after polygon. sizes: (F,) corners per polygon. Concave polygons
+    are triangulated by ear clipping, convex ones as a fan.
     """
     ends = np.cumsum(sizes)
     starts, polygon = ends - sizes, np.repeat(np.arange(len(sizes)), sizes)
@@ -362,10 +362,10 @@ def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDAr
 
 
 def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N - 2, 3) triangles of one polygon (N, 3), seen along its normal.
+    """(N - 2, 3) triangles of one polygon (N, 3) by ear clipping, seen along its normal.
 
-    Corners that turn outwards, with no other corner between them and their neighbours, are cut off, of two beside each
-    other one. Where there is none, as in a polygon that crosses itself, the rest becomes a fan.
+    An ear is a convex corner whose triangle with its two neighbours contains no other corner. Each round cuts off all
+    ears, but only one of two adjacent ones. Without ears, as in a self-intersecting polygon, the rest becomes a fan.
     """
     along = int(np.argmax(np.abs(normal)))
     flat = places[:, [(along + 1) % 3, (along + 2) % 3]] * [1, np.sign(normal[along])]
@@ -381,16 +381,16 @@ def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[n
         within = np.ones((len(triangles), len(others)), bool)
         for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
             within &= doubled_area(a, b, others) >= 0
-            within &= (others != a).any(axis=-1)  # a corner may be there twice, where a seam leads to a hole
+            within &= (others != a).any(axis=-1)  # a point may occur twice, where a bridge edge leads to a hole
         free: NDArray[np.bool_] = ~within.any(axis=1)
         return free
 
     left, triangles = np.arange(len(flat)), []
-    is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes what the two corners beside it are, and no other
+    is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes its two neighbours alone
     while len(left) > 3:
         around = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
         outwards = doubled_area(*np.moveaxis(flat[around], 1, 0)) > 0
-        others = flat[left[~outwards]]  # in a triangle is one of these, or none
+        others = flat[left[~outwards]]  # if a triangle contains any corner, then a reflex one
         is_ear[changed] = False
         maybe = np.searchsorted(left, changed)
         maybe = maybe[outwards[maybe]]
@@ -411,7 +411,7 @@ def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[n
 
 
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
-    """Indices from 0 of vertex, UV and normal in "5/7/2", -1 for those not given; negative ones count from the end."""
+    """Zero-based indices of vertex, UV and normal in "5/7/2", -1 if not given. Negative ones count from the end."""
     given = [int(part) if part else 0 for part in word.split("/")]
     numbers = [-1, -1, -1]
     for place, (number, count) in enumerate(zip(given, counts, strict=False)):
@@ -425,7 +425,7 @@ def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
 
 
 def _read_ply(path: Path, shape_only: bool) -> Mesh:
-    """PLY by hand: trimesh reads no binary file whose faces differ in their number of corners, and splits quads."""
+    """Read PLY without trimesh, which cannot read binary files with faces of different sizes, and splits quads."""
     found = read_ply(path)
     vertex, face = (found.get(name, NOTHING) for name in ("vertex", "face"))
     vertices = vertex.columns("xyz")
@@ -454,7 +454,7 @@ def _read_ply(path: Path, shape_only: bool) -> Mesh:
     triangles = corners[order]
     normals = vertex.columns(("nx", "ny", "nz"))
     given = np.full((*triangles.shape, 3), np.nan) if normals is None else normals[triangles]
-    # A file of one UV for each vertex has several at one place; for smooth normals they count as one.
+    # Files with one UV per vertex split vertices at seams; merge them for smooth normals.
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     return Mesh(
         vertices,
@@ -487,12 +487,12 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     parts = [part for part in parts if len(part[1])]
     if not parts:
         raise GeometryError("it has no faces; choose a mesh with a surface")
-    # Joined here and not by trimesh, which packs the textures of several materials anew and moves the UVs.
+    # Joined here and not by trimesh, which repacks the textures of several materials and moves their UVs.
     starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
     triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
     vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
     _check_finite("vertices", vertices)
-    # glTF splits vertices where UVs part; for smooth normals those at one place count as one.
+    # glTF splits vertices at UV seams; merge them for smooth normals.
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     return Mesh(
         vertices,
@@ -506,8 +506,11 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
 
 
 def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """(4, 4) from what the parts of a GLB are read in to the world: the world itself, or the first stretched part's
-    own axes, as normals in tangent space are those of a mesh before its node stretches it."""
+    """(4, 4) transform to world space from the space that the parts of a GLB are read in.
+
+    That is world space itself, or the own space of the first part that its node scales non-uniformly: tangent-space
+    normals refer to the mesh before it is stretched.
+    """
     for pose in poses:
         _check_pose(pose)
     return next((pose for pose in poses if not _keeps_angles(pose)), np.eye(4))
@@ -519,9 +522,9 @@ def _keeps_angles(pose: NDArray[np.float64]) -> bool:
 
 
 def _object_name(graph: Any, node: str, part: Any) -> str:
-    """The name of the file's node; trimesh splits a node by materials into child nodes called NAME_1a2b3c.
+    """The name of the file's node. trimesh splits a node by materials into child nodes named NAME_1a2b3c.
 
-    A child of the file may be called so too, as a door's door_handle.
+    A child node of the file may have such a name, too: door_handle of door.
     """
     parent = graph.transforms.parents.get(node)
     is_split = parent and part.metadata.get("from_gltf_primitive", True)
@@ -533,7 +536,7 @@ def _material_name(part: Any) -> str:
 
 
 def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
-    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes in the scene."""
+    """Vertices, triangles, normals (NaN if the file has none) and UVs of a trimesh mesh, transformed by `pose`."""
     faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
     vertices = np.asarray(part.vertices, np.float64)
     _check_numbers(faces, len(vertices))
@@ -544,7 +547,7 @@ def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDA
         # trimesh drops the UVs of glTF without a material.
         raise _without_uvs("it has no material (without one, the UVs of a glTF file are not read) or")
     normals: NDArray[Any] = np.full_like(vertices, np.nan)
-    # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
+    # trimesh computes vertex normals on demand; they are in its cache already only if the file has them.
     if "vertex_normals" in part._cache:
         normals = np.asarray(part.vertex_normals) @ np.linalg.inv(pose[:3, :3])
     if np.linalg.det(pose[:3, :3]) < 0:
@@ -562,20 +565,20 @@ def _without_uvs(who: str) -> GeometryError:
 
 
 def _else_smooth(normals: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[Any]:
-    """(T, 3, 3) unit normals, smooth ones where a file has none (NaN) or one of no length, as of faces of no area."""
+    """(T, 3, 3) unit normals, smooth ones where the file has none (NaN) or a zero one, as for faces without area."""
     given = np.linalg.norm(normals, axis=-1, keepdims=True) > SHORTEST
     unit: NDArray[Any] = normalised(np.where(given, normals, smooth_corner_normals(vertices, triangles)))
     return unit
 
 
 def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
-    """(T, 3) normals of triangles (T, 3, 3), towards who sees them counter-clockwise; as long as twice the area."""
+    """(T, 3) normals of counter-clockwise triangles (T, 3, 3). Their length is twice the area."""
     normals: NDArray[Any] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return normals
 
 
 def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(T, 3, 3) smooth normals, as Blender's: for each vertex the normals of its faces, weighted by their angles."""
+    """(T, 3, 3) smooth normals like Blender's: the mean of the face normals at a vertex, weighted by corner angles."""
     corners = vertices[triangles]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     across = np.linalg.norm(np.cross(ahead, behind), axis=-1)

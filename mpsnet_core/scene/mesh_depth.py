@@ -9,18 +9,18 @@ from mpsnet_core.scene.rays import RayScene
 
 
 def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
-    """Depth map of a mesh, by a ray through each pixel's middle.
+    """Depth map of a mesh, by a ray through each pixel's centre.
 
     Parameters
     ----------
     camera : Camera
     scene : RayScene
-        The mesh, in the camera's world.
+        The mesh, in the camera's world space.
 
     Returns
     -------
     (H, W) float32 array
-        Depth along the optical axis in world units; infinity where no surface is.
+        Depth along the optical axis in world units; infinity where there is no surface.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Labels: which of a mesh's triangles are of which material, or of which object."""
+"""Labels: the material or the object of each of a mesh's triangles."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ class Labels:
 
 
 def labels_of_runs(runs: Iterable[tuple[str, int]]) -> Labels:
-    """Labels from run lengths: each name with its number of triangles; a name may occur again."""
+    """Labels from run lengths: names with a number of triangles each. Names may repeat."""
     names: dict[str, int] = {}
     numbers, counts = [], []
     for name, count in runs:

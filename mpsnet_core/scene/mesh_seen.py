@@ -1,4 +1,4 @@
-"""A mesh through a camera's pixels: what each ray meets, and what is given there."""
+"""A mesh seen through a camera's pixels: the points that rays hit, and interpolated values there."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,11 +14,11 @@ from mpsnet_core.scene.rays import RayScene
 
 @dataclass(frozen=True)
 class MeshSeen:
-    """Where a camera's rays through N pixels meet a mesh.
+    """The hits of a camera's rays through N pixels on a mesh.
 
-    mesh: the mesh. camera: what sees it. hit: (M,) which of the pixels do. triangle: (M,) what they meet. weights:
-    (M, 3, 1) barycentric coordinates. points: (M, 3) in the world, relative to the scene's middle. directions: (M, 3)
-    unit, of the rays in camera space.
+    hit: (M,) indices of the pixels whose rays hit the mesh. triangle: (M,) triangles that they hit. weights: (M, 3, 1)
+    barycentric coordinates. points: (M, 3) in world space, relative to the scene's centre. directions: (M, 3) unit
+    directions of the rays in camera space.
     """
 
     mesh: Mesh
@@ -30,24 +30,24 @@ class MeshSeen:
     directions: NDArray[np.float64]
 
     def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
-        """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
+        """(M, K) values at the hits, interpolated from those at the triangles' corners, (T, 3, K)."""
         values: NDArray[np.floating[Any]] = (corners[self.triangle] * self.weights).sum(axis=1)
         return values
 
     def in_camera(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(M, 3) unit normals in camera space, of normals (M, 3) in object space."""
+        """(M, 3) unit normals in camera space from normals (M, 3) in object space."""
         to_camera = self.mesh.normals_to_world @ self.camera.rotation
         unit: NDArray[np.float32] = normalised(normals @ to_camera.astype(np.float32))
         return unit
 
     def from_front(self, normals: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(M,) whether surfaces of these normals (M, 3), in camera space, face the camera."""
+        """(M,) whether normals (M, 3), in camera space, face the camera."""
         facing: NDArray[np.bool_] = dot(normals, self.directions) < 0
         return facing
 
 
 def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshSeen:
-    """What a camera sees of the mesh, of which the scene is, through pixels (N, 2)."""
+    """Cast a camera's rays through pixels (N, 2) onto the mesh. scene: of the same mesh."""
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
     hit = np.flatnonzero(hits.triangle >= 0)

@@ -1,7 +1,7 @@
 """MikkTSpace tangents of a triangle mesh, as Blender's ``Mesh.calc_tangents`` and other tools compute them.
 
-After Morten S. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited" (2008) and his public mikktspace.c, written anew
-for NumPy because no maintained Python package carries it on all platforms.
+After Morten S. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited" (2008) and his public mikktspace.c, rewritten for
+NumPy because no maintained Python package provides it on all platforms.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 
-# A mesh that is so many times its size away is moved to the origin: places are compared in single precision, as by
-# mikktspace.c, in which neighbours in the coordinates of a survey are one.
+# A mesh further from the origin than this many times its size is moved there: positions are compared in single
+# precision, as in mikktspace.c, and in survey coordinates neighbouring vertices would coincide.
 FAR = 16
 
 
@@ -32,9 +32,9 @@ def mikktspace_tangents(
     corners, normals, uvs : (T, 3, 3), (T, 3, 3) and (T, 3, 2) arrays
         Positions, unit shading normals and UVs of the corners.
     polygons : (T,) integer array, optional
-        The polygon of each triangle, those of one polygon in a row. Two triangles of one polygon are a quad, whose
-        tangents are those of its two triangles along its shorter diagonal in UV space, whichever diagonal these have.
-        Polygons with more corners are independent triangles, as all are by default.
+        The polygon of each triangle, those of one polygon in a row. Two triangles of one polygon are a quad. Its
+        tangents are those of the split along its shorter diagonal in UV space, whichever way it is split here.
+        Triangles of larger polygons are independent, as all are by default.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def _tangents(
     vertex: NDArray[np.int64],
     quads: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """(3T, 4) tangents of triangles, zero where undefined. quads: the first triangle of each, the other is the next."""
+    """(3T, 4) tangents of triangles, zero where undefined. quads: first triangle of each; the second is the next."""
     directions, areas, usable = _triangle_tangents(corners, uvs)
     distinct = _three_places(corners)
     usable &= distinct
@@ -99,7 +99,7 @@ def _tangents(
     tangents[:, :3] = _normalised_or_zero(summed)[group]
     tangents[:, 3] = np.where(np.repeat(turns, 3), 1.0, -1.0)
 
-    # Corners without a tangent of their own copy the one of the first corner at the same welded vertex that has one.
+    # Corners without a tangent copy that of the first corner at the same welded vertex that has one.
     flat_vertex = vertex.ravel()
     defined = tangents[:, :3].any(axis=1)
     with_tangent, without = np.flatnonzero(defined), np.flatnonzero(~defined)
@@ -112,10 +112,10 @@ def _tangents(
 
 @dataclass(frozen=True)
 class _Quads:
-    """The quads among the triangles; corners have flat indices, three per triangle.
+    """The quads among the triangles. Corners have flat indices, three per triangle.
 
-    first: (Q,) the first triangle of each; the other is the next. around: (Q, 4) its corners in order. diagonal: (Q, 2)
-    the other two of the six, and twins: (Q, 2) the corners in `around` that they duplicate.
+    first: (Q,) first triangle of each; the second one is the next. around: (Q, 4) its corners in order. diagonal:
+    (Q, 2) the other two of the six corners. twins: (Q, 2) the corners in `around` that these duplicate.
     """
 
     first: NDArray[np.int64]
@@ -171,7 +171,7 @@ class _Quads:
 def _turned_alike(
     areas: NDArray[np.float64], usable: NDArray[np.bool_], distinct: NDArray[np.bool_], quads: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Whether each triangle is counter-clockwise in UV space; where a quad's two differ, both are as the larger."""
+    """Whether each triangle is counter-clockwise in UV space. If a quad's two differ, the larger one decides."""
     turns = areas > 0
     other = quads + 1
     differ = (turns[quads] != turns[other]) & distinct[quads] & distinct[other]
@@ -203,7 +203,7 @@ def _welded(corners: NDArray[np.float64], normals: NDArray[np.float64], uvs: NDA
 def _triangle_tangents(
     corners: NDArray[np.float64], uvs: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Each triangle's unit direction of growing u, twice its area in UV space, and whether it has both."""
+    """Each triangle's unit direction of increasing u, twice its area in UV space, and whether both are defined."""
     d1, d2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     doubled_area = t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0]
@@ -229,7 +229,7 @@ def _three_places(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> NDArray[np.int64]:
     """(E, 2, 2) flat corner indices of shared edges: an edge's two ends, on either triangle.
 
-    Two triangles share an edge where they traverse it in opposite directions.
+    Two triangles share an edge if they traverse it in opposite directions.
     """
     corner = np.arange(vertex.size).reshape(-1, 3)[distinct]
     ends = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
@@ -244,7 +244,7 @@ def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> ND
 
 
 def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Triangles without UV area get the orientation of their first neighbour, so that groups reach across them."""
+    """Orientations, where triangles without UV area adopt that of their first neighbour: groups extend across them."""
     turns, known = turns.copy(), usable.copy()
     triangles = pairs[:, 0] // 3
     both = np.concatenate([triangles, triangles[:, ::-1]])
@@ -252,7 +252,7 @@ def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray
         waiting = both[known[both[:, 0]] & ~known[both[:, 1]]]
         if not len(waiting):
             return turns
-        waiting = waiting[np.argsort(-waiting[:, 0], kind="stable")]  # of several neighbours the lowest is written last
+        waiting = waiting[np.argsort(-waiting[:, 0], kind="stable")]  # the lowest of several neighbours is written last
         turns[waiting[:, 1]] = turns[waiting[:, 0]]
         known[waiting[:, 1]] = True
 

@@ -1,4 +1,4 @@
-"""Estimated normals against true ones: the angle between them, pixel by pixel."""
+"""Angular errors of estimated normals, pixel by pixel."""
 
 import os
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from mpsnet_core.scene.normal_map import Convention, NormalMap, read_normals
 
 @dataclass(frozen=True)
 class NormalErrors:
-    """degrees: (H, W) float64, the angles. mask: (H, W) bool, where both normals are known, at least in one pixel."""
+    """Angular errors. degrees: (H, W) float64. mask: (H, W) bool, where both normals are known; not empty."""
 
     degrees: NDArray[np.float64]
     mask: NDArray[np.bool_]
@@ -33,14 +33,15 @@ class NormalErrors:
 def read_true_normals(
     path: str | os.PathLike[str], camera: str | os.PathLike[str] | None = None, *, convention: Convention = "opengl"
 ) -> NormalMap:
-    """True normals in camera space: of a normal map or, with the camera's file, of a render's passes in world space.
+    """True normals in camera space, from a normal map or, with a camera file, from a render's passes in world space.
 
     convention: of the normal map's green channel.
 
     Such a render is an OpenEXR file with the layers Normal and Combined, as Blender writes it. Pixels that the object
-    fills only in part are left out: there the pass is a mean with the background. So is what is not finite.
+    covers only partly are left out, because the pass is averaged with the background there. Non-finite values are left
+    out, too.
 
-    Raises InputError where a file cannot be read or lacks a layer.
+    Raises InputError if a file cannot be read or lacks a layer.
     """
     if camera is None:
         try:
@@ -63,7 +64,7 @@ def read_true_normals(
 
 
 def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
-    """The angles between two normal maps of one view. Raises GeometryError where they are not of one view."""
+    """The angles between two normal maps of one view. Raises GeometryError if they cannot be of the same view."""
     sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (estimate.mask, truth.mask)]
     if sizes[0] != sizes[1]:
         raise GeometryError(f"the normals are {sizes[0]} but the true ones {sizes[1]}; they must show one view")

@@ -1,4 +1,4 @@
-"""NormalMap: a unit vector for every pixel; its encodings in files."""
+"""Normal maps with a unit vector for every pixel, and their encodings in files."""
 
 import os
 from dataclasses import InitVar, dataclass, field
@@ -17,11 +17,11 @@ from mpsnet_core.io.image_writing import write_bands
 Convention = Literal["opengl", "directx"]
 # The sign of y in the green channel.
 _GREEN = Choices("convention", {"opengl": 1, "directx": -1})
-# The share of a map's normals that must face outwards, or the camera, in the space that the map is read in.
+# The fraction of a map's normals that must face the camera (camera space) or outwards (tangent and object space).
 OUTWARDS_SHARE = 0.9
-# A vector this close to the usual one of those that are not of unit length is of a background.
+# Vectors within this distance of the median of those that are not of unit length are background.
 BACKGROUND = 0.1
-SAMPLED = 100_000  # pixels of a large map, to find its background
+SAMPLED = 100_000  # pixels of a large map that are sampled to find its background
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class NormalMap:
         Normalised here to unit length inside the mask, set to zero outside.
     mask : (H, W) bool array
     confidence : (H, W) array of the same type, optional
-        In 0 to 1, set to zero outside the mask; 1 inside it by default.
+        From 0 to 1, set to zero outside the mask; 1 inside it by default.
     in_place : bool, optional
         Overwrite the given arrays rather than copy them.
 
@@ -72,7 +72,7 @@ class NormalMap:
         confidence = np.broadcast_to(confidence, mask.shape)
 
         def write(rows: slice) -> None:
-            with np.errstate(invalid="ignore"):  # of infinite vectors, which are refused below
+            with np.errstate(invalid="ignore"):  # infinite vectors are rejected below
                 unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows].astype(np.float32)), 0)
             trust[rows] = np.where(mask[rows], np.clip(confidence[rows], 0, 1), 0)
             if not (np.isfinite(unit[rows]).all() and np.isfinite(trust[rows]).all()):
@@ -85,7 +85,7 @@ class NormalMap:
 
 
 def encode(vectors: NDArray[np.floating[Any]], convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Vectors (..., 3) as colours 0.5 + 0.5 n; for DirectX green is -y."""
+    """Vectors (..., 3) as colours 0.5 + 0.5 n. For DirectX, green is -y."""
     return (0.5 + 0.5 * np.asarray(vectors, np.float32) * _signs(convention)).astype(np.float32)
 
 
@@ -106,7 +106,7 @@ def write_normals(
     bits: int | None = None,
     description: str | None = None,
 ) -> None:
-    """Write camera-space normals as colours 0.5 + 0.5 n with the mask as alpha, whole or not at all.
+    """Write camera-space normals as colours 0.5 + 0.5 n with the mask as alpha. The write is atomic.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def write_normals(
     convention : {"opengl", "directx"}, optional
         Whether green is y or -y.
     bits, description : optional
-        As of :func:`mpsnet_core.write_image`.
+        See :func:`mpsnet_core.write_image`.
 
     Raises
     ------
@@ -148,20 +148,20 @@ def read_normals(
     convention : {"opengl", "directx"}, optional
         Whether green is y or -y.
     confidence : path-like, optional
-        A map of the same size, 0 to 1, in a file of its own; 1 everywhere by default.
+        A separate file with a map of the same size, 0 to 1; 1 everywhere by default.
 
     Raises
     ------
     FileError, FormatError
         If a file is missing, cannot be read as an image, or is not a normal map.
     GeometryError
-        If the confidence is of another size.
+        If the confidence map has another size.
     """
     colours, alpha = read_data(path)
     signs, unit, finite = _signs(convention), np.empty(colours.shape[:2], bool), np.empty(colours.shape[:2], bool)
 
     def decoded(rows: slice) -> None:
-        """In place: a copy of a large photo's normals takes much memory."""
+        """Decode in place: a copy of a large photo's normals takes much memory."""
         band = colours[rows]
         band *= 2
         band -= 1
@@ -184,13 +184,13 @@ def read_normals(
 
 
 def _are_unit(vectors: NDArray[np.float32], unit: NDArray[np.bool_]) -> bool:
-    """Whether most vectors are unit ones, but for a background of one colour: a photo has some by chance as well."""
+    """Whether most vectors, except a background of one colour, have unit length. In a photo, some do by chance."""
     step = grid_step(unit.size, SAMPLED)
     some = vectors[::step, ::step][~unit[::step, ::step]]
     some = some[np.isfinite(some).all(axis=-1)]
     background = np.median(some, axis=0) if len(some) else np.zeros(3)
     others = sum(
-        np.count_nonzero((np.abs(vectors[rows] - background).max(axis=-1) >= BACKGROUND) & ~unit[rows])  # no NaN is
+        np.count_nonzero((np.abs(vectors[rows] - background).max(axis=-1) >= BACKGROUND) & ~unit[rows])  # not NaN
         for rows in bands(len(vectors))
     )
     return bool(np.count_nonzero(unit) > others)

@@ -1,5 +1,5 @@
-"""The operations cameras (what photogrammetry found, as files of ours), compare (normals against true ones), preview
-(the three lights on a mesh)."""
+"""The operations ``cameras`` (import from photogrammetry), ``compare`` (normals with true ones) and ``preview`` (the
+three lights on a mesh)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CamerasWritten(Result):
-    """The folder, the camera files in it, and how many photos were written without their lens's distortion."""
+    """The folder, the camera files in it, and the number of photos that were undistorted."""
 
     folder: str
     cameras: list[str]
@@ -24,7 +24,7 @@ class CamerasWritten(Result):
 
 @dataclass(frozen=True)
 class ReadsPictures(Operation):
-    """How the values of pictures are meant."""
+    """How the values of images are interpreted."""
 
     heading: ClassVar[str] = "how photos are read"
 
@@ -50,7 +50,7 @@ class WriteCameras(ReadsPictures):
     )
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
-        """Write a camera file for each photo, and the photo without its lens where that bends it."""
+        """Write a camera file for each photo, and the undistorted photo if its lens has distortion."""
         from mpsnet_core.arrays.sizes import check_same_size
         from mpsnet_core.io.files import check_apart, ensure_folder, located
         from mpsnet_core.io.image_reading import read_size
@@ -59,7 +59,7 @@ class WriteCameras(ReadsPictures):
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
 
         views = posed_photos(self.cameras, self.photos)
-        for view in views:  # before anything is written; also where no lens is to be taken out
+        for view in views:  # before anything is written, and for photos without distortion, too
             size = read_size(view.photo)
             if size is not None:
                 with located(view.photo):
@@ -85,7 +85,7 @@ class WriteCameras(ReadsPictures):
         )
 
     def _straighten(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
-        """Write the camera and the photo without its lens, both or neither."""
+        """Write the camera and the undistorted photo, both or neither."""
         import numpy as np
 
         from mpsnet_core.io.files import located, written_together
@@ -110,8 +110,8 @@ class WriteCameras(ReadsPictures):
 
 @dataclass(frozen=True)
 class NormalsCompared(Result):
-    """The picture of the errors, where one was requested, and their mean and median in degrees. share: of the pixels
-    that have a normal, those that were compared."""
+    """The error image, if requested, and the mean and median error in degrees. share: fraction of the pixels with a
+    normal that were compared."""
 
     output: str | None
     mean: float
@@ -145,7 +145,7 @@ class CompareNormals(Operation):
     )
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
-        """Compare them, and write the picture where one is requested."""
+        """Compare them, and write the error image if requested."""
         from mpsnet_core.io.files import check_apart, writable_image
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
@@ -169,7 +169,7 @@ class CompareNormals(Operation):
 
 @dataclass(frozen=True)
 class LightsPreviewed(Result):
-    """Where the picture is, and the shares of the mesh's pixels that no light, one, two and three reach."""
+    """The image file, and the fractions of the mesh's pixels that no light, one, two and three lights reach."""
 
     output: str
     shares: list[float]
@@ -192,7 +192,7 @@ class PreviewLights(Operation):
     output: str = option(metavar="FILE", help="picture: .png or .tif; .npy for NumPy's arrays", provenance="none")
 
     def run(self, progress: Progress = silent) -> LightsPreviewed:
-        """Trace the mesh, and write the picture."""
+        """Ray trace the mesh, and write the image."""
         import numpy as np
 
         from mpsnet_core.arrays.upsample import reduced_shape

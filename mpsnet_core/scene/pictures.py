@@ -1,4 +1,4 @@
-"""Pictures for display: normals and errors in colour, contact sheets of titled tiles."""
+"""Images for display: normals and errors in colour, contact sheets of titled tiles."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from mpsnet_core.scene.normal_map import NormalMap, encode
 BACKGROUND = 0.13
 TITLE_HEIGHT = 30
 GAP = 10
-MARGIN = 8  # of pixels around an object that pictures are cut to
+MARGIN = 8  # pixels around an object that images are cropped to
 OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
 SCALE_WIDTH = 90
@@ -23,9 +23,9 @@ ERROR_SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
 
 
 def font() -> str:
-    """The file of the font that OpenImageIO brings; "" where it brings none, for the one that it finds.
+    """The font file that ships with OpenImageIO; "" if there is none, for the one that it finds.
 
-    By itself it looks where ``$OpenImageIO_ROOT`` leads, which may be to another copy without fonts.
+    By itself, OpenImageIO looks in ``$OpenImageIO_ROOT``, which may be another installation without fonts.
     """
     file = Path(oiio.__file__).parent / "share/fonts/OpenImageIO/DroidSans.ttf"
     return str(file) if file.is_file() else ""
@@ -38,7 +38,7 @@ def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = N
 
 
 def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, 3) display values of a linear image: outside the mask grey and dim, its outline in orange."""
+    """(H, W, 3) display values of a linear image: dim grey outside the mask, with the mask's outline in orange."""
     picture = photo_picture(image, mask if mask.any() else None)
     dim = np.float32(0.35) * picture.mean(axis=-1, keepdims=True)
     picture = np.where(mask[..., None], picture, dim)
@@ -48,7 +48,7 @@ def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray
 
 
 def on_background(colours: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """The colours (H, W, 3) inside the mask, on dark grey."""
+    """The colours (H, W, 3) inside the mask, dark grey outside."""
     return np.where(mask[..., None], colours, np.float32(BACKGROUND))
 
 
@@ -58,7 +58,7 @@ def normals_picture(normals: NormalMap) -> NDArray[np.float32]:
 
 
 def error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_], highest: float) -> NDArray[np.float32]:
-    """(H, W, 3) angular errors in colour, black at 0° and bright at `highest` degrees, the background dark grey."""
+    """(H, W, 3) angular errors in colour, from black at 0° to bright at `highest` degrees, on dark grey."""
     return on_background(_inferno(np.clip(error / highest, 0, 1)), mask)
 
 
@@ -76,8 +76,8 @@ def colour_scale(highest: float, height: int) -> NDArray[np.float32]:
 
 
 def scaled_error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """:func:`error_picture` with its colour bar on the right, which ends at one of `ERROR_SCALES` that nearly all of
-    the errors are below."""
+    """:func:`error_picture` with a colour bar on the right, which ends at the first of `ERROR_SCALES` that exceeds
+    nearly all errors."""
     high = float(np.percentile(error[mask], 98)) if mask.any() else 0.0
     highest = next(scale for scale in ERROR_SCALES if scale >= min(high, ERROR_SCALES[-1]))
     picture = error_picture(error, mask, highest)
@@ -85,7 +85,7 @@ def scaled_error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_]) ->
 
 
 def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int) -> NDArray[np.float32]:
-    """(H, width, 3) a row of swatches with their labels."""
+    """(H, width, 3) a row of labelled swatches."""
     canvas = np.full((TITLE_HEIGHT, width, 3), BACKGROUND, np.float32)
     for number, (colour, label) in enumerate(entries):
         left = GAP + number * LEGEND_STEP
@@ -97,7 +97,7 @@ def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int
 def contact_sheet(
     tiles: Sequence[tuple[str, NDArray[np.float32]]], columns: int, tile_height: int = 320
 ) -> NDArray[np.float32]:
-    """(H, W, 3) the tiles (title, picture) in rows, each scaled to `tile_height` with its title above."""
+    """(H, W, 3) the tiles (title, image) in rows, each scaled to `tile_height` with its title above."""
     scaled = [(title, _scaled(picture, tile_height)) for title, picture in tiles]
     rows = [scaled[start : start + columns] for start in range(0, len(scaled), columns)]
     widths = [max(row[c][1].shape[1] for row in rows if c < len(row)) for c in range(min(columns, len(scaled)))]
@@ -117,14 +117,14 @@ def contact_sheet(
 
 
 def cropped(pictures: Sequence[NDArray[np.float32]], mask: NDArray[np.bool_]) -> list[NDArray[np.float32]]:
-    """The pictures cut to the mask's bounding box and a margin."""
+    """The images cropped to the mask's bounding box and a margin."""
     box = bounding_box(mask, MARGIN)
     return [picture[box] for picture in pictures]
 
 
 def _inferno(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     source = oiio.ImageBuf(np.ascontiguousarray(values[..., None], dtype=np.float32))
-    # OpenImageIO's maps are linear.
+    # OpenImageIO's colour maps are linear.
     linear = oiio.ImageBufAlgo.color_map(source, 0, "inferno").get_pixels(oiio.FLOAT)
     return linear_to_srgb(np.asarray(linear)).astype(np.float32)
 
@@ -137,7 +137,7 @@ def _scaled(picture: NDArray[np.float32], height: int) -> NDArray[np.float32]:
 
 
 def _write(canvas: NDArray[np.float32], text: str, x: int, y: int, size: int) -> None:
-    # Only the line's rows of the canvas are copied to the library and back.
+    # Copy only the text line's rows of the canvas to the library and back.
     top = max(y - size, 0)
     line = canvas[top : y + size // 2]
     buffer = oiio.ImageBuf(np.ascontiguousarray(line))

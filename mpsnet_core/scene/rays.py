@@ -13,16 +13,16 @@ from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 
-# embree's distance for rays that hit nothing is above this.
+# Embree's distance for rays that hit nothing is above this.
 _NO_HIT = 1e30
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Where each ray first meets the mesh.
+    """Where each ray first hits the mesh.
 
-    triangle: (N,) int32, -1 where the ray hits nothing. u, v: (N,) float32 weights of the triangle's second and third
-    corner; the first has 1 - u - v. distance: (N,) float32 along the ray, infinity where it hits nothing.
+    triangle: (N,) int32, -1 if the ray hits nothing. u, v: (N,) float32 barycentric weights of the triangle's second
+    and third corner; the first has 1 - u - v. distance: (N,) float32 along the ray, infinity if it hits nothing.
     """
 
     triangle: NDArray[np.int32]
@@ -37,22 +37,22 @@ class Hits:
         return weights
 
     def chosen(self, which: NDArray[np.integer[Any]]) -> "Hits":
-        """The hits of some of the rays, by their indices."""
+        """The hits of the rays with these indices."""
         return Hits(self.triangle[which], self.u[which], self.v[which], self.distance[which])
 
 
 class RayScene:
     """A mesh prepared for ray casting.
 
-    vertices: (V, 3) in world space. triangles: (T, 3) vertex numbers.
-    low, high, middle: (3,) of the mesh's bounding box; size: its diagonal.
+    vertices: (V, 3) in world space. triangles: (T, 3) vertex indices.
+    low, high, middle: (3,) corners and centre of the mesh's bounding box. size: its diagonal.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], triangles: NDArray[np.integer[Any]]) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
-        # embree works in float32: centred and scaled to about 1, it does not matter where the object stands.
+        # Embree works in float32: centring and scaling make the precision independent of the object's position.
         self.low, self.high = low, high = vertices.min(axis=0), vertices.max(axis=0)
         self.middle, self.size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
         self._scene = EmbreeScene()
@@ -62,14 +62,14 @@ class RayScene:
 
     @classmethod
     def of(cls, mesh: Mesh) -> "RayScene":
-        """That of a mesh where it stands."""
+        """The scene of a mesh in world space."""
         return cls(mesh.world_vertices, mesh.triangles)
 
     def rays_of(self, camera: Camera, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """World-space origins and unit directions, each (N, 3), of a camera's rays through image points (N, 2).
 
-        And the distance by which they start before the camera: an orthographic one sees what is behind its plane as
-        well, so its rays start outside the mesh.
+        Also the distance by which the origins are moved back from the camera: an orthographic camera sees what is
+        behind its plane, too, so its rays must start outside the mesh.
         """
         origins, directions = camera.rays(points)
         if camera.projection == "perspective":
@@ -78,32 +78,34 @@ class RayScene:
         return origins - back * directions, directions, back
 
     def extent(self, camera: Camera) -> tuple[slice, slice]:
-        """Rows and columns of the camera's image, at least one, outside which it does not see the mesh."""
+        """Rows and columns of the camera's image that bound the mesh, at least one of each."""
         box = np.array(list(itertools.product(*zip(self.low, self.high, strict=True), [1.0])))
         x, y, w = camera.projection_rows() @ box.T
-        if (w <= 0).any():  # some of it is beside or behind the camera
+        if (w <= 0).any():  # part of it is beside or behind the camera
             return slice(0, camera.height), slice(0, camera.width)
         spans = []
         for place, length in ((y / w, camera.height), (x / w, camera.width)):
-            # What lies half a pixel outside the image still counts, and rounding moves it by a little.
+            # Two more on each side: points half a pixel outside the image count, and projections are rounded.
             start = int(np.clip(np.floor(place.min()) - 2, 0, length - 1))
             spans.append(slice(start, int(np.clip(np.ceil(place.max()) + 2, start + 1, length))))
         return spans[0], spans[1]
 
     def depth_of_middle(self, camera: Camera) -> float:
-        """How far the mesh's middle is before the camera along its axis."""
+        """Depth of the mesh's centre in front of the camera, along its axis."""
         return float(camera.rotation[:, 2] @ (camera.world_from_camera[:3, 3] - self.middle))
 
     def depths(self, camera: Camera, x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        """(h, w) depth of the mesh in a camera's image at columns `x` (w,) and rows `y` (h,) in pixels; else infinity.
+        """(h, w) depth of the mesh in a camera's image at columns `x` (w,) and rows `y` (h,) in pixels.
 
-        It is along the camera's axis, from the mesh's middle on. An orthographic camera sees what is behind its plane.
+        Depth is along the camera's axis, relative to the mesh's centre; infinity where there is no surface. An
+        orthographic camera sees what is behind its plane, too.
         """
         depth = np.empty((len(y), len(x)), np.float32)
         right, up, ahead = (camera.rotation * (1.0, 1.0, -1.0)).T
         away = self.depth_of_middle(camera)
         flat = camera.projection == "orthographic"
-        # The rays start close before the mesh, where float32 is fine enough, and are as long as they are deep.
+        # Rays start just in front of the mesh, where float32 is precise enough. Directions have unit depth, so that the
+        # distance along a ray is its depth.
         start = away - self.size if flat else max(away - self.size, 0.0)
         eye = camera.world_from_camera[:3, 3] - self.middle
         across, down = (x - camera.centre[0]) / camera.focal[0], (camera.centre[1] - y) / camera.focal[1]
@@ -132,14 +134,14 @@ class RayScene:
     def distances(
         self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]
     ) -> NDArray[np.float64]:
-        """(N,) distance along each ray to the first hit, infinity where it hits nothing. Unit directions (N, 3)."""
+        """(N,) distance along each ray, with unit direction (N, 3), to its first hit; infinity if it hits nothing."""
         found = np.asarray(self._run(origins, directions, "DISTANCE"), np.float64)
         return np.where(found > _NO_HIT, np.inf, found * self.size)
 
     def occluded_within(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], reach: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """(N,) whether rays (N, 3), from origins relative to the mesh's middle, hit anything within `reach` (N,)."""
+        """(N,) whether rays from origins (N, 3), relative to the mesh's centre, hit anything within `reach` (N,)."""
         scale = np.float32(1 / self.size)
         start, farthest = np.multiply(origins, scale, order="C"), reach * scale
         found = self._scene.run(start, np.ascontiguousarray(directions), dists=farthest, query="OCCLUDED")
@@ -147,14 +149,14 @@ class RayScene:
         return occluded
 
     def hits(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
-        """Where rays (N, 3), with unit directions (N, 3), first meet the mesh."""
+        """Where rays from origins (N, 3) in unit directions (N, 3) first hit the mesh."""
         found = self._run(origins, directions, "DISTANCE", output=1)
-        # Where nothing is hit, its largest number stands, which no size may multiply.
+        # On a miss, Embree returns its largest float, which would overflow when scaled.
         distance = np.where(found["primID"] < 0, np.float32(np.inf), found["tfar"]) * np.float32(self.size)
         return Hits(found["primID"], found["u"], found["v"], distance)
 
     def occluded(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-        """(N,) whether rays (N, 3) hit anything; unit directions (N, 3), or (1, 3) for one that they share."""
+        """(N,) whether rays from origins (N, 3) in unit directions (N, 3), or a common one (1, 3), hit anything."""
         occluded: NDArray[np.bool_] = self._run(origins, directions, "OCCLUDED") >= 0
         return occluded
 
@@ -173,10 +175,10 @@ def lift_to_curve(
     corners: Iterable[NDArray[np.floating[Any]]],
     normals: Iterable[NDArray[np.floating[Any]]],
 ) -> None:
-    """Add to `lift` (N, 3) what leads from points (N, 3) of triangles to the curved surface that the normals pretend.
+    """Add to `lift` (N, 3) the offsets from points (N, 3) on triangles to the curved surface that their normals imply.
 
-    Rays that start there, not on the flat triangle below, are not in the shadow of its own neighbours (Hanika, Hacking
-    the Shadow Terminator, 2021). weights (N, 1), corners (N, 3) and normals (N, 3): those of the three corners.
+    Rays that start there and not on the flat triangle are not shadowed by its neighbours (Hanika, Hacking the Shadow
+    Terminator, 2021). weights (N, 1), corners (N, 3), normals (N, 3): one of each for each of the three corners.
     """
     for weight, corner, normal in zip(weights, corners, normals, strict=True):
         below = np.minimum(dot(points - corner, normal), 0)

@@ -1,4 +1,4 @@
-"""LightRig: the three lights and how their colours mix into the camera's channels; rig files."""
+"""Light rigs: the three lights and how their colours mix into the camera's channels; rig files."""
 
 import os
 from collections.abc import Iterator
@@ -16,18 +16,18 @@ from mpsnet_core.io.files import check_small, existing_file, located, read_json,
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
 
-# Below this smallest singular value the inverse amplifies camera noise more than fifty times. Three lights 120° apart
-# reach it at a slant of 0.94°.
+# If the smallest singular value is below this, the inverse amplifies camera noise more than fifty times. Three lights
+# with tilts 120° apart reach it at a slant of 0.94°.
 MIN_SINGULAR_VALUE = 0.02
 
 LIGHT_NAMES = ("first", "second", "third")
 
-# Lengths and shares in rig files: their squares and inverses stay finite.
+# Limits of lengths and mixing weights in rig files: their squares and inverses stay finite.
 MOST = 1e12
 LEAST_MIXING = 1e-6
 
 MAX_LOBE = 100
-# Behind a light with a lobe nothing is lit; this keeps what is divided by its brightness finite.
+# A light with a lobe lights nothing behind it; this lower limit keeps divisions by its brightness finite.
 LEAST_LOBE_COSINE = 0.01
 
 
@@ -55,14 +55,14 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class NearLights:
-    """Point lights so near that direction and irradiance vary over the object.
+    """Point lights near the object: their direction and irradiance vary over it.
 
     Parameters
     ----------
     positions : (3, 3) float64 array
         A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and the mesh.
     target : (3,) float64 array
-        The point that the lights face, and where the rig's directions and mixing hold.
+        The point that the lights face. The rig's directions and mixing are valid there.
     lobe : float, optional
         Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc
         or a bare LED chip, more for LEDs with a lens.
@@ -70,7 +70,7 @@ class NearLights:
     Raises
     ------
     GeometryError
-        If a number is not finite, a light stands in the target or the lobe is below 0.
+        If a value is not finite, a light is at the target or the lobe is below 0.
 
     Notes
     -----
@@ -96,7 +96,7 @@ class NearLights:
     def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
         """(..., 3, 3) for points (..., 3) in camera space: per row a light's unit direction times its brightness.
 
-        The brightness follows the inverse square law and the lobe, and is 1 at the target.
+        The brightness follows the inverse-square law and the lobe. It is 1 at the target.
         """
         towards = self.positions - np.asarray(points, np.float64)[..., None, :]
         distance = np.linalg.norm(towards, axis=-1)
@@ -118,12 +118,12 @@ class LightRig:
     ----------
     directions : (3, 3) float64 array
         Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera channels R,
-        G, B. Those of near lights hold at the target.
+        G, B. For near lights, the directions at the target.
     mixing : (3, 3) float64 array, optional
-        The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity, no crosstalk,
-        by default. That of near lights holds at the target.
+        The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity (no crosstalk)
+        by default. For near lights, the mixing at the target.
     near : NearLights, optional
-        Where the lights stand, if they are near.
+        The positions of the lights, if they are near.
     exact : bool, optional
         Whether directions and mixing are known exactly, as those of a render are. The default network then trusts them.
 
@@ -180,14 +180,14 @@ class LightRig:
         object.__setattr__(self, "mixing", mixing)
 
     def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-        """(..., 3, 3) as :meth:`NearLights.lights_at` has them for points (..., 3) in camera space; of distant lights
-        the directions (3, 3), which are the same everywhere."""
+        """(..., 3, 3) as :meth:`NearLights.lights_at` for points (..., 3) in camera space; for distant lights the
+        directions (3, 3), which are the same everywhere."""
         return self.directions if self.near is None else self.near.lights_at(points)
 
     def unmixed(self, image: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        """(..., 3) each light's contribution alone: the image times the inverse of the mixing matrix.
+        """(..., 3) the contribution of each light: the inverse of the mixing matrix applied to the image.
 
-        Inverts ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
+        Inverts ``c = M s`` of the image formation for a grey surface; exact for any surface without crosstalk.
         """
         if np.array_equal(self.mixing, np.eye(3)):
             return image.astype(np.float32, copy=False)
@@ -205,7 +205,7 @@ class LightRig:
 
 
 def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
-    """Slant and tilt in degrees from an option's text, "45,135". Raises SettingsError where they are not that.
+    """Slant and tilt in degrees from the text of an option, "45,135". Raises SettingsError if it is malformed.
 
     >>> slant_and_tilt("--light", "45,135")
     (45.0, 135.0)
@@ -258,21 +258,21 @@ def near_rig(
     *,
     exact: bool = False,
 ) -> LightRig:
-    """A rig of lights that stand near the object.
+    """A rig of near lights.
 
     Parameters
     ----------
     positions, target, lobe
-        As of :class:`NearLights`.
+        See :class:`NearLights`.
     mixing : (3, 3) array_like, optional
         The mixing matrix at the target; the identity by default.
     exact : bool, optional
-        As of :class:`LightRig`.
+        See :class:`LightRig`.
 
     Raises
     ------
     GeometryError
-        As of :class:`NearLights` and :class:`LightRig`.
+        As for :class:`NearLights` and :class:`LightRig`.
     """
     near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
     mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
@@ -280,7 +280,7 @@ def near_rig(
 
 
 def read_rig(path: str | os.PathLike[str]) -> LightRig:
-    """Read a rig file: our JSON, or an ``.lp`` file with exactly three lights.
+    """Read a rig file: JSON as :func:`write_rig` writes it, or an ``.lp`` file with exactly three lights.
 
     Raises
     ------
@@ -306,7 +306,7 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
 
 
 def has_mixing(path: str | os.PathLike[str]) -> bool:
-    """Whether a rig file says how the lights' colours mix; an .lp file does not. Raises as :func:`read_rig` does."""
+    """Whether a rig file has a mixing matrix; .lp files do not. Raises as :func:`read_rig` does."""
     if Path(path).suffix.lower() == ".lp":
         return False
     with rig_data(path) as (data, _):
@@ -315,9 +315,9 @@ def has_mixing(path: str | os.PathLike[str]) -> bool:
 
 @contextmanager
 def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], bool]]:
-    """The JSON of a rig file with three "lights", and whether they are near: these have a "target".
+    """The JSON of a rig file with three "lights", and whether they are near, which a "target" marks.
 
-    Errors in the block name the file. Raises FileError where it is missing, FormatError where it is malformed.
+    Errors in the with block name the file. Raises FileError if it is missing, FormatError if it is malformed.
     """
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe", "exact"))
     with located(f"rig file {path}"):
@@ -358,9 +358,9 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
 
 
 def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """The ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" a line.
+    """Read the ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" on each line.
 
-    Returns the names and the directions (N, 3). Raises FileError where it is missing, FormatError where malformed.
+    Returns the names and the directions (N, 3). Raises FileError if it is missing, FormatError if it is malformed.
     """
     file = existing_file(Path(path), "rig file")
     check_small(file, "not an .lp file")
@@ -389,7 +389,7 @@ def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
 
 
 def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
-    """Write a JSON rig file, whole or not at all.
+    """Write a JSON rig file atomically.
 
     Raises
     ------
@@ -408,11 +408,11 @@ def write_rig_data(
     mixing: NDArray[np.float64],
     exact: bool,
 ) -> None:
-    """Write a JSON rig file, whole or not at all, with the lights `near`, or `distant` if that is None."""
+    """Write a JSON rig file atomically, with the lights `near`, or `distant` if that is None."""
     data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}
     if near is not None:
         data["lights"] = [{"position": position.tolist()} for position in near.positions]
         data |= {"target": near.target.tolist(), "lobe": near.lobe}
-    if exact or not np.array_equal(mixing, np.eye(3)):  # else nobody has measured it
+    if exact or not np.array_equal(mixing, np.eye(3)):  # otherwise it is a default, not a measurement
         data["mixing"] = np.asarray(mixing).tolist()
     write_json(path, {**data, **({"exact": True} if exact else {})})

@@ -1,4 +1,4 @@
-"""Files that name photos with their cameras, as the add-on writes them for `mpsnet views`."""
+"""Files that list photos with their cameras, which the add-on writes for ``mpsnet views``."""
 
 import os
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ VIEWS_FORMAT, VIEWS_VERSION = "mpsnet-views", 1
 
 
 def write_views(path: str | os.PathLike[str], views: Iterable[tuple[str, str | os.PathLike[str], Camera]]) -> None:
-    """Write (name, path of the photo, camera) of each view, whole or not at all."""
+    """Write (name, path of the photo, camera) of each view atomically."""
     listed = [{"name": name, "photo": os.fspath(photo), "camera": camera_data(camera)} for name, photo, camera in views]
     write_json(path, {"format": VIEWS_FORMAT, "version": VIEWS_VERSION, "views": listed})
 
@@ -22,9 +22,9 @@ def _is_name(name: str) -> bool:
 
 
 def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
-    """What :func:`write_views` wrote, sorted by name; photos are found from the file's own folder.
+    """Read what :func:`write_views` wrote, sorted by name. Photo paths are relative to the file's folder.
 
-    Raises FileError where the file or a photo is missing, FormatError where the file is malformed.
+    Raises FileError if the file or a photo is missing, FormatError if the file is malformed.
     """
     file = Path(path)
     views = read_json(file, VIEWS_FORMAT, VIEWS_VERSION, ("views",)).get("views")

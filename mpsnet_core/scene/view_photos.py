@@ -1,4 +1,4 @@
-"""Photos with the cameras that took them, from photogrammetry or from files of ours."""
+"""Photos with their cameras, from photogrammetry or from the project's own files."""
 
 import logging
 import os
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# How many missing photos a warning names.
+# Number of missing photos that a warning names.
 NAMED_PHOTOS = 3
 CAMERA_SUFFIX = ".camera.json"
 COLMAP_SUFFIXES = (".bin", ".txt")
 
 
 def camera_files(cameras: str | os.PathLike[str]) -> list[Path]:
-    """The files that :func:`posed_photos` may read cameras from: the file itself, or those of its kinds in a folder."""
+    """The files that :func:`posed_photos` may read cameras from: the given file, or the camera files in a folder."""
     path = Path(cameras)
     if not path.is_dir():
         return [path]
@@ -32,9 +32,9 @@ def camera_files(cameras: str | os.PathLike[str]) -> list[Path]:
 
 @dataclass(frozen=True)
 class ViewPhoto:
-    """A photo and the camera that took it.
+    """A photo and its camera.
 
-    name: unique among the views, for messages and files. lens: the photo's distortion, None where there is none.
+    name: unique among the views, for messages and files. lens: the photo's distortion, None if there is none.
     folder: of the photo, relative to the folder of all photos.
     """
 
@@ -51,25 +51,25 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     Parameters
     ----------
     cameras : path-like
-        Cameras of a photogrammetry program (:func:`mpsnet_core.read_cameras`); a folder of our own camera files,
-        NAME.camera.json for the photo NAME.png; or a file of ours that names the photos as well ("mpsnet-views", as
-        the add-on writes it).
+        Cameras of a photogrammetry program (:func:`mpsnet_core.read_cameras`); a folder of camera files,
+        NAME.camera.json for the photo NAME.png; or a file that lists the photos as well ("mpsnet-views", which the
+        add-on writes).
     photos : path-like, optional
-        Folder of the photos; needed unless `cameras` names them.
+        Folder of the photos, required unless `cameras` lists them.
 
     Returns
     -------
     list of ViewPhoto
-        Photogrammetry's cameras without a photo are left out, with a warning.
+        Cameras of photogrammetry without a photo are left out, with a warning.
 
     Raises
     ------
     FileError
-        If a file, or a photo of a camera of ours, is missing, or several photos fit a camera.
+        If a file, or the photo of a camera file, is missing, or several photos match a camera.
     FormatError, GeometryError
         If the cameras are malformed.
     SettingsError
-        If `photos` is missing where it is needed.
+        If `photos` is required but missing.
     """
     cameras = Path(cameras)
     if photos is None:
@@ -105,7 +105,7 @@ def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto
             missing.append(posed.photo)
             continue
         posed = as_displayed(posed, photo)
-        # Photos in folders below this one may share their names.
+        # Photos in different subfolders may have the same name.
         place = photo.relative_to(photos.path)
         views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
     if not views:

@@ -11,23 +11,23 @@ from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
 
-# The longer side of the depth map that settles the easy cases.
+# Pixels on the longer side of the depth map that decides the easy cases.
 DEPTH_PIXELS = 1024
 # Second differences of depth above this many pixel widths are silhouettes or creases.
 SHARPEST_BEND = 0.5
-# Above this, one surface occludes another.
+# Above this many, they are depth discontinuities: one surface occludes another.
 BREAK = 3.0
-# A ray starts this share of the mesh's size off the surface, so that it does not hit where it starts.
+# Offset of ray origins from the surface, as a fraction of the mesh's size, against self-intersection.
 OFFSET = 1e-4
 
 
 class Visibility:
-    """Whether points on the scene's mesh are visible from `camera`, by shadow rays (embree).
+    """Whether points on the scene's mesh are visible from `camera`, by shadow rays (Embree).
 
-    A depth map, a small plane per pixel, settles points far from any silhouette; only the others cost a ray.
+    A depth map with a small plane per pixel decides points far from any silhouette. Only the others need a ray.
 
-    shape: (h, w) of the depth map. unbroken: (h, w) bool, where its surface continues to all sides.
-    footprint: about the size of one of its pixels on the object.
+    shape: (h, w) of the depth map. unbroken: (h, w) bool, where the surface continues on all sides, without a depth
+    discontinuity. footprint: approximate size of one of its pixels on the object.
     """
 
     def __init__(self, camera: Camera, scene: RayScene) -> None:
@@ -35,7 +35,7 @@ class Visibility:
         self.offset = OFFSET * scene.size
         self.shape = height, width = reduced_shape(camera.height, camera.width, DEPTH_PIXELS)
         self.scale = np.float32(width / camera.width), np.float32(height / camera.height)
-        # Only where the mesh may be seen; all around it is nothing.
+        # Crop the depth map to the mesh.
         self.rows, self.columns = rows, columns = scene.extent(camera.resized(width, height))
         x, y = (np.arange(part.start, part.stop) + 0.5 for part in (columns, rows))
         depth = scene.depths(camera, x * (camera.width / width), y * (camera.height / height))
@@ -43,7 +43,7 @@ class Visibility:
         apart = np.float32(max(camera.height, camera.width) / (max(height, width) * float(camera.focal.min())))
         pixel = np.full_like(depth, apart) if camera.projection == "orthographic" else apart * (depth + distance)
         seen = np.isfinite(depth)
-        # An orthographic camera's rays begin behind its plane.
+        # Rays of an orthographic camera start behind its plane, at `distance`.
         if seen.any() and depth[seen].max() + distance < -self.offset:
             log.warning(
                 "an orthographic camera looks away from the mesh: all that it sees of it lies behind it, and is baked "
@@ -57,8 +57,8 @@ class Visibility:
             smooth = bend <= SHARPEST_BEND * pixel
             self.unbroken = np.zeros((height, width), bool)
             self.unbroken[rows, columns] = np.isfinite(bend) & (bend <= BREAK * pixel)
-            # The plane's depth at the pixel's middle, with a tolerance, and its gradient per pixel to the right and
-            # down; not a number where it is not smooth. A fourth value lets a row be fetched at once.
+            # The plane's depth at the pixel's centre, with a tolerance, and its gradient per pixel to the right and
+            # down; NaN where the depth is not smooth. A fourth value aligns rows to 16 bytes for fast lookup.
             self.planes = np.zeros((*depth.shape, 4), np.float32)
             self.planes[..., 0] = np.where(
                 smooth, depth + SHARPEST_BEND * pixel + np.float32(2 * self.offset), np.float32(np.nan)
@@ -73,9 +73,9 @@ class Visibility:
         y: NDArray[np.float32],
         depth: NDArray[np.float32],
     ) -> NDArray[np.bool_]:
-        """(N,) bool for points (3, N), relative to the scene's middle, at pixels x and y (N,) of the camera's image.
+        """(N,) visibility of points (3, N), relative to the scene's centre, at pixels x and y (N,) of the image.
 
-        depth: (N,) along the camera's axis, from the scene's middle on. The points must face the camera.
+        depth: (N,) along the camera's axis, relative to the scene's centre. The points must face the camera.
         """
         height, width = self.planes.shape[:2]
         x, y = x * self.scale[0] - np.float32(self.columns.start), y * self.scale[1] - np.float32(self.rows.start)
@@ -95,7 +95,7 @@ class Visibility:
         return seen
 
     def _hidden(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(N,) whether something stands between points (3, N) and the camera."""
+        """(N,) whether points (3, N) are occluded from the camera."""
         if self.camera.projection == "perspective":
             eye = self.camera.world_from_camera[:3, 3] - self.scene.middle
             towards = eye.astype(np.float32)[:, None] - points

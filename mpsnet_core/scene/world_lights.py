@@ -1,4 +1,4 @@
-"""WorldLights: three lights fixed in the world while the camera moves."""
+"""Three lights that are fixed in the world while the camera moves."""
 
 import os
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, r
 
 @dataclass(frozen=True, eq=False)
 class WorldLights:
-    """Three lights in the world that mesh and cameras share.
+    """Three lights in the world space of mesh and cameras.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class WorldLights:
     mixing : (3, 3) float64 array, optional
         As in :class:`LightRig`.
     near : NearLights, optional
-        Where the lights stand, if they are near; positions and target in world space.
+        The positions of the lights, if they are near, and their target, in world space.
     exact : bool, optional
         As in :class:`LightRig`.
 
@@ -49,7 +49,7 @@ class WorldLights:
         object.__setattr__(self, "directions", directions)
 
     def seen_by(self, camera: Camera) -> LightRig:
-        """The lights in the camera's space. Raises GeometryError where one is behind the object for it."""
+        """The lights in the camera's space. Raises GeometryError if one is behind the object, seen by the camera."""
         if self.near is None:
             return LightRig(self.directions @ camera.rotation, self.mixing, exact=self.exact)
         places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
@@ -58,7 +58,7 @@ class WorldLights:
 
 
 def in_world(rig: LightRig, camera: Camera) -> WorldLights:
-    """A rig that `camera` sees, in the world: the inverse of :meth:`WorldLights.seen_by`."""
+    """A rig from the space of `camera` in world space: the inverse of :meth:`WorldLights.seen_by`."""
     directions = rig.directions @ camera.rotation.T
     if rig.near is None:
         return WorldLights(directions, rig.mixing, exact=rig.exact)
@@ -67,9 +67,9 @@ def in_world(rig: LightRig, camera: Camera) -> WorldLights:
 
 
 def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
-    """Read a rig file whose lights are "direction": [x, y, z] along the world's axes, or "position" in the world.
+    """Read a rig file whose lights have a "direction": [x, y, z] or a "position" in world space.
 
-    Raises FileError where the file is missing, FormatError where it is malformed or states a light otherwise.
+    Raises FileError if the file is missing, FormatError if it is malformed or has other lights.
     """
     if Path(path).suffix.lower() == ".lp":
         raise FormatError(
@@ -86,7 +86,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
 
 
 def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
-    """Write a rig file with lights in the world, whole or not at all."""
+    """Write a rig file with lights in world space atomically."""
     distant = [{"direction": direction.tolist()} for direction in lights.directions]
     write_rig_data(path, distant, lights.near, lights.mixing, lights.exact)
 

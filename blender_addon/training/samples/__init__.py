@@ -1,1 +1,1 @@
-"""Training samples rendered with Cycles: a recipe becomes a scene, one render, one sample."""
+"""Training samples rendered with Cycles: a recipe becomes a scene, and its render a sample."""

@@ -1,4 +1,4 @@
-"""Each light group denoised by OpenImageDenoise, in the compositor: Cycles itself denoises the combined image alone."""
+"""Denoising of each light group by OpenImageDenoise in the compositor: Cycles denoises the combined image alone."""
 
 from pathlib import Path
 from typing import Any
@@ -11,23 +11,22 @@ from mpsnet_core.synthesis.recipe import Recipe
 from ...outputs import with_escaped_braces
 
 LAYER = "ViewLayer"  # the view layer's name, which the names of a render's passes begin with
-_FRAME = 1  # its number ends the name of the compositor's file in Blender 4.5
+_FRAME = 1  # Blender 4.5 appends its number to the name of the compositor's file
 
 
 def denoising_helps(recipe: Recipe) -> bool:
-    """Whether denoised light is nearer to what endless samples would give.
+    """Whether denoising brings the light closer to the converged render.
 
-    Direct light has hardly any noise, and of its texture and highlights denoising takes more away. What has noise is
-    light that comes from other surfaces.
+    Direct light has hardly any noise: denoising would remove its texture and highlights. Indirect light is noisy.
     """
     return recipe.bounces > 0
 
 
 def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
-    """Have the compositor write the scene's next render with its light groups denoised, and give that file's path.
+    """Have the compositor write the scene's next render with its light groups denoised. Returns that file's path.
 
-    The file is as a render's own multi-layer EXR; its path is `path` but for a number that Blender 4.5 adds. passes:
-    what it holds besides Combined and Normal.
+    The file is like a render's own multi-layer EXR. Its path is `path`, with a number that Blender 4.5 appends. passes:
+    its passes in addition to Combined and Normal.
     """
     scene.frame_set(_FRAME)
     scene.view_layers[0].cycles.denoising_store_passes = True
@@ -50,7 +49,7 @@ def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
         written.add("FLOAT" if output.type == "VALUE" else "RGBA", one, output)
     for group in LIGHT_GROUPS:
         denoise = tree.nodes.new("CompositorNodeDenoise")
-        # The guides are all but free of noise themselves, and would lose fine texture.
+        # The guide passes have almost no noise, and prefiltering would remove fine texture.
         if bpy.app.version >= (5, 0):
             denoise.inputs["Prefilter"].default_value, denoise.inputs["Quality"].default_value = "None", "High"
         else:

@@ -10,21 +10,21 @@ from mpsnet_core.synthesis.shading.pattern import DARKEST_PAINT, DIRT_EDGE, DIRT
 from ...appearance.nodes import new_material
 from .nodes import Graph, Value
 
-PART = "part"  # the mesh attribute that holds each face's part
+PART = "part"  # mesh attribute: the part of each face
 WEIGHTS_PER_PASS = 3
-# The logistic curve of 1.702 x is the normal distribution's to 1%.
+# The logistic function of 1.702 x approximates the normal distribution function to 1%.
 _LOGISTIC = 1.702
 
 
 def weight_passes(recipe: Recipe) -> list[str]:
-    """Names of the render passes (AOVs) that hold the materials' weights, three each as R, G and B."""
+    """Names of the render passes (AOVs) with the materials' weights, three per pass as R, G and B."""
     return [f"weights{first}" for first in range(0, len(recipe.materials), WEIGHTS_PER_PASS)]
 
 
 def build_material(recipe: Recipe) -> Any:
-    """A new material that looks as the recipe says, in the object's own space.
+    """A new material after the recipe, in object space.
 
-    Raises InputError where one of the recipe's materials is not principled; Cycles has no measured ones.
+    Raises InputError if one of the recipe's materials is not principled: Cycles does not support measured ones.
     """
     for one in recipe.materials:
         if one.kind != "principled":
@@ -68,7 +68,7 @@ def _principled(graph: Graph, material: Material, factors: Value | None, normal:
 
 
 def _mixed(graph: Graph, surfaces: list[Any], weights: list[Value]) -> Any:
-    """The surfaces by their weights, whose sum is 1."""
+    """A mix of the surfaces by their weights, which sum to 1."""
     mixed, total = surfaces[0], weights[0]
     for surface, weight in zip(surfaces[1:], weights[1:], strict=True):
         total = graph.math("ADD", total, weight)
@@ -89,7 +89,7 @@ def _dirty(graph: Graph, points: Value, dirt: Dirt, normal: Value | None, surfac
 
 
 def _paint(graph: Graph, points: Value, paint: Paint) -> Value | None:
-    """What base colours are multiplied by, or None for nothing."""
+    """The factor on base colours, or None for none."""
     if not paint.amount:
         return None
     own = graph.noise(points, paint.scale, paint.seed, PAINT_OCTAVES)
@@ -109,7 +109,7 @@ def _bumped(graph: Graph, points: Value, bump: Bump) -> Value | None:
 
 
 def _weights(graph: Graph, points: Value, pattern: Pattern, count: int) -> list[Value]:
-    """How much of each material there is, by the position in the object's own space."""
+    """The weight of each material by position in object space."""
     if count == 1:
         return [1.0]
     if pattern.warp and pattern.kind != "parts":
@@ -122,7 +122,7 @@ def _weights(graph: Graph, points: Value, pattern: Pattern, count: int) -> list[
         return _cells(graph, points, pattern, count)
     if pattern.kind == "noise":
         value = graph.split(graph.noise(points, pattern.scale, pattern.seed))[0]
-        # The normal distribution's share below the value: bands of equal area.
+        # The normal distribution function of the value gives bands of equal area.
         slope = -_LOGISTIC / NOISE.stdev
         share = graph.math(
             "DIVIDE", 1.0, graph.math("ADD", graph.math("EXPONENT", graph.math("MULTIPLY", value, slope)), 1.0)
@@ -132,7 +132,7 @@ def _weights(graph: Graph, points: Value, pattern: Pattern, count: int) -> list[
     along = graph.vector("DOT_PRODUCT", points, pattern.direction)
     turn = graph.math("FRACT", graph.math("MULTIPLY_ADD", along, pattern.scale / count, -0.5 / count))
     level = graph.math("MULTIPLY", turn, count)
-    # Half a stripe late, so that no blend lies where the stripes begin anew.
+    # Shifted by half a stripe: no transition lies where the period wraps around.
     rises = [_rise(graph, level, k - 0.5, pattern.softness) for k in range(1, count + 1)]
     weights = _between(graph, rises)
     last = weights.pop()
@@ -140,27 +140,27 @@ def _weights(graph: Graph, points: Value, pattern: Pattern, count: int) -> list[
 
 
 def _rise(graph: Graph, level: Value, edge: float, softness: float) -> Any:
-    """From 0 to 1 where the level passes the edge, straight over `softness`."""
+    """A linear ramp from 0 to 1 where the level passes the edge, of width `softness`."""
     if not softness:
         return graph.math("GREATER_THAN", level, edge)
     return graph.math("MULTIPLY_ADD", level, 1 / softness, 0.5 - edge / softness, clamp=True)
 
 
 def _between(graph: Graph, rises: list[Any]) -> list[Any]:
-    """Weights of the bands before, between and after rises that follow one another."""
+    """Weights of the bands before, between and after successive ramps."""
     middle = [graph.math("SUBTRACT", low, high) for low, high in pairwise(rises)]
     return [graph.math("SUBTRACT", 1.0, rises[0]), *middle, rises[-1]]
 
 
 def _picked(graph: Graph, level: Value, count: int) -> list[Any]:
-    """1 for the material whose number is the level's whole part, 0 for the others."""
+    """1 for the material whose index is the integer part of the level, 0 for the others."""
     return _between(graph, [_rise(graph, level, k, 0) for k in range(1, count)])
 
 
 def _cells(graph: Graph, points: Value, pattern: Pattern, count: int) -> list[Any]:
-    """Each cell is of one material, taken by its random colour; near a border the neighbour's is blended in.
+    """One material per cell, chosen by the cell's random colour, blended with the neighbour's near borders.
 
-    Blender 5.0 drew its cells anew: they are others than 4.5's. Every other pattern is the same in all versions.
+    Blender 5.0 changed the random cells of 4.5. All other patterns are the same in all versions.
     """
 
     def own(feature: str) -> list[Any]:
@@ -171,7 +171,7 @@ def _cells(graph: Graph, points: Value, pattern: Pattern, count: int) -> list[An
     if not pattern.softness:
         return nearest
     border = graph.voronoi(points, pattern.scale, pattern.seed, "DISTANCE_TO_EDGE").outputs["Distance"]
-    # Half of each at the border; nothing of the other at half the softness.
+    # Half of each at the border, only the own material from half the softness on.
     share = graph.math("MULTIPLY_ADD", border, -1 / pattern.softness, 0.5, clamp=True)
     return [
         graph.math("MULTIPLY_ADD", graph.math("SUBTRACT", other, one), share, one)

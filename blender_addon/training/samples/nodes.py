@@ -1,4 +1,4 @@
-"""Shader nodes written as formulas: a graph whose values are sockets or plain numbers."""
+"""Shader nodes written as formulas, whose values are sockets or plain numbers."""
 
 from typing import Any
 
@@ -6,21 +6,21 @@ from numpy.random import PCG64, Generator
 
 from mpsnet_core.synthesis.shading.pattern import NOISE
 
-Value = Any  # a socket, a number, or three numbers
+Value = Any  # a socket, a scalar, or three components
 
-# One octave of Blender's noise, which runs from 0 to 1 around 0.5 (measured in Blender 4.5).
+# Standard deviation of one octave of Blender's noise, from 0 to 1 around 0.5 (measured in Blender 4.5).
 _DEVIATION = 0.133
 
 
 class Graph:
-    """A node tree in the making."""
+    """A node tree that is being built."""
 
     def __init__(self, tree: Any) -> None:
         self.tree = tree
         tree.nodes.clear()
 
     def node(self, kind: str, inputs: dict[Any, Value] | None = None, **settings: Any) -> Any:
-        """A new node; `inputs` by name or number, sockets are linked to them and numbers put in."""
+        """Add a node. inputs: by name or index; sockets are linked, numbers become default values."""
         node = self.tree.nodes.new(kind)
         for name, value in settings.items():
             setattr(node, name, value)
@@ -37,36 +37,36 @@ class Graph:
             socket.default_value = value
 
     def math(self, operation: str, *values: Value, clamp: bool = False) -> Any:
-        """A number from numbers, by an operation of the Math node."""
+        """A scalar from scalars, by an operation of the Math node."""
         return self.node("ShaderNodeMath", dict(enumerate(values)), operation=operation, use_clamp=clamp).outputs[0]
 
     def vector(self, operation: str, *values: Value) -> Any:
-        """A vector, or for DOT_PRODUCT a number, from vectors, by an operation of the Vector Math node."""
+        """A vector (a scalar for DOT_PRODUCT) from vectors, by an operation of the Vector Math node."""
         node = self.node("ShaderNodeVectorMath", dict(enumerate(values)), operation=operation)
         return node.outputs["Value" if operation == "DOT_PRODUCT" else "Vector"]
 
     def split(self, vector: Value) -> list[Any]:
-        """The three numbers of a vector or colour."""
+        """The three components of a vector or colour."""
         return list(self.node("ShaderNodeSeparateXYZ", {0: vector}).outputs)
 
     def join(self, numbers: list[Value]) -> Any:
-        """A vector of three numbers."""
+        """A vector from three components."""
         return self.node("ShaderNodeCombineXYZ", dict(enumerate(numbers))).outputs[0]
 
     def noise(self, points: Value, scale: float, seed: int, octaves: int = 1) -> Any:
-        """Three independent noise fields, as strong as :mod:`mpsnet_core.synthesis.noise` has them, as one vector."""
+        """Three independent noise fields as one vector, with the amplitude of :mod:`mpsnet_core.synthesis.noise`."""
         settings = {"Vector": self._places(points, scale, seed), "Scale": 1.0, "Detail": octaves - 1.0}
         noise = self.node("ShaderNodeTexNoise", settings, noise_dimensions="3D")
-        # Blender divides by the sum of the octaves' strengths 1, 1/2, 1/4 ...
+        # Blender divides by the sum of the octaves' amplitudes 1, 1/2, 1/4 ...
         deviation = _DEVIATION * sum(0.25**n for n in range(octaves)) ** 0.5 / sum(0.5**n for n in range(octaves))
         gain = NOISE.stdev / deviation
         return self.vector("MULTIPLY_ADD", noise.outputs["Color"], (gain,) * 3, (-0.5 * gain,) * 3)
 
     def voronoi(self, points: Value, scale: float, seed: int, feature: str) -> Any:
-        """A Voronoi node with cells 1 / scale wide; what its outputs mean depends on the feature."""
+        """A Voronoi node with cells of width 1 / scale. The meaning of its outputs depends on the feature."""
         settings = {"Vector": self._places(points, scale, seed), "Scale": 1.0}
         return self.node("ShaderNodeTexVoronoi", settings, voronoi_dimensions="3D", feature=feature)
 
     def _places(self, points: Value, scale: float, seed: int) -> Any:
-        # Blender's noise has no seed; another place in it serves as well.
+        # Blender's noise has no seed; an offset serves as one.
         return self.vector("MULTIPLY_ADD", points, (scale,) * 3, tuple(Generator(PCG64(seed)).random(3) * 100))

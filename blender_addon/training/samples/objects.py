@@ -1,4 +1,4 @@
-"""The scene's own objects as what samples show: snapshots of them as a render sees them, brought to radius 1."""
+"""The scene's own objects as subjects of samples: snapshots as a render sees them, scaled to radius 1."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -22,9 +22,9 @@ from ...scene.mesh_file import as_rendered
 
 @dataclass(frozen=True)
 class SceneObjects:
-    """Snapshots of objects, instances among them, in a space of their own: centred, bounding sphere of radius 1.
+    """Snapshots of objects and instances in a common space: centred, with a bounding sphere of radius 1.
 
-    meshes: each with the matrix that brings its own space there. vertices (V, 3) and triangles (T, 3): all together.
+    meshes: each with the matrix to that space. vertices (V, 3) and triangles (T, 3): of all meshes together.
     """
 
     meshes: list[tuple[Any, Matrix]]
@@ -33,12 +33,12 @@ class SceneObjects:
 
 
 def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
-    """Open a .blend file and take snapshots of the objects of those names, as they stand in its frame.
+    """Open a .blend file and take snapshots of the named objects at its current frame.
 
-    What modifiers make is in them; of hair and volumes they have nothing. Their materials' displacement becomes bump,
-    and the materials are numbered from 0 by their pass index.
+    They include modifiers, but no hair and no volumes. Their materials' displacement becomes bump, and the materials'
+    pass indices are numbered from 0.
 
-    Raises InputError where the file or an object is missing, has no surface, or glows.
+    Raises InputError if the file or an object is missing, has no surface, or glows.
     """
     path = existing_file(path, "scene")
     try:
@@ -59,7 +59,7 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
         for instance in depsgraph.object_instances:
             owner = (instance.parent or instance.object).original
             if owner not in wanted or instance.object.type != "MESH":
-                continue  # what a text or a curve makes comes as a mesh of its own
+                continue  # text and curves yield separate mesh instances
             refuse_glow(instance.object, owner.name)
             mesh = bpy.data.meshes.new_from_object(instance.object, preserve_all_data_layers=True, depsgraph=depsgraph)
             if not mesh.polygons:
@@ -120,7 +120,7 @@ def _number_materials(meshes: Any) -> None:
 
 
 def add_objects(scene: Any, recipe: Recipe, objects: SceneObjects) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Put the objects, turned, into the scene; give their triangles in world space."""
+    """Add the rotated objects to the scene. Returns their triangles in world space."""
     turn = bpy.data.objects.new("MPS Turn", None)
     turn.matrix_world = Matrix(recipe.rotation).to_4x4()
     scene.collection.objects.link(turn)

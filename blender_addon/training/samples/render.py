@@ -1,4 +1,4 @@
-"""One Cycles render a sample: three light groups, normals, alpha and materials, in one multi-layer EXR."""
+"""One Cycles render per sample: three light groups, normals, alpha and materials in one multi-layer EXR."""
 
 import os
 from pathlib import Path
@@ -26,14 +26,14 @@ from .scene import add_shape, sample_scene
 def render_sample(
     recipe: Recipe, shown: Shape | SceneObjects, samples: int, path: Path, *, denoise: bool = False
 ) -> Sample:
-    """What the recipe's camera sees of a shape made of its materials, or of a scene's objects made of their own.
+    """Render a shape with the recipe's materials, or a scene's objects with their own, from the recipe's camera.
 
-    samples: Cycles samples a pixel, all lights together; a multiple of four, else the next one is taken. path: beside
-    it lies what Blender writes meanwhile. denoise: the light of recipes that gain from it.
+    samples: Cycles samples per pixel for all lights together, rounded up to a multiple of four. path: temporary files
+    are written next to it. denoise: whether to denoise recipes that gain from it.
 
-    Raises InputError where a material is measured, or the render or its file fails.
+    Raises InputError if a material is measured, or the render or its file fails.
     """
-    layers = unfinished_path(path, ".layers.exr")  # so that what a killed worker leaves is found and removed
+    layers = unfinished_path(path, ".layers.exr")  # a name that lets leftovers of a killed worker be removed
     with sample_scene(recipe) as scene:
         add = add_objects if isinstance(shown, SceneObjects) else add_shape
         vertices, triangles = add(scene, recipe, shown)  # type: ignore[arg-type]
@@ -49,7 +49,7 @@ def render_sample(
 
 
 def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
-    """Set a scene up for a render of the recipe with so many samples a pixel."""
+    """Set up a scene for a render of the recipe with this many samples per pixel."""
     render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = "CYCLES"
     render.film_transparent = True
@@ -57,7 +57,7 @@ def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
     if threads := int(os.environ.get(THREADS_VARIABLE, 0)):
         render.threads_mode, render.threads = "FIXED", threads
     cycles.device = "CPU"
-    # See scene.py: shares the samples out evenly among the four suns.
+    # Distributes the samples evenly among the four suns, see scene.py.
     cycles.samples = -(-samples // 4) * 4
     cycles.sampling_pattern, cycles.use_light_tree = "TABULATED_SOBOL", False
     cycles.seed = int(np.random.SeedSequence([recipe.seed, recipe.number]).generate_state(1)[0] >> 1)
@@ -74,7 +74,7 @@ def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
 
 
 def render_layers(scene: Any, path: Path) -> None:
-    """Render a scene into a float multi-layer EXR. Raises InputError where Blender cannot."""
+    """Render a scene into a float multi-layer EXR. Raises InputError if Blender cannot."""
     render = scene.render
     settings = render.image_settings
     if bpy.app.version >= (5, 0):
@@ -83,7 +83,7 @@ def render_layers(scene: Any, path: Path) -> None:
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
     render.filepath = with_escaped_braces(path)
     try:
-        # Where there is denoising, the compositor writes the file.
+        # With denoising, the compositor writes the file.
         bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
     except RuntimeError as error:
         raise FileError(f"Blender could not render {path}: {operator_report(error)}") from None

@@ -1,8 +1,8 @@
-"""A recipe as a Blender scene of its own: the object, the camera, and three white suns in light groups.
+"""A recipe as a separate Blender scene: the object, the camera, and three white suns in light groups.
 
-Each Cycles sample draws one of the lights by chance. Its Sobol sequence shares them out evenly among four lights, four
-samples at a time, but not among three, so that a fourth sun, all but black, takes the noise of that draw away: on a
-matt sphere with 64 samples equation 2's normals are 0.17° off rather than 2.3°.
+Each Cycles sample picks one of the lights at random. The Sobol sequence distributes every four samples evenly among
+four lights, but not among three. A fourth, almost black sun therefore removes the noise of that choice: on a matt
+sphere with 64 samples, the error of equation 2's normals is 0.17° instead of 2.3°.
 """
 
 import math
@@ -22,13 +22,13 @@ from mpsnet_core.synthesis.shapes import Shape
 
 from .materials import PART, build_material
 
-_ALL_BUT_BLACK = 1e-6  # Cycles leaves out lights that are black
+_ALL_BUT_BLACK = 1e-6  # Cycles skips black lights
 _KINDS = ("scenes", "worlds", "objects", "meshes", "cameras", "lights", "materials", "node_groups", "images")
 
 
 @contextmanager
 def sample_scene(recipe: Recipe) -> Iterator[Any]:
-    """A scene with the recipe's camera and lights and nothing else; it and all that was added go with the context."""
+    """A scene with the recipe's camera and lights alone. It is removed at the end, with everything added to it."""
     before = {data for kind in _KINDS for data in getattr(bpy.data, kind)}
     scene = bpy.data.scenes.new("MPS Sample")
     try:
@@ -44,7 +44,7 @@ def sample_scene(recipe: Recipe) -> Iterator[Any]:
 
 
 def _add_camera(scene: Any, camera: Camera) -> Any:
-    """The inverse of :func:`blender_addon.scene.camera.scene_camera`, for a camera whose pixels may be oblong."""
+    """The inverse of :func:`blender_addon.scene.camera.scene_camera`, for cameras with non-square pixels, too."""
     data = bpy.data.cameras.new("MPS Camera")
     data.sensor_fit, data.sensor_width = "HORIZONTAL", FULL_FRAME
     (fx, fy), width = camera.focal, camera.width
@@ -66,7 +66,7 @@ def _add_camera(scene: Any, camera: Camera) -> Any:
 
 
 def _add_sun(scene: Any, direction: NDArray[np.float64], irradiance: float, size: float = 0.0) -> Any:
-    """A white sun, `size` degrees across."""
+    """A white sun with an angular diameter of `size` degrees."""
     data = bpy.data.lights.new("MPS Sun", "SUN")
     data.energy, data.angle = irradiance, math.radians(size)
     light = bpy.data.objects.new("MPS Sun", data)
@@ -77,7 +77,7 @@ def _add_sun(scene: Any, direction: NDArray[np.float64], irradiance: float, size
 
 
 def add_shape(scene: Any, recipe: Recipe, shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Put the shape, turned and made of the recipe's materials, into the scene; give its world triangles."""
+    """Add the rotated shape with the recipe's materials to the scene. Returns its triangles in world space."""
     mesh = _mesh(shape)
     mesh.materials.append(build_material(recipe))
     obj = bpy.data.objects.new("MPS Sample", mesh)
@@ -87,9 +87,9 @@ def add_shape(scene: Any, recipe: Recipe, shape: Shape) -> tuple[NDArray[np.floa
 
 
 def _mesh(shape: Shape) -> Any:
-    """The shape with its shading normals, one a vertex: vertices are split where normals are.
+    """The shape as a mesh with one shading normal per vertex: vertices are split where normals differ.
 
-    Cycles shades by vertex normals, and not all versions split the vertices of a mesh by its corner normals.
+    Cycles shades by vertex normals, and not all versions split a mesh's vertices by its corner normals.
     """
     normals = shape.corner_normals.reshape(-1, 3).astype(np.float32)
     corners = shape.triangles.reshape(-1)

@@ -1,4 +1,4 @@
-"""A Blender that makes samples on request: what the farm starts, as many as it has processes."""
+"""A Blender process that makes samples on request. The farm starts several of them."""
 
 import os
 from pathlib import Path
@@ -21,13 +21,13 @@ from .render import render_sample
 def work(folder: str | os.PathLike[str]) -> None:
     """Make the samples of the job in `folder` that are requested on stdin, see :mod:`mpsnet_core.synthesis.farm.work`.
 
-    Where the job shows a scene's own objects, the folder's ``scene.blend`` is opened in place of the open file.
+    If the job uses a scene's own objects, the folder's ``scene.blend`` is opened.
     """
     serve(folder, _Worker().make)
 
 
 class _Worker:
-    """Makes samples, one after the other; the scene's own objects are read once."""
+    """Makes samples, one after the other. The scene's own objects are read once."""
 
     def __init__(self) -> None:
         self.objects: SceneObjects | None = None

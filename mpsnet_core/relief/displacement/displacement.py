@@ -1,10 +1,10 @@
-"""Displacement: heights on an object's own UVs, from the normals that were baked onto them.
+"""Displacement: heights on a mesh's UVs, integrated from the normals that were baked onto them.
 
-Between neighbouring texels the normals determine how the heights change, whatever the UVs' stretch
-(:mod:`mpsnet_core.relief.displacement.height_constraints`), and on the two sides of a seam the heights are the same.
-All of that is solved at once (:mod:`mpsnet_core.arrays.graph_poisson`), so that no island has a height of
-its own and no seam opens. Normals that no surface can have together, as at folds of the mesh and at the borders of what
-a photo shows, count less, and the heights lie flatter there.
+The normals determine the change of height between neighbouring texels, independently of the UVs' stretch
+(:mod:`mpsnet_core.relief.displacement.height_constraints`). On the two sides of a seam the heights are equal. One
+system of equations covers it all (:mod:`mpsnet_core.arrays.graph_poisson`): islands have no offsets of their own, and
+no seam opens. Contradicting normals, as at folds of the mesh and at the borders of what a photo shows, have less
+weight, which flattens the heights there.
 """
 
 from dataclasses import dataclass
@@ -30,39 +30,39 @@ from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 
-# How heights change along a curved surface depends on the heights themselves, and so does which gradients can be
-# trusted: the second time they are known. After the third little changes.
+# Number of solves. Changes of height along a curved surface, and the trust in gradients, depend on the heights, which
+# are known from the second solve on. After the third, little changes.
 PASSES = 3
-# A gradient that is so far from what the gradients around it come to is half trusted.
+# A gradient that deviates this much from the solved heights has half its weight.
 STRAY = 0.2
-# Texels that heights are carried on beyond an island with their gradient; from there on as they are.
+# Texels beyond an island over which heights continue with their gradient; constant beyond.
 CARRIED = 1.5
-# Within how many of the mesh's edges the relief has faded to a third where no view saw it, or within how many texels
-# where those are longer.
+# Length over which relief decays to a third where no view saw it: this many mean edges of the mesh or this many texels,
+# whichever is longer.
 FADE, TEXELS = 1.0, 3.0
-# Reads at seams that are nearer to what they should be than this share of the relief are no spikes; after so many steps
-# little changes.
+# Errors of interpolated heights at seams below this fraction of the relief are tolerated; after this many steps, little
+# changes.
 SPIKE, SEAM_STEPS = 0.02, 60
-# The share of its texels that a base has in common with its mesh, at least.
+# Least fraction of texels that a base and its mesh have in common.
 COMMON = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Displacement:
-    """How far the surface stands out from a mesh, along the mesh's smooth normals, on its UVs.
+    """Heights of a surface over a mesh, along the mesh's smooth normals, on its UVs.
 
     Attributes
     ----------
     values : (S, S) float32 array
-        Heights in world units, row 0 at v = 1; they continue smoothly beyond the islands.
+        Heights in world units, row 0 at v = 1, extrapolated smoothly beyond the islands.
     covered : (S, S) bool array
-        Texels on the surface.
+        Texels with surface under them.
     texel : float
         Mean length of a texel in world units.
     seam_step : float
         Root mean square difference of the heights on the two sides of the seams, in world units.
     contradicted : float
-        Share of the surface, from 0 to 1, where no surface has these normals.
+        Fraction of the surface, from 0 to 1, where the normals contradict one another.
     """
 
     values: NDArray[np.float32]
@@ -72,7 +72,7 @@ class Displacement:
     contradicted: float
 
     def as_height_map(self) -> HeightMap:
-        """The whole texture as a height map, for :func:`mpsnet_core.relief.height_files.write_height`."""
+        """The texture as a height map, for :func:`mpsnet_core.relief.height_files.write_height`."""
         size = len(self.values)
         camera = Camera("orthographic", size, size, np.full(2, 1 / self.texel))
         return HeightMap(self.values, np.ones(self.values.shape, bool), camera)
@@ -89,7 +89,7 @@ def displacement(
     margin: int = 16,
     progress: Progress = silent,
 ) -> Displacement:
-    """The heights h for which the surface p + h n, n the mesh's smooth normals, has the normals of a texture.
+    """The heights h for which the surface p + h n has the normals of a texture, where n are the mesh's smooth normals.
 
     Parameters
     ----------
@@ -98,30 +98,30 @@ def displacement(
     mesh : Mesh
         The mesh that the texture was baked onto.
     space : {"tangent", "object"}
-        Of the texture.
+        Space of the texture's normals.
     base : Mesh, optional
-        The mesh to be displaced, where that is `mesh` subdivided; with the same UVs.
+        The mesh to be displaced, if that is `mesh` subdivided, with the same UVs.
     scale : float
-        Share of the diagonal of the mesh's bounding box. Bumps wider than about this are left to the mesh, because
-        estimated normals err smoothly: one degree all over is a height of 2 % of the size. So are smooth facets, unless
-        there is a base: the heights are what shading lacks. 0 keeps all, and makes facets round.
+        Fraction of the diagonal of the mesh's bounding box. Bumps wider than about this come from the mesh, because
+        the errors of estimated normals are smooth: one degree over the whole object is a height of 2 % of its size.
+        Without a base, facets with smooth shading stay flat, too. 0 keeps all bumps, and rounds facets.
     mean : float, optional
         Mean height by area of each connected part, in world units. By default the surface stays where `mesh` is.
     margin : int
-        Texels that the islands' borders are grown by.
+        Texels by which the UV islands are dilated.
     progress : Progress
 
     Returns
     -------
     Displacement
-        Heights that are equal on the two sides of each seam, flatter where normals contradict one another.
+        Heights that are equal on the two sides of each seam, and flatter where normals contradict one another.
 
     Raises
     ------
     SettingsError
-        Where a number is out of range.
+        If a value is out of range.
     GeometryError
-        Where the texture does not fit the mesh, or the base is another mesh.
+        If the texture does not fit the mesh, or the base is another mesh.
     """
     progress(0.0, "laying out the UVs")
     vectors = np.asarray(vectors, np.float32)
@@ -149,7 +149,7 @@ def _measured(
     trust: NDArray[np.floating[Any]],
     apart: NDArray[np.floating[Any]],
 ) -> Displacement:
-    """The heights with their figures. areas, trust: of the covered texels. apart: the heights' differences at seams."""
+    """The heights with their statistics. areas, trust: of the covered texels. apart: differences of height at seams."""
     return Displacement(
         values,
         covered,
@@ -160,7 +160,7 @@ def _measured(
 
 
 def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:
-    """Of the mesh, and of what is displaced, which is the same unless there is a base."""
+    """The layouts of the mesh and of the displaced mesh, which are the same without a base."""
     own = layout_of(mesh, size)
     laid = own if base is None else layout_of(base, size)
     if not (laid.triangle >= 0).any():
@@ -171,15 +171,15 @@ def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:
 
 
 def _fade(own: Layout, areas: NDArray[np.float64]) -> float:
-    """Within how much of the world the relief fades where no view saw it. areas: (N,) of the texels in the world."""
+    """Length, in world units, over which relief decays where no view saw it. areas: (N,) of the texels."""
     edge = np.sqrt(2 * (own.areas() * texel_areas(own.corners)).mean())
     return float(max(FADE * edge, TEXELS * np.sqrt(areas.mean())))
 
 
 def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
-    """(N,) how firmly the heights are held to where the mesh lies: not for a scale of 0, most where no view saw it.
+    """(N,) weights that pull the heights to the mesh: 0 for a scale of 0, largest where no view saw the surface.
 
-    areas: (N,) of the texels in the world. seen: (N,) from 0 to 1. scale: as :func:`displacement` takes it.
+    areas: (N,) of the texels, in world units. seen: (N,) from 0 to 1. scale: see :func:`displacement`.
     """
     if not scale:
         return np.zeros(len(areas), np.float32)
@@ -192,7 +192,7 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
 def _solved(
     graph: Graph, seams: Seams, wanted: Chords, areas: NDArray[np.float64], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """(N,) heights, (N,) how far the normals there are trusted, and (M,) the heights' steps at the ties."""
+    """(N,) heights, (N,) trust in the normals there, and (M,) the steps of height at the ties across seams."""
     solver = Solver(graph)
     heights = np.zeros(len(areas), np.float32)
     steps, trust = np.sqrt(areas).astype(np.float32), np.ones_like(heights)
@@ -227,7 +227,7 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
 
 
 def _check_base(own: Layout, base: Layout) -> None:
-    """Raises GeometryError where the base is not the mesh subdivided: not on the same UVs, or far away."""
+    """Raise GeometryError if the base is not the subdivided mesh: its UVs differ, or it is far away."""
     on_own, on_base = own.triangle >= 0, base.triangle >= 0
     common = np.count_nonzero(on_own & on_base)
     least, most = ([end(mesh.world_vertices, axis=0) for mesh in (own.mesh, base.mesh)] for end in (np.min, np.max))
@@ -246,11 +246,11 @@ def _trust(
     heights: NDArray[np.float32],
     steps: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """(N,) from 0 to 1, how far the changes (N,) to the neighbours on the right and below agree with the heights.
+    """(N,) trust from 0 to 1: how well the changes (N,) to the neighbours on the right and below fit the heights.
 
-    Where the mesh is folded, where the photo shows something else than lies there, and where its view ends, the normals
-    are of no surface that stands out from the mesh: heights that follow them are torn, and their cliffs pull at all
-    around. Gradients that do agree are trusted however steep they are. steps: (N,) from texel to texel in the world.
+    At folds of the mesh, where the photo shows another surface, and at a view's border, the normals belong to no height
+    field over the mesh: heights that follow them tear, and the cliffs distort their surroundings. Consistent gradients
+    are trusted, however steep they are. steps: (N,) distance between texels in world units.
     """
     apart = (heights[graph.neighbours[:2]] - heights - np.stack([right, below])) * (graph.weights[:2] > 0) / steps
     trust: NDArray[np.float32] = np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
@@ -264,8 +264,8 @@ def _gradient(
     texels: NDArray[np.int32],
     offsets: NDArray[np.floating[Any]],
 ) -> NDArray[np.float32]:
-    """(...,) how much the heights change from texels (...,) over `offsets` (..., 2) right and down, by what is known of
-    the changes (N,) to the neighbours around them."""
+    """(...,) change of height from texels (...,) over `offsets` (..., 2), right and down, from the changes (N,) to the
+    neighbours around them."""
     total = np.zeros(texels.shape, np.float32)
     for axis, known in enumerate((right, below)):
         ahead, behind = graph.weights[axis, texels], graph.weights[axis + 2, texels]
@@ -275,7 +275,7 @@ def _gradient(
 
 
 def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N,) the mean by area over the connected part of the surface that each texel is on."""
+    """(N,) the area-weighted mean over the connected part of the surface that each texel belongs to."""
     count = int(graph.islands.max()) + 1
     of_island = connected(count, *graph.islands[graph.ties].T.astype(np.int64))
     surface = of_island[graph.islands]
@@ -287,10 +287,10 @@ def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]
 def _with_margin(
     graph: Graph, heights: NDArray[np.float32], covered: NDArray[np.bool_], margin: int
 ) -> NDArray[np.float32]:
-    """(S, S) the heights, grown beyond the islands.
+    """(S, S) the heights, extrapolated beyond the islands.
 
-    The first texels go on with the gradient of the nearest one inside, so that what is read between texels along a
-    seam, half of it from the margin, is the same on both sides.
+    The first texels continue with the gradient of the nearest one inside. So the interpolated height along a seam, half
+    of which comes from the margin, is the same on both sides.
     """
     number = np.arange(len(heights), dtype=np.int32)
     right, below = (heights[graph.neighbours[axis]] - heights for axis in (0, 1))
@@ -315,11 +315,11 @@ def _with_margin(
 def _meeting(
     values: NDArray[np.float32], graph: Graph, heights: NDArray[np.float32], covered: NDArray[np.bool_], seams: Seams
 ) -> NDArray[np.float32]:
-    """(S, S) the heights such that what is read at the seams is the same on both sides, as nearly as that goes.
+    """(S, S) the heights with the margin adjusted so that both sides of a seam interpolate to nearly equal heights.
 
-    Where islands are nearer to one another than two texels, or too small to cover one, what is read between texels is
-    in part another island's: a spike on the surface. Simultaneous iterative reconstruction (SIRT) brings the reads to
-    the height that the islands have there, by the texels between islands.
+    If islands are less than two texels apart, or too small to cover one, interpolation mixes in another island's
+    heights: a spike on the surface. The simultaneous iterative reconstruction technique (SIRT) adjusts the texels
+    between the islands until interpolation gives the islands' own height.
     """
     right, below = (heights[graph.neighbours[axis]] - heights for axis in (0, 1))
     near = np.maximum(seams.texels, 0)

@@ -1,4 +1,4 @@
-"""The files of a normal texture, one or UDIM tiles, to those of heights on the same mesh's UVs."""
+"""Files of heights on a mesh's UVs, from those of a normal texture, a single one or UDIM tiles."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,14 @@ from mpsnet_core.scene.normal_map import Convention, encode, read_normals
 
 log = logging.getLogger(__name__)
 
-# The share of the surface where normals that fit it may contradict one another: a photo's around eyes and nostrils are
-# some hundredths.
+# If normals contradict one another on a larger fraction of the surface, texture and mesh do not fit. In photos, around
+# eyes and nostrils, it is a few hundredths.
 DOUBTFUL = 0.3
 
 
 @dataclass(frozen=True)
 class BakedNormals:
-    """A normal texture, and what it was baked onto.
+    """A normal texture, and the mesh that it was baked onto.
 
     file: with ``<UDIM>`` for UDIM tiles. mesh: the mesh's file. space, convention: of the normals.
     """
@@ -47,11 +47,11 @@ class BakedNormals:
 
 @dataclass(frozen=True)
 class HeightTarget:
-    """How heights on UVs are written, and where.
+    """Where and how heights on UVs are written.
 
-    file: with ``<UDIM>`` where the normals have it. object_space: file for the same normals in object space, which
-    shade the displaced surface as these shade the mesh; None for none. bits: as :func:`write_height` takes them. unit:
-    what the mesh's unit is called.
+    file: with ``<UDIM>`` if the normals' file has it. object_space: file for the normals in object space, which shade
+    the displaced surface as the texture shades the mesh; None for none. bits: see :func:`write_height`. unit: name of
+    the mesh's unit.
     """
 
     file: str
@@ -64,9 +64,9 @@ class HeightTarget:
 class HeightsOnUVs(Result):
     """Heights on a mesh's UVs.
 
-    outputs: the files of heights and of their scales, and of the normals in object space. tiles: the UDIM tiles'
-    numbers. unit: what the mesh's unit is called. height: the lowest and the highest, how the files mean them, and the
-    step at the seams.
+    outputs: the files of heights, of their scales, and of the normals in object space. tiles: numbers of the UDIM
+    tiles. unit: name of the mesh's unit. height: the lowest and the highest, the files' scale, and the step at the
+    seams.
     """
 
     outputs: list[str]
@@ -85,12 +85,12 @@ def write_displacement(
     margin: int,
     progress: Progress,
 ) -> HeightsOnUVs:
-    """Write the heights that a normal texture means on the mesh that it was baked onto.
+    """Integrate a normal texture to heights on the mesh that it was baked onto, and write them.
 
-    base: the file of what is to be displaced, where that is the same mesh subdivided. scale, mean, margin: as
-    :func:`displacement` takes them.
+    base: file of the mesh to be displaced, if that is the same mesh subdivided. scale, mean, margin: see
+    :func:`displacement`.
 
-    Raises InputError where a file cannot be read or written, a number is out of range, or texture and mesh do not fit.
+    Raises InputError if a file cannot be read or written, a value is out of range, or texture and mesh do not fit.
     """
     tiled = _checked_names(texture, target)
     progress(0.0, "reading the mesh")
@@ -137,7 +137,7 @@ def write_displacement(
 
 
 def _checked_names(texture: BakedNormals, target: HeightTarget) -> bool:
-    """Whether all are of UDIM tiles. Raises SettingsError where some are, or where `object_space` is not needed."""
+    """Whether the files are of UDIM tiles. Raises SettingsError if only some are, or `object_space` is not needed."""
     if target.object_space and texture.space == "object":
         raise SettingsError(f"{texture.file} is in object space already; leave --object-space out")
     tiled = _tiled(texture.file, target.file)
@@ -145,7 +145,7 @@ def _checked_names(texture: BakedNormals, target: HeightTarget) -> bool:
 
 
 def _tiled(normals: str, height: str) -> bool:
-    """Whether texture and heights are of UDIM tiles. Raises SettingsError where one of them is."""
+    """Whether texture and heights are of UDIM tiles. Raises SettingsError if only one of them is."""
     normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
     if normals_tiled != height_tiled:
         has, lacks = (normals, height) if normals_tiled else (height, normals)
@@ -165,7 +165,7 @@ def _files(name: str | None, chosen: Sequence[TextureSet], tiled: bool) -> list[
 
 
 def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[TextureSet]:
-    """The tiles but for those that the bake makes no texture of: it is missing, and no texel lies on their UVs."""
+    """The tiles, except those that a bake writes no texture for: the file is missing, no texel lies on their UVs."""
     textures = texture_files(normals, chosen)
     first = next((file for file in textures if file.is_file()), None)
     shape = read_size(first) if first else None
@@ -184,7 +184,7 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
 
 
 def _write_heights(parts: Mapping[Path, NDArray[np.float32]], found: Displacement, target: HeightTarget) -> HeightScale:
-    """Write each file's part of the heights, all on one scale, which is returned."""
+    """Write each file's part of the heights, all with one scale. Returns the scale."""
     ends = float(found.values.min()), float(found.values.max())
     for file, values in parts.items():
         heights = replace(found, values=values).as_height_map()
@@ -200,8 +200,7 @@ def _write_normals(parts: Mapping[Path, NDArray[np.float32]]) -> None:
 def _checked_outputs(
     outputs: Sequence[Path], turned: Sequence[Path], bits: int | None, taken: Sequence[Path]
 ) -> list[Path]:
-    """The heights' files and their scales, and `turned`. Raises InputError where they cannot be written, or are
-    `taken`."""
+    """The files of heights and scales, and `turned`. Raises InputError if they cannot be written, or are `taken`."""
     files: list[Path] = []
     for output in outputs:
         written = height_files(output, bits)
@@ -212,7 +211,7 @@ def _checked_outputs(
 
 
 def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, baked: str) -> None:
-    """Warn where the texture seems to be another mesh's, or `baked` otherwise. span: of the heights."""
+    """Warn if the texture seems to belong to another mesh, or to be `baked` differently. span: of the heights."""
     across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
     misfits = []
     if span > across:

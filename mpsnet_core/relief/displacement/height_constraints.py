@@ -1,4 +1,4 @@
-"""What baked normals require of the heights on a mesh's UVs: how much they change from each texel to the next."""
+"""Constraints of baked normals on heights over a mesh's UVs: the change from each texel to the next."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,13 +19,13 @@ from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
 from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
-# Gradients steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are
-# limited to it: a normal at right angles to the mesh's would require an infinite height. Less steep than what
-# heights before a camera may be (gradients.LEAST_FACING): here steep texels count as much as all others, and what bends
-# away further from its own mesh is no height over it.
+# Gradients steeper than this (cosine of the angle between the surface and the mesh; 80°) are limited to it: a normal
+# perpendicular to the mesh's would require an infinite height. The limit is lower than that of integration over a
+# photo (gradients.LEAST_FACING): here steep texels have the same weight as all others, and a surface that bends away
+# further is no height field over its mesh.
 LEAST_FACING = 0.17
-# Normals nearer than this to the mesh's own are those: as far as eight bits a channel tell. Texels around one that have
-# to be the same, for it to count as not seen.
+# Normals within this distance of the mesh's own count as equal, at eight bits per channel. A texel is unseen if its
+# neighbours within this many texels are equal, too.
 SAME = 0.007
 AROUND = 2
 ROWS = 64
@@ -35,8 +35,8 @@ ROWS = 64
 class Chords:
     """For N covered texels, h_j - h_i = -(flat + curved (h_i + h_j) / 2) to the neighbours j on the right and below.
 
-    flat: (2, N) in world units. curved: (2, N) for each unit of height. Without meaning where there is no neighbour.
-    outwards: (N,) how far the mesh with the normals lies outwards of the one that is displaced; 0 where they are one.
+    flat: (2, N) in world units. curved: (2, N) per unit of height. Both are meaningless where there is no neighbour.
+    outwards: (N,) distance by which the mesh of the normals lies outside the displaced one; 0 if they are the same.
     """
 
     flat: NDArray[np.float32]
@@ -44,7 +44,7 @@ class Chords:
     outwards: NDArray[np.float32]
 
     def changes(self, graph: Graph, heights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(N,) the changes to the neighbours on the right and below, where the heights are about `heights`."""
+        """(N,) the changes to the neighbours on the right and below, given approximate `heights`."""
         right, below = (
             -(self.flat[axis] + self.curved[axis] * (heights + heights[graph.neighbours[axis]]) / 2) for axis in (0, 1)
         )
@@ -60,16 +60,16 @@ def chords(
     shaded: bool,
     progress: Progress,
 ) -> Chords:
-    """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, require of heights on the mesh of `base`.
+    """Constraints on heights over the mesh of `base` from normals `vectors` (S, S, 3) baked onto the mesh of `own`.
 
-    seen: (S, S) from 0, the mesh's own smooth normals instead, to 1. shaded: the heights are over a surface that has
-    the mesh's shading normals, so that smooth facets stay what they are; else over its facets.
+    seen: (S, S) weight of the normals, from 0 (the mesh's own smooth normals apply) to 1. shaded: heights are relative
+    to a surface with the mesh's shading normals, which keeps smooth-shaded facets as they are; else to the facets.
 
-    The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
-    to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
-    m (p_j - p_i) + h_j m n_j - h_i m n_i = 0.
+    The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is perpendicular to
+    m, the mean of the target normals at its two ends (exactly so on a sphere, a cylinder and a plane):
+    m·(p_j - p_i) + h_j m·n_j - h_i m·n_i = 0.
 
-    Raises GeometryError where many of the normals point into the mesh, as those of another space do.
+    Raises GeometryError if many of the normals point into the mesh, as they do in the wrong space.
     """
     size = len(base.triangle)
     numbers = np.cumsum(np.concatenate([[0], (base.triangle >= 0).sum(axis=1)]))
@@ -92,7 +92,7 @@ def chords(
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
         facing_out += int(np.count_nonzero(dot(wanted, normal)[: len(inside)][inside] >= 0))
         for number, axis in enumerate((1, 0)):
-            # Beyond the last column and row stands what is at the other end; there is no neighbour there.
+            # np.roll wraps around at the last column and row, but there is no neighbour there.
             towards = wanted + np.roll(wanted, -1, axis)
             chord = np.roll(point, -1, axis) - point
             if shaded:
@@ -117,7 +117,7 @@ def chords(
 
 
 def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """(T, 3, 3) the corners' points in the world, relative to `middle`, and their smooth normals."""
+    """(T, 3, 3) the corners' positions in world space, relative to `middle`, and their smooth normals."""
     mesh = layout.mesh
     points, places = (mesh.world_vertices - middle)[mesh.triangles], welded(mesh).astype(np.int32)
     of_place = np.empty((places.max() + 1, 3))
@@ -139,8 +139,8 @@ def _wanted(
     own: Layout,
     shading: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """(h, S, 3) unit normals in the world for some rows of the texture, where `shading` is what :func:`_shading`
-    names."""
+    """(h, S, 3) target unit normals in world space for some rows of the texture. shading: of these rows, see
+    :func:`_shading`."""
     tangent, normal, sign = shading
     wanted = vectors.astype(np.float64)
     if space == "tangent":
@@ -157,15 +157,15 @@ def _to_world(own: Layout, normals: NDArray[np.float64]) -> NDArray[np.float64]:
 def _from_tangent_space(
     vectors: NDArray[np.float64], tangent: NDArray[np.float64], normal: NDArray[np.float64], sign: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(h, S, 3) in object space what `vectors` are in tangent space."""
+    """(h, S, 3) tangent-space `vectors` in object space, not normalised."""
     x, y, z = np.moveaxis(vectors, -1, 0)[..., None]
     found: NDArray[np.float64] = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
     return found
 
 
 def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDArray[np.float32]:
-    """(S, S, 3) a texture in object space that shades any surface near the mesh as `vectors` (S, S, 3) in tangent space
-    shade the mesh itself. margin: texels that the islands' borders are grown by."""
+    """(S, S, 3) an object-space texture that shades any surface near the mesh as the tangent-space texture `vectors`
+    (S, S, 3) shades the mesh. margin: texels by which the UV islands are dilated."""
     own = layout_of(mesh, len(vectors))
     shading, covered = _shading(own), own.triangle >= 0
     found = np.zeros(vectors.shape, np.float32)
@@ -176,18 +176,21 @@ def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDA
 
 
 def seen_share(vectors: NDArray[np.float32], space: Space, own: Layout, fade: float) -> NDArray[np.float32]:
-    """(S, S) from 0 where no view saw the surface, which a bake tells by normals that are the mesh's own, to 1 from
-    `fade` on, in the world, beyond the border: what is seen there is seen at a glance, and errs most."""
+    """(S, S) from 0 where no view saw the surface, rising to 1 at the distance `fade` (world units) from there.
+
+    Unseen texels have the mesh's own normals. Normals near them were seen at grazing angles and have the largest
+    errors.
+    """
     flat = np.ones(vectors.shape[:2], bool)
     shading = _shading(own)[1]
     for rows in bands(len(flat), ROWS):
         normal = normalised(own.at(rows, shading)[0]) if space == "object" else np.array([0.0, 0.0, 1.0])
         flat[rows] = np.linalg.norm(vectors[rows] - normal, axis=-1) < SAME
     covered = own.triangle >= 0
-    unseen = eroded(flat | ~covered, AROUND) & covered  # one texel may be so by chance
+    unseen = eroded(flat | ~covered, AROUND) & covered  # a single texel may be equal by chance
     texel = np.sqrt(own.areas()[own.triangle[covered]].mean())
     reach = int(np.clip(fade / texel, 1, len(flat) // 8))
-    # A straight border has as much of either around it.
+    # At a straight border, half of the neighbourhood is unseen: twice its fraction is 1.
     around, of_those = (box_sums(inside.astype(np.float32), reach) for inside in (covered, unseen))
     share = 2 * of_those / np.maximum(around, 1)
     return np.where(unseen, 0, np.clip(1 - share, 0, 1)).astype(np.float32)

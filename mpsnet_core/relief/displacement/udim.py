@@ -1,4 +1,4 @@
-"""UDIM tiles as one texture, for what is solved over all of them at once."""
+"""UDIM tiles joined in one texture, to solve for all of them at once."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from mpsnet_core.scene.mesh import Mesh
 
 @dataclass(frozen=True)
 class Tiles:
-    """UDIM tiles, each in a square of its own of a texture of `side` x `side` of them, from the lower left on.
+    """UDIM tiles, arranged in a texture of `side` x `side` squares, starting at the lower left.
 
     corners: (N, 2) the tiles' lower left corners in UV space.
     """
@@ -27,20 +27,20 @@ class Tiles:
         return int(np.ceil(np.sqrt(len(self.corners))))
 
     def mesh(self, mesh: Mesh) -> Mesh:
-        """The mesh with its UVs in that texture; triangles that are in none of the tiles lie outside of it."""
+        """The mesh with its UVs in that texture. Triangles in none of the tiles lie outside it."""
         of_triangle = np.floor(mesh.uvs.mean(axis=1, dtype=np.float64)).astype(np.int64)
         uvs = np.full(mesh.uvs.shape, -1.0)
         for number, corner in enumerate(self.corners):
             inside = (of_triangle == corner).all(axis=1)
             row, column = divmod(number, self.side)
             uvs[inside] = (mesh.uvs[inside] - corner + (column, row)) / self.side
-        # Tangents are those of the UVs as they were, which may hang together over a tile's border.
+        # Tangents are those of the original UVs, which may be connected across a tile's border.
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
     def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """(side S, side S, K) of the tiles' textures (S, S, K), read one by one; 0 where there is no tile.
+        """(side S, side S, K) the tiles' textures (S, S, K) joined, read one by one; 0 where there is no tile.
 
-        Raises InputError where they are not of one size, not square, or too large together.
+        Raises InputError if they differ in size, are not square, or are too large together.
         """
         ahead = iter(textures)
         first = next(ahead)
@@ -60,7 +60,7 @@ class Tiles:
         return whole
 
     def parted(self, whole: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """Each tile's (S, S, ...) of the texture (side S, side S, ...)."""
+        """Each tile's part (S, S, ...) of the texture (side S, side S, ...)."""
         return [whole[place] for place in self._places(len(whole) // self.side)]
 
     def _places(self, size: int) -> list[tuple[slice, slice]]:

@@ -1,4 +1,4 @@
-"""Where a mesh lies in a texture: what is under each texel, and which texels meet at the seams."""
+"""A mesh's layout in a texture: the triangle under each texel, and the texels that meet at the seams."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,16 +10,16 @@ from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates
 from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.scene.mesh import Mesh
 
-# Smaller triangles than this share of the largest have no area but by rounding.
+# Triangles below this fraction of the largest area are degenerate, apart from rounding.
 LEAST_AREA = 1e-12
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a mesh lies in a texture of S x S texels.
+    """A mesh's layout in a texture of S x S texels.
 
-    corners: (T, 3, 2) texel coordinates. triangle: (S, S) what covers each texel, -1 where nothing does.
-    island: (S, S) the UV island there, -1 likewise. Of islands that lie over each other one counts, whole.
+    corners: (T, 3, 2) texel coordinates. triangle: (S, S) the triangle that covers each texel, -1 for none. island:
+    (S, S) the UV island there, -1 for none. Where islands overlap, only one of them is used in the whole overlap.
     """
 
     mesh: Mesh
@@ -29,8 +29,8 @@ class Layout:
     islands: Islands
 
     def at(self, rows: slice, *layers: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
-        """(h, S, K) what corner values (T, 3, K) are at some rows of texels, linear over each triangle; 0 where there
-        is none."""
+        """(h, S, K) corner values (T, 3, K), interpolated linearly over each triangle, at some rows of texels; 0 where
+        there is no triangle."""
         triangle = self.triangle[rows]
         covered = triangle >= 0
         row, column = np.nonzero(covered)
@@ -49,12 +49,12 @@ class Layout:
         return found
 
     def areas(self) -> NDArray[np.float64]:
-        """(T,) how large a texel on each triangle is in the world."""
+        """(T,) area of a texel on each triangle, in world units."""
         areas: NDArray[np.float64] = self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
         return areas
 
     def seams(self) -> "Seams":
-        """Places a texel or so apart along the seams."""
+        """Sample points along the seams, about a texel apart."""
         size = len(self.island)
         ends = texel_coordinates(self.islands.seam_uvs, size)
         count = np.ceil(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1).max(axis=1)).astype(np.int64)
@@ -79,11 +79,11 @@ class Layout:
 
 @dataclass(frozen=True)
 class Seams:
-    """Places along the seams, and what is near them.
+    """Sample points along the seams, and the texels next to them.
 
-    places: (M, 2 sides, 2) texel coordinates. texels: (M, 2) numbers of the side's covered texels that are nearest,
-    counted row by row over all covered ones; -1 on islands that are too small to cover one there. offsets: (M, 2, 2)
-    how far right and down of those texels' centres the places are.
+    places: (M, 2 sides, 2) texel coordinates. texels: (M, 2) the nearest covered texel on each side, as an index among
+    all covered texels in row-major order; -1 on islands that are too small to cover one there. offsets: (M, 2, 2)
+    offset of the point, right and down, from that texel's centre.
     """
 
     places: NDArray[np.float64]
@@ -92,13 +92,13 @@ class Seams:
 
     @property
     def met(self) -> NDArray[np.bool_]:
-        """(M,) where both sides cover a texel, and not the same one."""
+        """(M,) whether both sides cover a texel, and not the same one."""
         met: NDArray[np.bool_] = (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
         return met
 
 
 def layout_of(mesh: Mesh, size: int) -> Layout:
-    """Lay a mesh out in a texture of `size` x `size` texels; triangles without area cover none."""
+    """Lay out a mesh in a texture of `size` x `size` texels. Triangles without area cover none."""
     islands = islands_of(mesh)
     corners = texel_coordinates(mesh.uvs, size)
     areas = mesh.world_areas

@@ -1,4 +1,4 @@
-"""The bilateral method: a surface that breaks where one thing stands before another."""
+"""The bilateral method: a surface with breaks at depth discontinuities."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,24 +11,24 @@ from mpsnet_core.relief.integration.gradients import LEAST_FACING, Gradients
 from mpsnet_core.relief.integration.multigrid import Links, sums_of_blocks
 from mpsnet_core.relief.integration.poisson import relaxed, solved
 
-# How sharply a pixel decides for one of its neighbours; the paper's value, for changes in pixels.
+# Sharpness of a pixel's choice between its two neighbours (k in the paper, with its value), for changes in pixels.
 SHARPNESS = np.float32(2)
-# What a neighbour counts at least: a part that is cut off all around stays where least squares put it.
+# Least weight of a neighbour: a part that is cut off all around stays where least squares put it.
 LEAST = np.float32(1e-5)
-# A pixel's equation that is off by this many pixels, times `facing`, on the side that it decided for counts half. The
-# first two are the first and the last pass's on the smallest picture, for what is cut early is seldom joined again; the
-# third is that of all passes on larger ones, for breaks are about where they belong by then.
+# Residual of a pixel's equation, in pixels times `facing`, on its chosen side, at which its weight is halved. The first
+# two are for the first and last pass at the coarsest level, because early cuts are seldom undone. The third is for all
+# passes at finer levels, where breaks are nearly in place.
 FIRST_OFF, SMALL_OFF, OFF = 8.0, 2.0, 0.5
-# Of the search for breaks around those of a smaller picture: a link below this share of its full weight is cut, the
-# true break is so many pixels from there at most, and so many steps fit these pixels in with what is around them.
+# The search for breaks around those of a coarser level: links below this fraction of their full weight are cut, the
+# true break is at most this many pixels away, and this many steps relax the pixels in between.
 CUT, BESIDE, SEARCHING = np.float32(0.1), 2, 24
-# In it a link counts half where the changes that its two pixels require differ by so many pixels, times `facing`.
+# In this search, the difference of the gradients of a link's two pixels, times `facing`, at which its weight is halved.
 APART = np.float32(0.1)
-# The longest side of a picture that is begun without a smaller one.
+# The coarsest level has at most this many pixels on its longer side.
 SMALL = 200
-# Passes on the smallest picture, which has the longest way to go, and on each larger one; iterations of the solver.
+# Passes at the coarsest level, where most changes happen, and at each finer one; solver iterations per pass.
 FIRST_PASSES, PASSES, ITERATIONS = 24, 12, 6
-# The share of a picture's work that is done before its own passes.
+# The fraction of a level's progress that its initial depth takes.
 STARTED = 0.25
 
 
@@ -36,15 +36,18 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
     """(H, W) depth, in the unit of :class:`Gradients`, by Cao, Santo, Okura and Matsushita, "Bilateral Normal
     Integration", 2022.
 
-    The surface is taken to go on from each pixel to at least one of its two neighbours in a row, and in a column. Each
-    pixel's equation applies to either one, weighted by a sigmoid of which of the two changes is the smaller, and these
-    weights and the depth are found in turns. The paper takes up to a hundred turns, with a solver from scratch in each.
-    Here a picture of half the size is done first, so that wide parts are in their places, the smallest one begins at
-    what :func:`fast` returns, which knows where loops do not close, and each turn makes a few multigrid iterations from
-    where the one before ended. A smaller picture knows where breaks are to its own pixel only; see :func:`_searched`.
-    Other than in the paper, a pixel whose equation neither side fulfils counts less, and ever less from pass to pass on
-    the smallest picture (Blake and Zisserman's "Visual Reconstruction", 1987, calls it graduated non-convexity): else
-    false breaks across what hangs together by little would stay, and straight ones grow out of the ends of true ones.
+    The surface is assumed to be continuous from each pixel to at least one of its two neighbours in its row, and in its
+    column. Each pixel's equation applies to both, weighted by a sigmoid of the difference of the two squared changes:
+    the smaller change gets the larger weight. Weights and depth are updated alternately.
+
+    The paper takes up to a hundred such passes, each with a solve from scratch. Here the work goes from coarse to fine:
+    a half-size level first positions large parts, the coarsest one starts from :func:`fast`, which detects loops that
+    do not close, and each pass continues with a few multigrid iterations. A coarser level locates breaks only to its
+    own pixels; see :func:`_searched`.
+
+    Unlike in the paper, the weight of a pixel whose equation holds on neither side is reduced, more from pass to pass
+    at the coarsest level (graduated non-convexity: Blake and Zisserman, "Visual Reconstruction", 1987). Otherwise false
+    breaks across thin connections would persist, and straight ones would grow from the ends of true breaks.
     """
     before = part(progress, 0.0, STARTED, "finding depth's edges")
     if max(wanted.mask.shape) <= SMALL:
@@ -64,7 +67,7 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
 
 
 def _halved(wanted: Gradients) -> Gradients:
-    """The equations of a picture of half the size: the means over blocks of 2 x 2 pixels."""
+    """The equations of the half-size level: means over blocks of 2 x 2 pixels."""
     count = sums_of_blocks(wanted.mask.astype(np.float32))
     mask = count > 0
     np.maximum(count, 1, out=count)
@@ -73,7 +76,7 @@ def _halved(wanted: Gradients) -> Gradients:
 
 
 def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Depth for all pixels of the mask from that of their blocks, each of which goes on at its gradient."""
+    """Depth of all pixels of the mask, from that of their 2 x 2 blocks and the blocks' gradients."""
     doubled = np.zeros(mask.shape, np.float32)
     facing = np.maximum(smaller.facing, LEAST_FACING)
     right, down = smaller.right / facing, smaller.down / facing
@@ -86,12 +89,12 @@ def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bo
 
 
 def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth of which the few pixels beside each break have left either side.
+    """Depth in which the pixels next to each break belong to neither side, so that the break can move.
 
-    After doubling, breaks run in steps of two pixels, and a pixel on the wrong side would stay there: it goes on as its
-    neighbours on that side do, and its link to the right side is cut. With every doubling the steps would grow. So
-    these pixels are laid between the surfaces on both sides, which stay, with most of the change where two neighbours
-    require different gradients or loops do not close; the passes that follow decide anew.
+    After doubling, breaks are staircases of two pixels. A pixel on the wrong side would stay there: it is continuous
+    with its neighbours on that side, and its link to the right side is cut. With every doubling the stairs would grow.
+    So these pixels are relaxed between the surfaces on both sides, which are fixed, with most of the change where
+    neighbours require different gradients or loops do not close. The passes that follow decide anew.
     """
     beside = dilated(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)
     weights, pulls = equations(wanted)
@@ -99,7 +102,7 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
         np.divide(values, wanted.facing, out=np.zeros_like(values), where=wanted.mask)
         for values in (wanted.right, wanted.down)
     )
-    alike = _alike(gradient_right.T, wanted.facing.T).T, _alike(gradient_down, wanted.facing)
+    alike = _agreement(gradient_right.T, wanted.facing.T).T, _agreement(gradient_down, wanted.facing)
     for links in (weights, pulls):
         links.right[:] *= alike[0]
         links.down[:] *= alike[1]
@@ -120,17 +123,17 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
     return broken
 
 
-def _alike(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N - 1, M) 0 to 1: how well the pixels (N, M) at both ends of links along the first axis agree."""
+def _agreement(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N - 1, M) agreement, from 0 to 1, of the pixels (N, M) at both ends of links along the first axis."""
     apart = (gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1])
     alike: NDArray[np.float32] = np.reciprocal(1 + np.square(apart / APART))
     return alike
 
 
 def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF) -> tuple[Links, Links]:
-    """Each link's weight, and its wanted change times that, as the depth found so far decides.
+    """Each link's weight, and its wanted change times the weight, given the current depth.
 
-    off: by how many pixels, times `facing`, a pixel's equation is off that counts half.
+    off: residual of a pixel's equation, in pixels times `facing`, at which its weight is halved.
     """
     height, width = depth.shape
     weights = Links(np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32))
@@ -138,7 +141,7 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF
     for rows in bands(height):
         weight, pull = _along(depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T, off)
         weights.right[rows], pulls.right[rows] = weight.T, pull.T
-        # A link's two pixels compare it with the change on their other side: a row more, above and below.
+        # Both pixels of a link compare it with the change on their other side: one more row above and below.
         top = max(rows.start - 1, 0)
         near = slice(top, rows.stop + 2)
         weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near], off)
@@ -159,11 +162,11 @@ def _along(
     """Weights and pulls, each (N - 1, M), of the links along the first axis of (N, M) pixels."""
     linked = mask[1:] & mask[:-1]
     change = (depth[1:] - depth[:-1]) * linked
-    # How much steeper it is behind each pixel than ahead; where there is no neighbour it counts as level.
+    # By how much the squared change behind each pixel exceeds that ahead; 0 where there is no neighbour.
     steeper = np.zeros_like(depth)
     steeper[1:] = np.square(facing[1:] * change)
     steeper[:-1] -= np.square(facing[:-1] * change)
-    # tanh, which does not overflow, is the same curve.
+    # The sigmoid by tanh, which does not overflow.
     ahead = np.tanh(steeper * (SHARPNESS / 2)) * np.float32(0.5) + np.float32(0.5)
     first = ahead[:-1] / (1 + np.square((facing[:-1] * change - wanted[:-1]) / np.float32(off)))
     second = (1 - ahead[1:]) / (1 + np.square((facing[1:] * change - wanted[1:]) / np.float32(off)))

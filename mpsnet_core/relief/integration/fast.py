@@ -1,4 +1,4 @@
-"""The fast method: least squares over all pixels, a surface without gaps."""
+"""The fast method: least squares over all pixels, a surface without breaks."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,24 +8,23 @@ from mpsnet_core.relief.integration.gradients import Gradients
 from mpsnet_core.relief.integration.multigrid import Links
 from mpsnet_core.relief.integration.poisson import solved
 
-# The changes along the four links of a loop of pixels add up to 0 on any one surface. Where they miss it by this many
-# pixels, one thing ends before another, and the links of the loop count half as much; quadratically less beyond.
+# The changes along the four links of a loop of pixels sum to 0 on a continuous surface. If the sum (curl) is this many
+# pixels, there is a depth discontinuity, and the weight of the loop's links is halved; it falls off quadratically.
 LOOSE = np.float32(0.03)
 
 
 def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
-    """(H, W) depth, in the unit of :class:`Gradients`, by Poisson's equation: one link's change is what the pixels at
-    both its ends require, each counting by the square of its `facing`.
+    """(H, W) depth, in the unit of :class:`Gradients`, by Poisson's equation.
 
-    What does not fit together stays where it is, and is not smeared over the whole: links around loops that do not
-    close count less (the curl, by which Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions
-    from a gradient field?", 2006, choose weights as well).
+    The change over a link is the mean of those that its two pixels require, weighted by the square of their `facing`.
+    Links around loops that do not close have less weight, which keeps inconsistencies local (weights from the curl, as
+    in Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions from a gradient field?", 2006).
     """
     return solved(*equations(wanted), np.zeros_like(wanted.facing), progress=progress)
 
 
 def equations(wanted: Gradients) -> tuple[Links, Links]:
-    """Each link's weight, and its wanted change times that."""
+    """Each link's weight, and its wanted change times the weight."""
     facing = wanted.facing
     weights = _between(facing * facing, facing * facing, wanted.mask)
     pulls = _between(facing * wanted.right, facing * wanted.down, wanted.mask)
@@ -37,7 +36,7 @@ def equations(wanted: Gradients) -> tuple[Links, Links]:
 
 
 def _between(right: NDArray[np.float32], down: NDArray[np.float32], mask: NDArray[np.bool_]) -> Links:
-    """The mean of both pixels' numbers, for every link between two pixels of the mask."""
+    """The mean of both pixels' values, for every link between two pixels of the mask; 0 for others."""
     half = np.float32(0.5)
     across = (right[:, 1:] + right[:, :-1]) * half
     along = (down[1:] + down[:-1]) * half
@@ -47,12 +46,12 @@ def _between(right: NDArray[np.float32], down: NDArray[np.float32], mask: NDArra
 
 
 def _trust(weights: Links, pulls: Links) -> Links:
-    """What each link is to be multiplied by: 0 to 1, by the looser of the two loops that it is part of."""
+    """Factors from 0 to 1 on the links, by the one of a link's two loops that closes worse."""
     right, down = _changes(weights.right, pulls.right), _changes(weights.down, pulls.down)
     loose = right[:-1] + down[:, 1:]
     loose -= right[1:]
     loose -= down[:, :-1]
-    # Of a loop that the mask cuts open nothing is known.
+    # A loop that the mask interrupts gives no information.
     for side in (weights.right[:-1], weights.right[1:], weights.down[:, :-1], weights.down[:, 1:]):
         loose[side == 0] = 0
     loose *= 1 / LOOSE

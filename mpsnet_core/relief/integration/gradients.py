@@ -1,4 +1,4 @@
-"""Depth gradients from normals: for every pixel, the change towards its neighbours."""
+"""Depth gradients from normals: for every pixel, the change to its neighbours."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-# A surface steeper than this (cosine of the angle to the line of sight; 87°) is assumed as steep as this. Normals
-# that face away from the camera, which no camera sees, are treated likewise, and count next to nothing. Close to 90°,
-# as the rims of round things are, and little harm is done: equations count by the square of this cosine.
+# Limit of steepness (cosine of the angle to the line of sight; 87°). It applies to steeper normals and to those that
+# face away from the camera, which cannot be seen. It is close to 90° for the rims of round objects, and does little
+# harm: equations are weighted by the square of this cosine.
 LEAST_FACING = 0.05
 
 
 @dataclass(frozen=True)
 class Gradients:
-    """For every pixel `facing * change = right`, and `= down`: the change of the unknown to the next pixel that way.
+    """Equations for every pixel: `facing * change = right`, and `= down`, with the unknown's change to the next pixel.
 
     The unknown is depth along the camera's axis, in pixels, for an orthographic camera, and the logarithm of depth,
-    times the focal length in pixels, for a perspective one. A factor of `facing` on both sides makes steep pixels,
-    whose gradient is not known well, count less in least squares.
+    times the focal length in pixels, for a perspective one. The factor `facing` on both sides reduces the weight of
+    steep pixels in least squares, because their gradients are uncertain.
 
     facing, right, down: (H, W) float32, 0 outside the mask; facing is at least LEAST_FACING inside. mask: (H, W) bool.
     """
@@ -33,16 +33,16 @@ class Gradients:
 
 
 def pixels_per_unit(camera: Camera) -> float:
-    """What :class:`Gradients` multiplies depth or its logarithm by; one number where pixels are not square, too."""
+    """The factor on depth or its logarithm in :class:`Gradients`: a single one, even if pixels are not square."""
     return float(np.sqrt(camera.focal.prod()))
 
 
 def gradients(normals: NormalMap, camera: Camera) -> Gradients:
     """The changes of depth that normals (in camera space) require.
 
-    A normal n is at right angles to both of the surface's tangents, the changes of its point p along columns and rows.
+    A normal n is perpendicular to both tangents of the surface, the changes of its point p along columns and rows.
     Orthographic, with z up to a constant: n_z dz = -n_x dx. Perspective, with p = d (X, Y, -1) and u = log d:
-    (n_z - n_x X - n_y Y) du = n_x dX, so that the unknown's scale does not matter (Queau, Durou and Aujol, "Normal
+    (n_z - n_x X - n_y Y) du = n_x dX, which is independent of the scale of d (Queau, Durou and Aujol, "Normal
     Integration: A Survey", 2018, section 2; Cao et al., "Bilateral Normal Integration", 2022, equation 6).
     """
     scale = pixels_per_unit(camera)

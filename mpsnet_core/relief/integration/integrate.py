@@ -1,4 +1,4 @@
-"""Integration: from normals to the heights that they are the normals of."""
+"""Integration of normals to heights."""
 
 from typing import Literal, get_args
 
@@ -19,10 +19,10 @@ from mpsnet_core.scene.normal_map import NormalMap
 Method = Literal["fast", "bilateral"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
-# The part of a picture that holds the object begins and ends on a multiple of so many pixels, so that the solver's
-# coarse grids have the same blocks wherever the object stands.
+# The image is cropped to the object at multiples of this many pixels, so that the blocks of the solver's coarse grids
+# do not depend on the object's position.
 GRAIN = 32
-# What the logarithm of depth is kept within, so that depth stays finite whatever the normals are.
+# Limit of the logarithm of depth, which keeps depth finite for any normals.
 MOST_LOG = 40.0
 
 
@@ -34,33 +34,33 @@ def integrate(
     distance: float | None = None,
     progress: Progress = silent,
 ) -> HeightMap:
-    """The heights whose normals come closest to those given.
+    """The heights whose normals are closest to those given.
 
     Parameters
     ----------
     normals : NormalMap
-        In camera space.
+        Normals in camera space.
     camera : Camera, optional
-        What the pixels see; :func:`mpsnet_core.scene.camera.pixel_camera` by default.
+        The photo's camera; :func:`mpsnet_core.scene.camera.pixel_camera` by default.
     method : {"fast", "bilateral"}
         "fast" is least squares over all pixels: a continuous surface, smeared at depth discontinuities. "bilateral"
         preserves these: it cuts the links between pixels where one is likely.
     distance : float, optional
         Mean depth of each connected piece along a perspective camera's axis; 1 by default.
     progress : Progress
-        Receives the share done and a message.
+        Receives the fraction done and a message.
 
     Returns
     -------
     HeightMap
-        In the camera's unit. Under an orthographic camera each 4-connected piece of the mask has mean height 0.
+        Heights in the camera's unit. For an orthographic camera, each 4-connected piece of the mask has mean height 0.
 
     Raises
     ------
     GeometryError
-        Where the sizes of normals and camera differ.
+        If the sizes of normals and camera differ.
     SettingsError
-        Where the method is not known, or the distance is not above 0 or not a perspective camera's.
+        If the method is unknown, or the distance is not above 0 or given for an orthographic camera.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def _check(normals: NormalMap, camera: Camera, method: str, distance: float | No
 def _in_unit(
     depth: NDArray[np.float32], mask: NDArray[np.bool_], camera: Camera, distance: float
 ) -> NDArray[np.float32]:
-    """Heights of what the solver found, each piece with the mean that it shall have."""
+    """Heights from the solver's result, with the requested mean for each piece."""
     labels, sizes = labelled(mask)
     pieces, sizes = labels[mask], np.maximum(sizes, 1)
     inside = depth[mask].astype(np.float64) / pixels_per_unit(camera)

@@ -1,4 +1,4 @@
-"""Multigrid on a grid of linked pixels: coarse grids mend what spans many pixels, smoothing mends the rest."""
+"""Multigrid on a grid of linked pixels: coarse grids correct low-frequency errors, smoothing corrects the rest."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 
-# Pixels of a band: what is made of them on the way stays in the processor's own memory.
+# Pixels per band: intermediate arrays stay in the CPU cache.
 AT_ONCE = 1 << 16
-# Of a Jacobi step; and how many of them before and after the coarser grid has its turn.
+# Damping of a Jacobi step; number of steps before and after the coarse-grid correction.
 DAMPING, STEPS = np.float32(0.8), 2
-# The longest side of a grid that is solved directly.
+# Grids up to this side are solved directly.
 COARSEST = 4
 
 
 @dataclass(frozen=True)
 class Links:
-    """A number for every pixel's link to the next one: right (H, W - 1) and down (H - 1, W), float32."""
+    """A value for every pixel's link to the next one: right (H, W - 1) and down (H - 1, W), float32."""
 
     right: NDArray[np.float32]
     down: NDArray[np.float32]
@@ -25,8 +25,10 @@ class Links:
 
 @dataclass(frozen=True)
 class Grid:
-    """One level: the weights of its links; what a Jacobi step multiplies a residual by (H, W), 0 where nothing is
-    linked; and, of the coarsest, the inverse (H W, H W).
+    """One level of the hierarchy.
+
+    links: their weights. step: (H, W) factors on the residual in a Jacobi step, 0 for pixels without links. inverse:
+    (H W, H W) of the coarsest level's matrix, None for others.
     """
 
     links: Links
@@ -35,7 +37,7 @@ class Grid:
 
 
 def grids_of(weights: Links) -> list[Grid]:
-    """The grid itself and ever coarser ones, each of blocks of 2 x 2 pixels of the one before."""
+    """The grid and successively coarser ones, each of blocks of 2 x 2 pixels of the one before."""
     grids = []
     while max(shape := (weights.right.shape[0], weights.down.shape[1])) > COARSEST:
         grids.append(Grid(weights, steps_of(weights)))
@@ -47,9 +49,9 @@ def grids_of(weights: Links) -> list[Grid]:
 def residual(
     grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32] | None, out: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """aim - A u into `out`, which may be `aim` itself, where (A u) sums weight * (u - neighbour) over a pixel's links.
+    """Write aim - A u to `out`, which may be `aim` itself. A u sums weight * (u - neighbour) over a pixel's links.
 
-    aim: 0 where it is None.
+    aim: None for 0.
     """
     height, width = u.shape
     right, down = grid.links.right, grid.links.down
@@ -62,7 +64,7 @@ def residual(
         flow *= right[rows]
         band[:, :-1] += flow
         band[:, 1:] -= flow
-        # The links from the row above the band to the row below it.
+        # Links from the row above the band to the row below it.
         first, last = max(top - 1, 0), min(end, height - 1)
         flow = u[first + 1 : last + 1] - u[first:last]
         flow *= down[first:last]
@@ -72,7 +74,7 @@ def residual(
 
 
 def corrected(grids: list[Grid], left: NDArray[np.float32]) -> NDArray[np.float32]:
-    """About what to add to u where `left` is its residual: one V-cycle, symmetric, so that it can precondition."""
+    """An approximate correction of u for its residual `left`: one V-cycle, symmetric for use as a preconditioner."""
     grid = grids[0]
     if grid.inverse is not None:
         return (grid.inverse @ left.ravel()).reshape(left.shape)
@@ -85,7 +87,7 @@ def corrected(grids: list[Grid], left: NDArray[np.float32]) -> NDArray[np.float3
 
 
 def sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H / 2, W / 2) sums of blocks of 2 x 2 pixels, of what there is of them at the right and the bottom."""
+    """(H / 2, W / 2) sums over blocks of 2 x 2 pixels, which may be incomplete at the right and the bottom."""
     height, width = values.shape
     pairs = values[0::2].copy()
     pairs[: height // 2] += values[1::2]
@@ -95,7 +97,7 @@ def sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
-    """Add to every pixel of (H, W) what its block of 2 x 2 pixels has."""
+    """Add to every pixel of (H, W) the value of its block of 2 x 2 pixels."""
     for row in (0, 1):
         for column in (0, 1):
             part = values[row::2, column::2]
@@ -103,7 +105,7 @@ def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None
 
 
 def smooth(grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32], room: NDArray[np.float32], times: int) -> None:
-    """So many Jacobi steps of u towards A u = aim, in place; what is in `room` (H, W) is lost."""
+    """Take damped Jacobi steps of u towards A u = aim, in place. room: (H, W) scratch memory."""
     for _ in range(times):
         residual(grid, u, aim, room)
         room *= grid.step
@@ -111,7 +113,7 @@ def smooth(grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32], room: N
 
 
 def steps_of(links: Links) -> NDArray[np.float32]:
-    """(H, W) what a Jacobi step multiplies a residual by, 0 where nothing is linked."""
+    """(H, W) factors on the residual in a Jacobi step, 0 for pixels without links."""
     sums = np.zeros((links.right.shape[0], links.down.shape[1]), np.float32)
     sums[:, 1:] += links.right
     sums[:, :-1] += links.right
@@ -121,9 +123,9 @@ def steps_of(links: Links) -> NDArray[np.float32]:
 
 
 def _of_blocks(links: Links) -> Links:
-    """The links between blocks: half the sum of the pixels' links, because the blocks' middles lie twice as far apart.
+    """The links between blocks: half the sum of the pixels' links, because the blocks' centres are twice as far apart.
 
-    Without the half, a coarse grid of constant blocks mends too little (Braess, "Towards algebraic multigrid for
+    Without the half, a coarse grid of constant blocks corrects too little (Braess, "Towards algebraic multigrid for
     elliptic problems of second order", 1995).
     """
     right, down = links.right[:, 1::2], links.down[1::2]

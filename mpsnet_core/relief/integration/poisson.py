@@ -1,6 +1,6 @@
-"""Poisson's equation on a grid of pixels whose links to their neighbours count differently.
+"""Poisson's equation on a grid of pixels with weighted links to their neighbours.
 
-Outside the mask links count nothing, so the outline needs no care of its own, whatever its shape.
+Links have weight 0 outside the mask, so outlines of any shape need no special treatment.
 """
 
 import logging
@@ -15,16 +15,16 @@ from mpsnet_core.relief.integration.multigrid import Grid, Links, corrected, gri
 
 log = logging.getLogger(__name__)
 
-# Iterations at most, up to a megapixel; of larger pictures fewer, so that they take no longer, but at least LEAST. One
-# smooth surface takes about ten; one that hangs together by little alone, more than a hundred.
+# Limit of iterations up to a megapixel. Larger images have fewer, for the same run time, but at least LEAST. A smooth
+# surface takes about ten, one whose parts are connected by thin strips more than a hundred.
 MOST, LEAST = 250, 60
-# After LEAST of them a correction of so many pixels on the mean is enough: noise cuts single pixels off at rims, which
-# alone would take a hundred more.
+# After LEAST iterations, stop once the mean correction is below this many pixels: noise isolates single pixels at rims,
+# which would take a hundred more.
 ENOUGH = 1e-3
-# After so many, again and again, what rounding has added up to is taken out.
+# Accumulated rounding errors are removed after every so many iterations.
 ROUNDED = 16
-# A correction of so many pixels that is left after all of them is logged: along strips heights are off by up to a
-# hundred times as much.
+# A remaining correction above this many pixels is logged: along strips, heights may be wrong by a hundred times as
+# much.
 REPORTED = 0.02
 
 
@@ -37,19 +37,19 @@ def solved(
     most: int | None = None,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
-    """(H, W) values u whose change over each link is as close as can be to pull / weight: least squares, so weighted.
+    """(H, W) weighted least-squares values u whose change over each link is closest to pull / weight.
 
-    weights: 0 or above; pulls: the wanted change of each link times its weight. start: (H, W) first guess. Each part
-    that hangs together keeps a constant of its own, which is any.
+    weights: 0 or above. pulls: the wanted change of each link times its weight. start: (H, W) initial guess. Each
+    connected part has an arbitrary constant.
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
-    gradient method", 1993). It ends when the correction that is left is nowhere above `tolerance`, or above what
-    float32 can hold, or after `most` iterations; unless these are given there are many, as long as it is above ENOUGH
-    on the mean, and a note is logged where much is left after them.
+    gradient method", 1993). It ends when the correction is below `tolerance`, or the precision of float32, everywhere,
+    or after `most` iterations. By default there are up to MOST; then it also ends once the mean correction is below
+    ENOUGH, and logs a note if a large correction remains.
     """
     grids = grids_of(weights)
     linked = np.count_nonzero(grids[0].step)
-    unasked, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
+    by_default, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
     u = start.copy()
     left = gathered(pulls)
     residual(grids[0], u, left, left)
@@ -64,11 +64,11 @@ def solved(
         remaining = float(np.abs(correction).max())
         if remaining <= tolerance + 1e-6 * float(np.abs(u).max()):
             break
-        if unasked and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
+        if by_default and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
-        # A correction can be larger than the one before it; progress does not go back.
+        # The correction may grow from one iteration to the next, but progress must not go back.
         done = max(done, number / most, min(float(gained), 1.0))
         progress(done, "integrating")
         now = np.vdot(left, correction)
@@ -80,7 +80,7 @@ def solved(
         left += step * along
         before = now
     else:
-        if unasked and remaining > REPORTED:
+        if by_default and remaining > REPORTED:
             log.info(
                 "the heights may be off by a few pixels where the surface hangs together by thin strips alone; "
                 "a mask without these strips, or a smaller picture, mends it"
@@ -89,10 +89,10 @@ def solved(
 
 
 def _balance(left: NDArray[np.float32], labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> None:
-    """Take the mean of each part (:func:`labelled`) out of a residual (H, W) that is 0 outside, in place.
+    """Subtract the mean of each connected part (:func:`labelled`) from a residual (H, W), in place.
 
-    A part that hangs together has a constant of its own, for which nothing pulls. What rounding leaves there would grow
-    with every iteration, until it is all that the solver follows.
+    The constant of a connected part is undetermined (the null space of the system). Rounding errors in it would grow
+    with every iteration until they dominate.
     """
     sums = np.zeros(len(sizes))
     for rows in bands(len(left)):
@@ -105,8 +105,9 @@ def _balance(left: NDArray[np.float32], labels: NDArray[np.int32], sizes: NDArra
 def relaxed(
     weights: Links, pulls: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
 ) -> NDArray[np.float32]:
-    """(H, W) what is nearer to :func:`solved` where `free` (H, W); elsewhere `start`. By so many Jacobi steps, each of
-    which reaches a pixel's neighbours alone: for strips of a few pixels.
+    """(H, W) an approximation of :func:`solved` where `free` (H, W), and `start` elsewhere.
+
+    Each Jacobi step reaches a pixel's neighbours alone: suitable for strips of a few pixels.
     """
     u = start.copy()
     steps = steps_of(weights)
@@ -116,7 +117,7 @@ def relaxed(
 
 
 def gathered(pulls: Links) -> NDArray[np.float32]:
-    """(H, W) the right side of the normal equations: what pulls at each pixel, from all sides."""
+    """(H, W) the right side of the normal equations: the sum of all pulls at each pixel."""
     sums = np.zeros((pulls.right.shape[0], pulls.down.shape[1]), np.float32)
     sums[:, 1:] += pulls.right
     sums[:, :-1] -= pulls.right

@@ -1,1 +1,1 @@
-"""Flat materials: from one photo of cloth, leather or bark that lies flat to textures that repeat without a seam."""
+"""Flat materials: seamless textures from one photo of flat cloth, leather or bark."""

@@ -1,4 +1,4 @@
-"""Albedo: how much of each light's colour the surface throws back, once its shape is known."""
+"""Albedo: the fraction of each light's colour that the surface reflects, once its shape is known."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,19 +8,19 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import under_distant_lights
 from mpsnet_core.estimate.estimator import usable_channels
 
-# A light that only grazes the surface (cosine below the first) shows nothing of its colour; above the second, all.
+# Cosines between surface normal and light at which the light's albedo starts to count, and counts fully.
 GRAZING, FULL = 0.1, 0.3
 
 
 def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bool = False) -> NDArray[np.float32]:
     """(H, W, 3) the albedo of a matt surface, ``c_i / (n·l_i)``, as bright as the photo: 1 is a white card at 1.
 
-    normals: (H, W, 3) unit vectors in camera space. Where a light does not reach the surface, only grazes it or its
-    channel is saturated, the other channels decide, by the colour of the whole. grey: one value for all channels,
-    for a material without colour or lights whose strengths are not known.
+    normals: (H, W, 3) unit vectors in camera space. Where a light does not reach the surface, only grazes it, or its
+    channel is saturated, the other channels decide, with the material's mean colour. grey: one value for all channels,
+    for a material without colour or lights of unknown strengths.
 
-    One photo has three values a pixel, and the normals were made of them: what differs from pixel to pixel in colour
-    rests on the model that separated normal and colour. Equation 2 cannot: to it all is grey but the mean.
+    One photo has three values per pixel, and the normals were estimated from them: differences in colour between pixels
+    depend on how the model separated normal and colour. Equation 2 cannot do so: all is grey to it, except the mean.
     """
     distant = capture if capture.rig.near is None else under_distant_lights(capture)
     usable = usable_channels(capture)
@@ -29,7 +29,7 @@ def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bo
         albedo, trust = _single(distant, normals, usable, rows)
         total += (albedo * trust).sum(axis=(0, 1), dtype=np.float64)
         weight += trust.sum(axis=(0, 1), dtype=np.float64)
-    # A channel that no pixel has is assumed black.
+    # A channel without a usable pixel is assumed black.
     whole = np.maximum(total / np.maximum(weight, 1e-9), 1e-6).astype(np.float32)
     found = np.empty_like(normals)
     for rows in bands(len(normals)):
@@ -44,7 +44,7 @@ def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bo
 def _single(
     distant: Capture, normals: NDArray[np.float32], usable: NDArray[np.bool_], rows: slice
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Of some rows, the albedo by each channel, and from 0 to 1 how far it is trusted."""
+    """The albedo of some rows by each channel alone, and its weight from 0 to 1."""
     light = distant.rig.unmixed(distant.image[rows])
     cosines = normals[rows] @ distant.rig.directions.T.astype(np.float32)
     trust = np.clip((cosines - GRAZING) / (FULL - GRAZING), 0, 1) * usable[rows]

@@ -1,4 +1,4 @@
-"""What is no part of a material is taken out: the photo's tilt, the cloth's slow bend, lights that are uneven."""
+"""Removal of what does not belong to a material: the photo's tilt, large bends of the cloth, uneven light."""
 
 from typing import Any
 
@@ -9,19 +9,19 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.relief.material.gradients import gradients_of
 
-# A smooth surface is as well fitted to this many block means a side as to every pixel.
+# Block means per side that a smooth polynomial is fitted to; every pixel would not be more exact.
 FITTED = 128
-# Of the picture's edge, where its middle counts 1.
+# Weight in the fit at the image's edge; 1 at its centre.
 LEAST_WEIGHT = 0.03
 
-_legvander: Any = np.polynomial.legendre.legvander  # has no types
+_legvander: Any = np.polynomial.legendre.legvander  # untyped
 
 
 def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
-    """Gradients (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
+    """Gradients (H, W, 2) of the flattened surface, and its tilt in degrees.
 
-    normals: (H, W, 3) unit vectors in camera space. The mean normal is turned to +z, then what is left of slow bend
-    is taken off the gradients, :func:`trend` with up to `bend` half waves from one side of the picture to the other.
+    normals: (H, W, 3) unit vectors in camera space. The mean normal is rotated to +z. Then large bends are subtracted
+    from the gradients: their :func:`trend` with up to `bend` half waves across the image.
     """
     rows, columns = (_window(side, 1) for side in normals.shape[:2])
     mean = normalised(np.einsum("hwc,h,w->c", normals, rows, columns, optimize=True))
@@ -31,7 +31,7 @@ def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float
 
 
 def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
-    """The albedo (H, W, 3) without its slow changes across the picture; each channel keeps its geometric mean."""
+    """The albedo (H, W, 3) without low-frequency changes across the image. Each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)
     even: NDArray[np.float32] = np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
@@ -41,8 +41,8 @@ def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
 def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
     """(H, W, C) the polynomial of total `degree` that fits values (H, W, C) best, by weighted least squares.
 
-    A polynomial of degree n crosses zero at most n times on its way across the picture: it follows n half waves.
-    Legendre's, which stay well conditioned.
+    A polynomial of degree n crosses zero at most n times across the image: it follows n half waves. Legendre
+    polynomials keep the fit well conditioned.
     """
     height, width, channels = values.shape
     factor = max(1, max(height, width) // FITTED)
@@ -63,26 +63,26 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
 
 
 def _middles(side: int, factor: int) -> NDArray[np.float64]:
-    """Where the blocks' middles lie along a side, in pixels."""
+    """Centres of the blocks along a side, in pixels."""
     return np.arange(0, side, factor) + _sizes(side, factor) / 2
 
 
 def _window(side: int, factor: int) -> NDArray[np.float64]:
-    """How much each block along a side counts: by its pixels, and less towards the ends.
+    """Weight of each block along a side: its number of pixels, reduced towards the ends.
 
-    There a weave is cut off within a period, and what is left of it would pass for a bend.
+    At the ends a weave is cut off within a period; the remainder would look like a bend.
     """
     window: NDArray[np.float64] = LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
     return _sizes(side, factor) * window
 
 
 def _sizes(side: int, factor: int) -> NDArray[np.int64]:
-    """How many pixels of a side each block has; the last may be smaller."""
+    """Number of pixels of each block along a side. The last one may be smaller."""
     return np.minimum(factor, side - np.arange(0, side, factor))
 
 
 def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) the shortest rotation that brings a unit vector with z above 0 to +z (Rodrigues' formula)."""
+    """(3, 3) the shortest rotation of a unit vector with z above 0 to +z (Rodrigues' formula)."""
     x, y, z = unit
     across = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])
     turn: NDArray[np.float64] = np.eye(3) + across + across @ across / (1 + z)

@@ -1,4 +1,4 @@
-"""Material: textures of a flat material that repeat without a seam, at a known size; and how they come of one photo."""
+"""Flat materials: seamless textures of known size, made from one photo."""
 
 from dataclasses import dataclass, replace
 
@@ -30,13 +30,13 @@ from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Brighter albedos are not seen in nature; where photographed so, all are darkened.
+# Brighter albedos do not occur in nature. If some do in a photo, all are darkened.
 BRIGHTEST = 0.95
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A tile of a flat material. Every picture continues beyond its last row and column in its first.
+    """A tile of a flat material. All its textures are periodic.
 
     Attributes
     ----------
@@ -51,11 +51,11 @@ class Material:
     width_mm, height_mm : float
         Size of the tile.
     tiling : Tiling
-        Where the tile lay in the photo.
+        The tile's steps in the photo.
     seam : Seam
         How visible the tile's joins are.
     tilt : float
-        Degrees by which the photo was tilted.
+        Tilt of the photo in degrees.
     """
 
     normals: NDArray[np.float32]
@@ -80,38 +80,38 @@ def flat_material(
     grey: bool = False,
     progress: Progress = silent,
 ) -> Material:
-    """The seamless tile of a flat material that fills the photo.
+    """Make a seamless tile from a photo that a flat material fills.
 
     Parameters
     ----------
     capture : Capture
         The photo, (H, W) pixels.
     normals : NormalMap
-        Estimated from the photo, in camera space, (H, W); its mask is not used.
+        Normals estimated from the photo, in camera space, (H, W). Their mask is not used.
     pixel_mm : float
         Size of a pixel on the material, in millimetres.
     size : int, optional
-        Side of the square pictures in pixels; by default they have the photo's pixels.
+        Side of the square textures in pixels; by default they have the photo's resolution.
     overlap : float
-        Share of the tile over which its borders are joined.
+        Fraction of the tile over which opposite borders are blended.
     bend : int
-        Half waves across photo and tile up to which bends and uneven brightness are removed; 0: the tilt alone.
+        Half waves across photo and tile up to which bends and uneven brightness are removed; 0 removes the tilt alone.
     grey : bool
         Whether the albedo has no colour.
     progress : callable
-        Called with 0 to 1 and what is done.
+        Receives the fraction done and a message.
 
     Raises
     ------
     SettingsError
-        Where a size, share or bend is out of range.
+        If a size, fraction or bend is out of range.
     GeometryError
-        Where the photo is too small or not filled, or the normals have another size.
+        If the photo is too small or not filled, or the normals have another size.
 
     Notes
     -----
-    Both borders are joined along the line where they differ least, in all pictures alike (Efros and Freeman, "Image
-    Quilting", 2001). Gradients are joined, so that normals stay unit vectors, and integrated afterwards.
+    Opposite borders are joined along the line where they differ least, the same in all textures (Efros and Freeman,
+    "Image Quilting", 2001). Gradients are joined, which keeps normals unit vectors, and integrated afterwards.
     """
     check_material(size, overlap, bend)
     if not pixel_mm > 0:
@@ -125,7 +125,7 @@ def flat_material(
     joined = round(overlap * tile[0]), round(overlap * tile[1])
     _check_joined(min(joined), overlap)
     progress(0.5, "joining the borders")
-    features = sampled(features, tiling, tile, joined)  # the photo's were as large as all that is still to come
+    features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
     pictures, cut = wrapped(features, joined)
     del features
     pictures = without_slow_waves(pictures, bend)
@@ -136,7 +136,7 @@ def flat_material(
 def _material(
     pictures: NDArray[np.float32], cut: NDArray[np.bool_], tiling: Tiling, tilt: float, pixel_mm: float
 ) -> Material:
-    """pictures: (h, w, 5) of the tile, gradients and the albedo's logarithm."""
+    """The material from (h, w, 5) features of the tile: gradients and the albedo's logarithm."""
     gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
     normals = normals_of(gradients)
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
@@ -155,7 +155,7 @@ def _material(
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
-    """Raises SettingsError where a material of this size, overlap and bend cannot be made."""
+    """Raise SettingsError if a material of this size, overlap and bend cannot be made."""
     if size is not None and not MIN_MATERIAL_SIZE <= size <= MAX_MATERIAL_SIZE:
         raise SettingsError(
             f"a material's pictures are {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}"
@@ -177,11 +177,11 @@ def _check_joined(pixels: int, overlap: float) -> None:
 
 
 def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None) -> Capture:
-    """The capture of a part of the photo, which the material has to fill.
+    """The capture of a part of the photo, which the material must fill.
 
-    crop: left, top, width and height in pixels, from the photo's upper left corner; all of it unless given.
+    crop: left, top, width and height in pixels, from the photo's upper left corner; the whole photo by default.
 
-    Raises InputError where the part is not within the photo, its mask is not all of it, or it is too small.
+    Raises InputError if the part is not within the photo, is not entirely in the mask, or is too small.
     """
     rows, columns = capture.mask.shape
     left, top, width, height = crop or (0, 0, columns, rows)
@@ -219,7 +219,7 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
 def _laid_flat(
     capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
 ) -> tuple[NDArray[np.float32], float]:
-    """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was taken out."""
+    """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was removed."""
     progress(0.0, "laying the material flat")
     gradients, tilt = flattened(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
@@ -228,7 +228,7 @@ def _laid_flat(
 
 
 def _compared(features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What counts where places are compared: gradients, and the brightness's logarithm, a like change of shading."""
+    """Features for the comparison of places: gradients, and the logarithm of brightness, scaled to match."""
     brightness = features[..., 2:].mean(axis=-1, keepdims=True)
     return np.concatenate([features[..., :2], brightness - brightness.mean()], axis=-1)
 
@@ -242,7 +242,7 @@ def _tile_size(tiling: Tiling, size: int | None) -> tuple[int, int]:
 
 
 def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
-    """(H, W) the curvature of what repeats: that of the tile with as much around it as counts."""
+    """(H, W) the curvature of a periodic tile, computed with enough repetition around it."""
     around = CURVATURE_RADIUS + 1
     vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
     shape = vectors.shape[:2]
@@ -251,12 +251,12 @@ def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]
 
 
 def _camera(shape: tuple[int, ...], pitch: tuple[float, float]) -> Camera:
-    """An orthographic camera whose unit is a millimetre."""
+    """An orthographic camera in millimetres."""
     return Camera("orthographic", shape[1], shape[0], 1 / np.array(pitch))
 
 
 def _within_range(albedo: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Albedos of at most 1; all of them darkened where one in a hundred was above BRIGHTEST."""
+    """Albedos of at most 1. All are darkened if one in a hundred exceeds BRIGHTEST."""
     bright = float(np.percentile(albedo[::4, ::4], 99))
     darkened: NDArray[np.float32] = np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)
     return darkened

@@ -1,4 +1,4 @@
-"""A material as files: its pictures, a JSON file that states their scales, and a picture of it repeated."""
+"""A material as files: its textures, a JSON file with their scales, and a preview of it repeated."""
 
 import os
 from dataclasses import asdict
@@ -43,14 +43,14 @@ PICTURES = {
 }
 REPEATS = 3
 PREVIEW_SIDE = 1536
-# From the upper left and low, which shows the relief, and every join in it.
+# From the upper left at a low angle, which shows the relief and any seam.
 PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 
 
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
-    """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material".
+    """The files that :func:`write_material` writes, by content: the PICTURES, and "material".
 
-    Raises FileError where one of them is there already and is not of a material that was written there before.
+    Raises FileError if one of them exists and does not belong to a material that was written there before.
     """
     pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
     record, own = Path(folder) / f"{name}_material.json", set[str]()
@@ -69,18 +69,18 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
 def write_material(
     folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
 ) -> dict[str, Path]:
-    """Write a material into a folder, which is created; all files appear, or none.
+    """Write a material into a folder, which is created if needed. Either all files are written, or none.
 
     Parameters
     ----------
     folder : str or PathLike
-        Where the files go.
+        Folder of the files.
     name : str
-        What their names begin with.
+        Prefix of the file names.
     material : Material
         The tile.
     convention : {"opengl", "directx"}
-        Of the normals: green points up or down.
+        Whether green in the normal map points up or down.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def write_material(
     Raises
     ------
     FileError
-        Where the folder cannot be created or written, or another file would be overwritten.
+        If the folder cannot be created or written, or another file would be overwritten.
     """
     files = material_files(ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
@@ -111,7 +111,7 @@ def write_material(
 
 
 def repeated_picture(material: Material) -> NDArray[np.float32]:
-    """(H, W, 3) sRGB values: the tile `REPEATS` times each way, as wide as it is, relit from the upper left."""
+    """(H, W, 3) sRGB values: the tile repeated `REPEATS` times each way, reduced to its size and relit."""
     bright = max(float(np.percentile(material.albedo[::4, ::4], 99)), 1e-6)
     normals = NormalMap(material.normals, np.ones(material.height.shape, bool))
     tile = relit(normals, PREVIEW_LIGHT, albedo=material.albedo * np.float32(0.9 / bright))

@@ -1,15 +1,14 @@
-"""The height of a surface that repeats, from its gradients."""
+"""Heights of a periodic surface from its gradients."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def periodic_height(gradients: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
-    """(H, W) heights of mean 0, in the unit of `pitch`, whose gradients are as near to those given as can be.
+    """(H, W) heights of mean 0, in the unit of `pitch`, whose gradients are closest to those given.
 
-    gradients: (H, W, 2) along columns and rows (downwards), repeated without end in both directions, as are the
-        heights: their last row and column go on in their first. Gradients' means, which no such surface has, do not
-        count.
+    gradients: (H, W, 2) along columns and rows (downwards). They are periodic in both directions, as are the heights.
+        Their means are ignored: a periodic surface has none.
     pitch: the width and height of a pixel.
 
     The least-squares solution by Fourier transforms (Frankot and Chellappa 1988, equation 21).
@@ -25,10 +24,10 @@ def periodic_height(gradients: NDArray[np.float32], pitch: tuple[float, float]) 
 
 
 def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[np.float32]:
-    """Repeated pictures (H, W, C) without the waves that go up and down no more than so many times within a tile.
+    """Periodic images (H, W, C) without waves of up to `half_waves` half waves per tile. The mean is kept.
 
-    Half a wave is one such time; waves that run aslant count by their root of squares. The mean stays. Of gradients
-    these are the waves that make the highest heights, and errors of a degree or less are enough for them.
+    For oblique waves, the root of the sum of squares over both axes counts. In gradients, these low frequencies yield
+    the greatest heights, and an error of a degree or less is enough to cause them.
     """
     height, width = values.shape[:2]
     across, down = np.fft.rfftfreq(width, 1 / width), np.fft.fftfreq(height, 1 / height)[:, None]
@@ -42,8 +41,8 @@ def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[
 
 
 def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Wave numbers (radians a unit) along columns (1, W/2 + 1) and rows (H, 1); 0 for the shortest wave of an even
-    side, whose gradient at the pixels is 0."""
+    """Wave numbers (radians per unit) along columns (1, W/2 + 1) and rows (H, 1); 0 for the Nyquist frequency of an
+    even side, whose gradient at the pixels is 0."""
     across, down = 2 * np.pi * np.fft.rfftfreq(width, pitch[0]), 2 * np.pi * np.fft.fftfreq(height, pitch[1])
     if width % 2 == 0:
         across[-1] = 0

@@ -1,4 +1,4 @@
-"""The part of a photo that becomes the tile, laid straight and brought to its size."""
+"""Resampling of the part of a photo that becomes the tile."""
 
 import numpy as np
 import OpenImageIO as oiio
@@ -10,10 +10,10 @@ from mpsnet_core.relief.material.tiling import Tiling
 def sampled(
     features: NDArray[np.float32], tiling: Tiling, size: tuple[int, int], overlap: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """(H + overlap[0], W + overlap[1], C) the middle of the photo, along the tiling's steps.
+    """(H + overlap[0], W + overlap[1], C) the centre of the photo, resampled along the tiling's steps.
 
     features: (H', W', C), of which the first two are gradients along columns and rows; they become gradients along the
-        tiling's steps. size: (H, W) pixels of a tile. A tile along the photo's own pixels is cut out as it is.
+        tiling's steps. size: (H, W) pixels of a tile. A tile aligned with the photo's pixels is cropped unchanged.
     """
     steps = np.stack([tiling.right, tiling.down])
     rows, columns = size[0] + overlap[0], size[1] + overlap[1]
@@ -22,7 +22,7 @@ def sampled(
     if np.array_equal(steps, np.diag(size[::-1])):
         left, top = np.round(start).astype(int)
         return features[top : top + rows, left : left + columns].copy()
-    places = np.zeros((3, 3))  # a row vector of the tile's pixels times this is one of the photo's
+    places = np.zeros((3, 3))  # maps row vectors of the tile's pixels to the photo's
     places[:2, :2], places[2, :2], places[2, 2] = steps / [[size[1]], [size[0]]], start, 1
     taken = resampled(features, places, (rows, columns))
     along = steps / np.linalg.norm(steps, axis=1, keepdims=True)
@@ -33,10 +33,10 @@ def sampled(
 def resampled(
     values: NDArray[np.float32], places: NDArray[np.float64], shape: tuple[int, int], *, repeated: bool = False
 ) -> NDArray[np.float32]:
-    """Values (H, W, C) at other places, of `shape`, filtered where they lie farther apart than pixels do.
+    """Resample values (H, W, C) to `shape` under an affine map, low-pass filtered for reductions.
 
-    places: (3, 3), by which a row vector (column, row, 1) is multiplied to give the place in `values`. repeated: beyond
-        their border values go on at the other side.
+    places: (3, 3) matrix that maps a row vector (column, row, 1) to its position in `values`. repeated: values wrap
+        around at their border.
     """
     values_to_places = tuple(np.linalg.inv(places).ravel().tolist())
     whole = oiio.ROI(0, shape[1], 0, shape[0], 0, 1, 0, values.shape[2])

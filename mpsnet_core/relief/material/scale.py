@@ -1,4 +1,4 @@
-"""How large what a photo shows is, as people write it: lengths (120mm, 12 cm, 0.12m, 4in), and places in pixels."""
+"""Parsing of a photo's scale: lengths (120mm, 12 cm, 0.12m, 4in), and positions in pixels."""
 
 import math
 import re
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from mpsnet_core.errors import SettingsError
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-# A thousandth of a millimetre to a kilometre: beyond that a unit has been mistaken.
+# In millimetres, from a micrometre to a kilometre. Beyond that, the unit is likely wrong.
 SHORTEST, LONGEST = 1e-3, 1e6
 
 _LENGTH = re.compile(rf"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*({'|'.join(MILLIMETRES)})\s*", re.IGNORECASE)
 
 
 def millimetres(text: str) -> float:
-    """The length in millimetres. Raises SettingsError where `text` is not a number above 0 and its unit."""
+    """The length in millimetres. Raises SettingsError if `text` is not a number above 0 and its unit."""
     found = _LENGTH.fullmatch(text)
     if found is None:
         units = ", ".join(MILLIMETRES)
@@ -27,9 +27,9 @@ def millimetres(text: str) -> float:
 
 @dataclass(frozen=True)
 class Ruler:
-    """A length measured between two places in a photo.
+    """A length measured between two points in a photo.
 
-    text: as people wrote it. ends: (x1, y1, x2, y2) in pixels from the upper left corner.
+    text: the user's input. ends: (x1, y1, x2, y2) in pixels from the upper left corner.
     """
 
     text: str
@@ -38,11 +38,11 @@ class Ruler:
 
     @property
     def pixels(self) -> float:
-        """How far apart the two places are."""
+        """Distance between the two points in pixels."""
         return math.dist(self.ends[:2], self.ends[2:])
 
     def check_within(self, height: int, width: int) -> None:
-        """Raises SettingsError where a place is not within a photo of that size."""
+        """Raise SettingsError if a point is not within a photo of that size."""
         x1, y1, x2, y2 = self.ends
         if not (0 <= min(x1, x2) <= max(x1, x2) <= width and 0 <= min(y1, y2) <= max(y1, y2) <= height):
             raise SettingsError(
@@ -51,7 +51,7 @@ class Ruler:
 
 
 def parse_ruler(text: str) -> Ruler:
-    """The ruler of ``x1,y1,x2,y2=50mm``. Raises SettingsError where `text` is not that, or its places are one."""
+    """Parse a ruler such as ``x1,y1,x2,y2=50mm``. Raises SettingsError if it is malformed, or its points coincide."""
     places, _, length = text.partition("=")
     ends = _four_numbers(places, f"--ruler {text}", "x1,y1,x2,y2=50mm")
     if math.dist(ends[:2], ends[2:]) < 1:
@@ -60,7 +60,7 @@ def parse_ruler(text: str) -> Ruler:
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:
-    """Left, top, width and height in pixels. Raises SettingsError where `text` is not that."""
+    """Parse left, top, width and height in pixels. Raises SettingsError if `text` is malformed."""
     numbers = _four_numbers(text, f"--crop {text}", "x,y,width,height")
     if not all(number.is_integer() for number in numbers):
         raise SettingsError(f"--crop {text} is not of whole pixels; give whole numbers")

@@ -1,4 +1,4 @@
-"""A picture made to meet itself: overlapping borders joined along the line where they differ least."""
+"""Seamless tiles: overlapping borders of an image joined along the line where they differ least."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,25 +8,25 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import box_sums
 
-# Pixels over which one border gives way to the other, on either side of the cut.
+# Pixels of cross-fade on either side of the cut.
 FEATHER = 2
-# Rows that a cut needs: one to go along, and the feather on either side.
+# Rows that a cut needs: its own, and the feather on either side.
 LEAST_JOINED = 2 * FEATHER + 1
-# What is coarser than this share of the overlap is not cut but faded over all of it: a cut would show it as an edge.
+# Differences coarser than the overlap divided by this are faded over all of it: a cut would show them as an edge.
 FADED = 8
 
 
 def wrapped(patch: NDArray[np.float32], overlap: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """A picture (H, W, C) that can be laid beside itself, from a larger one, and where it was cut.
+    """A tile (H, W, C) that repeats without a seam, from a larger image, and the places of its cuts.
 
-    patch: (H + overlap[0], W + overlap[1], C): the overlap's rows and columns are, or nearly are, those that the
-        picture begins with. All channels are cut alike, where they differ least in all.
+    patch: (H + overlap[0], W + overlap[1], C): the rows and columns of the overlap at its end are equal, or similar, to
+        those at its beginning. All channels share one cut, where their total difference is smallest.
 
-    Returns the picture and (H, W) bool, True on the cuts. At its border it is what the patch is there, unbroken.
+    Returns the tile and (H, W) bool, True on the cuts. The tile's own border has no cut: the patch continues across it.
     """
     across, cut = _wrapped_rows(patch.swapaxes(0, 1), overlap[1], closed=False)
     done, second_cut = _wrapped_rows(across.swapaxes(0, 1), overlap[0], closed=True)
-    # The first cut as far as the second keeps it; the last rows are what the overlap showed.
+    # Keep the first cut in the rows that remain; the last rows were the overlap.
     cut = cut.swapaxes(0, 1)[: len(done)]
     return done, cut | second_cut
 
@@ -34,9 +34,9 @@ def wrapped(patch: NDArray[np.float32], overlap: tuple[int, int]) -> tuple[NDArr
 def _wrapped_rows(
     patch: NDArray[np.float32], overlap: int, *, closed: bool
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """The patch's first rows, so that they follow on its last but the overlap; and where it was cut.
+    """The patch without its last `overlap` rows, blended so that its first row continues its last; and the cut.
 
-    closed: the patch's last column is followed by its first, so the cut has to meet itself there too.
+    closed: the patch repeats along columns already, so the cut must meet itself there.
     """
     first, second = patch[:overlap], patch[len(patch) - overlap :]
     apart = first - second
@@ -53,11 +53,10 @@ def _wrapped_rows(
 
 
 def minimum_cut(cost: NDArray[np.floating[Any]], *, closed: bool) -> NDArray[np.int64]:
-    """(W,) the row in each column of the line across `cost` (H, W) that costs least (Efros and Freeman 2001).
+    """(W,) the row in each column of the minimum-cost line across `cost` (H, W) (Efros and Freeman 2001).
 
-    From one column to the next the line moves by a row at most. It keeps FEATHER rows from the upper and lower edge.
-    closed: it ends beside where it starts. Then it is the best of those through the place where the open line costs
-    least.
+    The line moves by at most one row per column, and stays FEATHER rows away from the upper and lower edge. closed: it
+    ends next to its start. Then it is the best line through the cheapest point of the open one.
     """
     inner = cost[FEATHER : len(cost) - FEATHER]
     line = _open_cut(inner, None)
@@ -68,7 +67,7 @@ def minimum_cut(cost: NDArray[np.floating[Any]], *, closed: bool) -> NDArray[np.
 
 
 def _open_cut(cost: NDArray[np.floating[Any]], through: int | None) -> NDArray[np.int64]:
-    """The cheapest line by dynamic programming; one that starts in row `through` and ends beside it, where given."""
+    """The cheapest line by dynamic programming. If `through` is given, it starts in that row and ends next to it."""
     height, width = cost.shape
     total = cost[:, 0].astype(np.float64)
     if through is not None:
@@ -91,7 +90,7 @@ def _open_cut(cost: NDArray[np.floating[Any]], through: int | None) -> NDArray[n
 
 
 def _coarse(apart: NDArray[np.float32], reach: int, closed: bool) -> NDArray[np.float32]:
-    """What is coarser than `reach` pixels: two means over squares around each pixel, one of the other."""
+    """The low frequencies, coarser than `reach` pixels: a box filter over squares, applied twice."""
     sides = (2 * reach, 2 * reach) if closed else (0, 0)
     padded = np.pad(apart, ((0, 0), sides, (0, 0)), mode="wrap")
     counts = box_sums(np.ones(padded.shape[:2]), reach)
@@ -102,7 +101,7 @@ def _coarse(apart: NDArray[np.float32], reach: int, closed: bool) -> NDArray[np.
 
 
 def _eased(share: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """0 up to 0 and 1 from 1 on, without a corner between."""
+    """Smoothstep from 0 to 1."""
     share = np.clip(share, 0, 1)
     eased: NDArray[np.float32] = (share * share * (3 - 2 * share)).astype(np.float32)
     return eased
@@ -110,10 +109,10 @@ def _eased(share: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Seam:
-    """How much more the surface turns where the tile was joined than elsewhere: 1 is no more.
+    """Visibility of a tile's joins: the change of normals across them, relative to elsewhere. 1 is invisible.
 
-    border: the angle between normals on either side of the tile's border, as a share of that between any two
-        neighbours; the mean and the 95th percentile. cut: the same across the lines where it was cut and joined.
+    border: angle between normals on either side of the tile's border, divided by that between any two neighbours; the
+        mean and the 95th percentile. cut: the same across the cuts.
     """
 
     border: tuple[float, float]
@@ -121,7 +120,7 @@ class Seam:
 
 
 def measured_seam(normals: NDArray[np.float32], cut: NDArray[np.bool_]) -> Seam:
-    """How visible the joins of a tile's normals (H, W, 3) are. cut: (H, W) where it was cut."""
+    """Measure how visible the joins of a tile's normals (H, W, 3) are. cut: (H, W) where it was cut."""
     border, cuts, inner = [], [], []
     for axis in (0, 1):
         turned = np.linalg.norm(np.roll(normals, -1, axis) - normals, axis=-1)

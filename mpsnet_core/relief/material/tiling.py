@@ -1,4 +1,4 @@
-"""Where a material repeats itself: the two steps in the photo after which a weave looks the same again."""
+"""Detection of a material's periods: the two steps in the photo after which a weave repeats."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,18 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
 
-# Steps are first looked for in a picture with no longer side than this, then made exact in the photo itself.
+# Steps are searched in an image whose longer side is at most this, then refined in the photo itself.
 LONGEST = 2048
 REFINED = 512
-# A tile of a weave is at least this share of the photo.
+# A tile of a weave is at least this fraction of the photo.
 LEAST = 0.4
-# A weave may lie turned by this gradient at most, and its threads may be out of square by this.
+# Largest rotation of a weave, and deviation of its threads from a right angle, as gradients.
 TURN, SKEW = 0.1, 0.03
-# How alike the photo and itself, a step further, have to be for a weave. What does not repeat comes to 0.1 or 0.2;
-# where it comes to more by chance, it is joined the better for it.
+# Least autocorrelation of a weave. Materials that do not repeat reach 0.1 or 0.2; one that reaches more by chance is
+# joined all the better.
 ALIKE = 0.25
-# Steps that are nearly as good as the best are as welcome; of very many, as a fine weave has, the longest.
+# Steps count as equally good down to this fraction of the best one. If there are very many, as in a fine weave, the
+# longest ones are kept.
 NEARLY = 0.9
 MOST_PEAKS = 1000
 
@@ -27,9 +28,8 @@ class Tiling:
     """The two steps by which a tile of the material is repeated.
 
     right, down: (2,) float64, (columns, rows) of the photo's pixels from a tile to its neighbour.
-    alike: how alike the photo and itself are after each step: 1 the same, 0 as two places that have nothing in
-        common. None where no step is better than another: the material does not repeat, and the tile is as large as
-        the photo allows.
+    alike: autocorrelation of the photo at each step: 1 if it repeats exactly, 0 if uncorrelated. None if no step stands
+        out: the material does not repeat, and the tile is as large as the photo allows.
     """
 
     right: NDArray[np.float64]
@@ -38,28 +38,28 @@ class Tiling:
 
 
 def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
-    """The tiling of a material that the photo's features (H, W, C), of mean 0, show.
+    """The tiling of a material, from the photo's features (H, W, C) of mean 0.
 
-    A step of a weave is a whole number of its threads' periods: a place where the autocorrelation of the features
-    peaks. Of the pairs of steps that are about square and leave an overlap of so many tiles in the photo, that with the
-    largest tile is taken: the fewer repeats are seen.
+    A weave's step is a whole number of thread periods: a peak of the features' autocorrelation. Of the pairs of steps
+    that are nearly perpendicular and leave room for the overlap (a fraction of the tile), the one with the largest tile
+    is chosen: fewer repeats are visible.
     """
     height, width = features.shape[:2]
     factor = -(-max(height, width) // LONGEST)
     small = block_means(features, factor) if factor > 1 else features
     frame = np.array([width, height]) / (1 + overlap)
-    across = _peaks(_alike(small, frame[0] / factor))
-    down = _peaks(_alike(small.swapaxes(0, 1), frame[1] / factor))
+    across = _peaks(_autocorrelation(small, frame[0] / factor))
+    down = _peaks(_autocorrelation(small.swapaxes(0, 1), frame[1] / factor))
     found = _chosen(across, _Peaks(down.steps[:, ::-1], down.alike), frame / factor)
     exact = [None if one is None else (_refined(features, one[0] * factor, factor), one[1]) for one in found]
     return _filled(exact, frame)
 
 
 @dataclass(frozen=True)
-class _Alike:
-    """How alike a picture is to itself, for steps along an axis of at least `least` pixels and up to `across` aside.
+class _Autocorrelation:
+    """Autocorrelation of an image for steps of at least `least` pixels along an axis, and up to `across` sideways.
 
-    values: (2 across + 1, N): rows the pixels aside, columns those along.
+    values: (2 across + 1, N): rows are pixels sideways, columns pixels along the axis.
     """
 
     values: NDArray[np.float64]
@@ -67,8 +67,8 @@ class _Alike:
     across: int
 
 
-def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
-    """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` where both are in the picture; steps along columns."""
+def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation:
+    """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` over x with both in the image; steps s along columns."""
     height, width, channels = seen.shape
     last = max(1, min(int(most), width - 1))
     least, across = max(1, int(LEAST * last)), max(1, min(int(TURN * last), height // 4))
@@ -82,11 +82,11 @@ def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
     energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
     aside, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
     own, shifted = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
-    return _Alike(2 * product / np.maximum(own + shifted, 1e-12), least, across)
+    return _Autocorrelation(2 * product / np.maximum(own + shifted, 1e-12), least, across)
 
 
 def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The sum over the part of a picture that a step (`aside` rows, `along` columns) does not lead out of it."""
+    """Sums over the part of an image that stays within it after a step (`aside` rows, `along` columns)."""
     height, width = table.shape[0] - 1, table.shape[1] - 1
     top, bottom = np.maximum(-aside, 0), height - np.maximum(aside, 0)
     left, right = np.maximum(-along, 0), width - np.maximum(along, 0)
@@ -96,18 +96,18 @@ def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np
 
 @dataclass(frozen=True)
 class _Peaks:
-    """Steps (N, 2) after which a picture is most alike to itself, the longest first, and how alike (N,)."""
+    """Peaks of the autocorrelation: steps (N, 2), longest first, and values (N,)."""
 
     steps: NDArray[np.float64]
     alike: NDArray[np.float64]
 
 
-# A step (columns, rows) and how alike the picture is after it.
+# A step (columns, rows) and the autocorrelation there.
 _Found = tuple[NDArray[np.float64], float]
 
 
-def _peaks(alike: _Alike) -> _Peaks:
-    """The peaks that are nearly as high as the highest; none where that is no higher than by chance."""
+def _peaks(alike: _Autocorrelation) -> _Peaks:
+    """The peaks that are nearly as high as the highest; none if that may be due to chance."""
     values = alike.values
     aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
     peaks = np.zeros(values.shape, bool)
@@ -128,7 +128,7 @@ def _peaks(alike: _Alike) -> _Peaks:
 
 
 def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_Found | None]:
-    """The step across and the step down; None for one that repeats nothing. frame: (2,) room for the tile alone."""
+    """The step across and the step down; None for one without repetition. frame: (2,) room for the tile alone."""
     pairs = [across.steps[:, None], down.steps[None]]
     skew = np.abs(pairs[0][..., 1] / pairs[0][..., 0] + pairs[1][..., 0] / pairs[1][..., 1])
     room = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
@@ -138,7 +138,7 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
         i, j = np.unravel_index(np.argmax(area), area.shape)
         return [(across.steps[i], float(across.alike[i])), (down.steps[j], float(down.alike[j]))]
     found: list[_Found | None] = [None, None]
-    # The one that is more alike to itself, or none.
+    # Only one of them repeats, if any: the one with the higher autocorrelation.
     axis = int(across.alike.max(initial=0) < down.alike.max(initial=0))
     peaks = (across, down)[axis]
     gradient = np.abs(peaks.steps[:, 1 - axis] / peaks.steps[:, axis])
@@ -149,13 +149,13 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
 
 
 def _peak(three: NDArray[np.float64]) -> float:
-    """Where between -1 and 1 the parabola through three values, the middle one the highest, has its peak."""
+    """Position of the peak, from -0.5 to 0.5, of the parabola through three values; the middle one is the highest."""
     curve = three[0] - 2 * three[1] + three[2]
     return float(np.clip(0.5 * (three[0] - three[2]) / curve, -0.5, 0.5)) if curve < 0 else 0.0
 
 
 def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
-    """The step, found in a picture `factor` times smaller, made exact in the middle of where both its ends are seen."""
+    """The step, found in an image `factor` times smaller, refined in the centre of the part where both its ends lie."""
     if factor == 1:
         return step
     reach = factor + 1
@@ -177,7 +177,7 @@ def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: i
 
 
 def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
-    """The tiling with what does not repeat as large as the photo allows, and square to what does."""
+    """The tiling, where a direction without repetition gets the longest step that fits, perpendicular to the other."""
     right, down = found
     if right is not None and down is not None:
         steps = right[0], down[0]
@@ -194,7 +194,7 @@ def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
 def _across(
     square: NDArray[np.float64], step: NDArray[np.float64], frame: NDArray[np.float64], axis: int
 ) -> NDArray[np.float64]:
-    """A step along `square`, mostly along the axis, as long as there is room beside the other step."""
+    """The longest step along `square`, mostly along the axis, for which there is room next to the other step."""
     square = square / square[axis]
     room = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
     step_across: NDArray[np.float64] = square * np.floor(room.min())

@@ -42,7 +42,7 @@ def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     Parameters
     ----------
     path : path-like
-        A COLMAP model's folder (or a project's, with sparse/0 in it) or one of its files; a Metashape .xml; an
+        The folder of a COLMAP model (or of a project with sparse/0) or one of its files; a Metashape .xml; an
         AliceVision (Meshroom) .sfm or .json.
 
     Returns
@@ -55,7 +55,7 @@ def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     FileError
         If the file is missing.
     FormatError
-        If it is damaged, of none of these kinds, or without posed photos.
+        If it is damaged, not of one of these kinds, or without posed photos.
     GeometryError
         If a pose is not rigid, or a value cannot be a camera's.
     """

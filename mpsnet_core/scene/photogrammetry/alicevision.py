@@ -1,7 +1,7 @@
 """AliceVision, which Meshroom drives: views, intrinsics and poses of a scene as JSON (cameras.sfm, .json).
 
-https://github.com/alicevision/AliceVision/tree/develop/src/aliceVision/sfmDataIO, whose file versions differ in what
-they call a focal length and a principal point. Numbers are written as text.
+https://github.com/alicevision/AliceVision/tree/develop/src/aliceVision/sfmDataIO. File versions differ in the
+definitions of focal length and principal point. Numbers are written as text.
 """
 
 import json
@@ -18,11 +18,11 @@ from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation
 
-# A scene with its points is larger than its cameras by far, and needs some ten times this while it is read.
+# A scene with its points is far larger than its cameras, and takes about ten times this in memory while it is read.
 MAX_FILE_BYTES = 1 << 28
 
-# How many coefficients each type of distortion has; newer files give the type to a "pinhole", older ones name the
-# camera by it.
+# Number of coefficients of each distortion type. Newer files state the type of a "pinhole", older ones name the camera
+# by it.
 _DISTORTIONS = {"none": 0, "radialk1": 1, "radialk3": 3, "brown": 5}
 _OLD_TYPES = {"radial1": "radialk1", "radial3": "radialk3", "brown": "brown"}
 
@@ -30,13 +30,13 @@ Version = tuple[int, int, int]
 
 
 def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
-    """The posed photos of an AliceVision scene; photos without a pose are left out.
+    """The posed photos of an AliceVision scene. Photos without a pose are left out.
 
-    The world is that of the meshes that the same version writes: since file version 1.2.3 they have y and z the other
-    way round than the poses have, and so the cameras are turned with them.
+    The world is that of the meshes that the same version writes. Since file version 1.2.3, their y and z axes point the
+    other way than those of the poses, and the cameras are rotated to match.
 
-    Raises FileError where the file is missing; FormatError where it is damaged, no scene, or larger than 256 MiB, or a
-    camera is not of type pinhole, radial1, radial3 or brown, or is one of a rig of several; GeometryError where a pose
+    Raises FileError if the file is missing; FormatError if it is damaged, no scene, or larger than 256 MiB, or a
+    camera is not of type pinhole, radial1, radial3 or brown, or is one of a rig of several; GeometryError if a pose
     is not rigid.
     """
     file = existing_file(path, "scene")
@@ -77,13 +77,13 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
 
 def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: Version) -> PosedPhoto:
     transform = _part(_part(pose, "pose"), "transform")
-    # Stored column by column from world to camera, which row by row is camera to world.
+    # Stored in column-major order from world to camera, which in row-major order is camera to world.
     turn = rotation(_numbers(transform, "rotation", 9), "its pose")
     position = _numbers(transform, "center", 3)
     if version >= (1, 2, 3):
         turn, position = FLIP_YZ @ turn, FLIP_YZ @ position
     width, height = (_number(intrinsic, side) for side in ("width", "height"))
-    # AliceVision's origin is the middle of the first pixel, ours its corner.
+    # AliceVision's origin is the centre of the first pixel, ours its corner.
     centre = _numbers(intrinsic, "principalPoint", 2) + 0.5
     if version >= (1, 2, 1):
         centre += np.array([width, height]) / 2
@@ -93,7 +93,7 @@ def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: 
 
 
 def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray[np.float64]:
-    """(2,) pixels. The same lens through the versions: compatibilityData/scene_v*.json of AliceVision's sources."""
+    """(2,) focal length in pixels. For one lens in all versions, see compatibilityData/scene_v*.json in AliceVision."""
     if version < (1, 2, 0):
         return np.repeat(_numbers(intrinsic, "pxFocalLength", 1), 2)
     if version < (1, 2, 2):
@@ -138,7 +138,7 @@ def _version(value: Any) -> Version:
 
 
 def _records(scene: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
-    records = scene.get(key) or []  # an empty list is written as empty text
+    records = scene.get(key) or []  # an empty list is written as an empty string
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
         raise FormatError(f'its "{key}" is not a list of objects; save the scene again')
     yield from records

@@ -32,7 +32,7 @@ _PARAMETERS = {
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
-# Binary files name a model by its number.
+# Binary files identify a model by its index here.
 _MODELS = (
     "SIMPLE_PINHOLE",
     "PINHOLE",
@@ -54,7 +54,7 @@ _MODELS = (
     "EQUIRECTANGULAR",
 )
 
-# Where the model may be inside the folder that is named: COLMAP's own projects, and what its undistorter writes.
+# Where a model may be in the given folder, in COLMAP's own projects and in the output of its undistorter.
 _PLACES = ("", "sparse/0", "sparse", "0")
 
 MAX_FILE_BYTES = 1 << 30
@@ -77,10 +77,10 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     path: its folder, a project's folder (for the model in sparse/0), or one of the files cameras.bin, images.bin,
         cameras.txt and images.txt. Where a folder has both kinds the binary ones are read, as COLMAP does.
 
-    World axes and scale are the model's, as in the meshes that COLMAP makes of it.
+    World axes and scale are the model's, as in COLMAP's meshes.
 
-    Raises FileError where files are missing; FormatError where they are damaged or larger than 1 GiB, or a camera is
-    none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError where a
+    Raises FileError if files are missing; FormatError if they are damaged or larger than 1 GiB, or a camera is
+    none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError if a
     value cannot be a camera's.
     """
     cameras, images = _model_files(Path(path))
@@ -130,7 +130,7 @@ def _intrinsics(model: str, width: int, height: int, values: tuple[float, ...]) 
 
 
 def _trimmed(*coefficients: float) -> tuple[float, ...]:
-    """Without the zeros at the end."""
+    """Coefficients without trailing zeros."""
     used = len(coefficients)
     while used and coefficients[used - 1] == 0:
         used -= 1
@@ -178,7 +178,7 @@ def _text_cameras(source: TextIO) -> dict[int, _Intrinsics]:
 
 
 def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedPhoto]:
-    """Two lines a photo: its pose and name, and the points found in it, which may be none."""
+    """Read two lines per photo: its pose and name, and its 2D points, which may be none."""
     photos = []
     lines = _lines(source)
     for number, line in lines:
@@ -198,7 +198,7 @@ def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedP
 
 
 def _check_points(words: list[str]) -> None:
-    """Raises FormatError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
+    """Raise FormatError if a line is not X, Y, POINT3D_ID of any number of points: it may belong to the next photo."""
     try:
         whole = len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words[-3:])
     except ValueError:
@@ -217,7 +217,7 @@ def _lines(source: TextIO) -> Iterator[tuple[int, str]]:
 
 
 class _Binary:
-    """A little-endian file whose counts are checked against the bytes that are left."""
+    """A little-endian file whose counts are checked against the remaining bytes."""
 
     def __init__(self, source: BinaryIO) -> None:
         self._source, self._left = source, os.fstat(source.fileno()).st_size
@@ -235,14 +235,14 @@ class _Binary:
         return struct.unpack(layout, self._source.read(struct.calcsize(layout)))
 
     def count(self, smallest: int) -> int:
-        """How many records of at least `smallest` bytes follow."""
+        """Read the number of records of at least `smallest` bytes that follow."""
         (count,) = self.read("<Q")
         if count * smallest > self._left:
             raise FormatError(f"it states {count} records, more than fit into it; copy or export it again")
         return int(count)
 
     def name(self) -> str:
-        """Text up to a zero."""
+        """Read text up to a null byte."""
         start = self._source.tell()
         text, zero, _ = self._source.read(MAX_NAME).partition(b"\0")
         if not zero:
@@ -271,7 +271,7 @@ def _binary_images(source: _Binary, cameras: dict[int, _Intrinsics]) -> list[Pos
     for _ in range(source.count(73)):
         pose, camera = np.array(source.read("<I7d")[1:]), source.read("<I")[0]
         name = source.name()
-        source.skip(24 * source.count(24))  # the points found in it
+        source.skip(24 * source.count(24))  # its 2D points
         with located(f"photo {name!r}"):
             photos.append(_posed(name, _camera_of(camera, cameras), pose))
     source.end()

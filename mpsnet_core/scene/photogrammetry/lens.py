@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
-# Rows at a time: each of their pixels takes some 200 bytes of memory. More are no faster.
+# Rows at a time: each of their pixels takes about 200 bytes of memory. More rows are no faster.
 ROWS = 32
 
-# What to do about a photo of another size than its camera's.
+# The remedy if a photo and its camera differ in size.
 AS_SOLVED = "give the photo as photogrammetry had it, neither scaled, cropped nor turned"
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
@@ -43,8 +43,8 @@ class Lens:
 
     Notes
     -----
-    Where a pinhole camera sees a point p = (x, y), in focal lengths from the optical axis, x right and y down, this
-    lens shows it at A d, where r is the length of p and ::
+    A point that a pinhole camera projects to p = (x, y), in focal lengths from the optical axis, x right and y down,
+    appears at A d through this lens, where r is the length of p and ::
 
         d = p (1 + radial[0] r² + radial[1] r⁴ + ...) / (1 + divisor[0] r² + ...) + tangential r² + 2 (tangential·p) p
 
@@ -83,7 +83,7 @@ class Lens:
     def reach(self, limit: float) -> float:
         """Distance from the axis, in focal lengths and at most `limit`, up to which the distortion is monotonic.
 
-        Beyond it a polynomial that was fitted inside the photo shows the photo's edge a second time, mirrored.
+        Beyond it, a polynomial that was fitted inside the photo would show the photo's edge again, mirrored.
         """
         distance = np.linspace(0, limit, _REACH_STEPS)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -93,7 +93,7 @@ class Lens:
 
 
 def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.float64]:
-    """Where the photo shows image points of the pinhole camera.
+    """Positions in the photo of image points of the pinhole camera.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.fl
 
 
 def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) -> NDArray[np.float32]:
-    """A photo as the pinhole camera would have taken it, by bilinear interpolation.
+    """Undistort a photo to the image of the pinhole camera, by bilinear interpolation.
 
     Parameters
     ----------
@@ -147,12 +147,12 @@ def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) ->
 
 
 def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
-    """A photo's mask as the pinhole camera would see it: the pixels that :func:`undistorted` blends from it alone.
+    """Undistort a photo's mask: True for the pixels that :func:`undistorted` interpolates from the mask alone.
 
     Parameters
     ----------
     mask : (H, W) bool array
-        Such as the unsaturated pixels, of the camera's size.
+        For example the unsaturated pixels, of the camera's size.
     camera : Camera
     lens : Lens
 
@@ -181,7 +181,7 @@ class _Source:
 
     def __init__(self, points: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, int]) -> None:
         height, width = shape
-        # Values are at pixel middles; the half pixel outside the outermost middles has the edge's value.
+        # Values are at pixel centres; the half pixel beyond the outermost centres has the edge's value.
         with np.errstate(invalid="ignore"):  # not finite far outside the photo
             x = np.nan_to_num(np.clip(points[..., 0] - 0.5, 0, width - 1))
             y = np.nan_to_num(np.clip(points[..., 1] - 0.5, 0, height - 1))

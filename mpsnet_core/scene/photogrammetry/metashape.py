@@ -34,7 +34,7 @@ EXPORT = "export the cameras again (File > Export > Export Cameras, Agisoft XML)
 
 @dataclass(frozen=True)
 class _Similarity:
-    """p to turn · scale · p + shift, chunk to world."""
+    """The map of p to turn · scale · p + shift, from chunk to world."""
 
     turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -42,13 +42,13 @@ class _Similarity:
 
 
 def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
-    """The posed photos of a Metashape XML file; photos that are disabled or not aligned are left out.
+    """The posed photos of a Metashape XML file. Photos that are disabled or not aligned are left out.
 
     The world is that of the chunk's own meshes: the transform of the chunk, or of a camera's component, is applied. Its
-    scale moves the cameras; their poses stay rigid.
+    scale applies to the cameras' positions; their poses stay rigid.
 
-    Raises FileError where the file is missing; FormatError where it is damaged, larger than 64 MiB, has a document type
-    or several chunks, or a camera is not a frame camera; GeometryError where a pose is not rigid.
+    Raises FileError if the file is missing; FormatError if it is damaged, larger than 64 MiB, has a document type
+    or several chunks, or a camera is not a frame camera; GeometryError if a pose is not rigid.
     """
     file = existing_file(path, "camera file")
     if file.stat().st_size > MAX_FILE_BYTES:
@@ -58,7 +58,7 @@ def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
             text = file.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError:
             raise FormatError(f"it is not UTF-8 text; {EXPORT}") from None
-        # Entities would let a small file request any amount of memory; Metashape writes none.
+        # Entities would let a small file allocate any amount of memory; Metashape writes none.
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise FormatError(f"it has a document type, which no file of Metashape has; {EXPORT}")
         try:
@@ -77,7 +77,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
     sensors = {sensor.get("id"): sensor for sensor in chunk.iterfind("sensors/sensor")}
     whole = chunk.find("transform")
     components = {part.get("id"): part.find("transform") for part in chunk.iterfind("components/component")}
-    similarity, calibration = cache(_similarity), cache(_calibration)  # of many cameras each
+    similarity, calibration = cache(_similarity), cache(_calibration)  # shared by many cameras
     system = (chunk.findtext("reference") or "LOCAL_CS").strip()
     if not system.startswith("LOCAL_CS"):
         log.warning(
@@ -85,7 +85,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
             "export both in local coordinates"
         )
     photos = []
-    for camera in chunk.iterfind("cameras//camera"):  # groups hold cameras of their own
+    for camera in chunk.iterfind("cameras//camera"):  # groups contain cameras, too
         pose = camera.find("transform")
         if pose is None or camera.get("enabled", "1").lower() in ("0", "false"):
             continue
@@ -105,9 +105,9 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
 def _posed(
     name: str, calibration: tuple[int, int, dict[str, float]], pose: NDArray[np.float64], world: _Similarity
 ) -> PosedPhoto:
-    """calibration: of :func:`_calibration`. pose: (4, 4) camera to chunk, x right, y down, z forward."""
+    """The posed photo. calibration: of :func:`_calibration`. pose: (4, 4) camera to chunk, x right, y down, z ahead."""
     turn = world.turn @ rotation(pose[:3, :3], "the camera")
-    with np.errstate(over="ignore", invalid="ignore"):  # the camera refuses what is not finite
+    with np.errstate(over="ignore", invalid="ignore"):  # Camera rejects non-finite values
         position = world.scale * (world.turn @ pose[:3, 3]) + world.shift
     width, height, values = calibration
     get = values.get
@@ -123,7 +123,7 @@ def _posed(
 
 
 def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
-    """Width, height and the parameters that are given; Metashape leaves out those that are zero."""
+    """Width, height and the given parameters; Metashape omits those that are zero."""
     found = sensor.findall("calibration")
     adjusted = [calibration for calibration in found if calibration.get("class") == "adjusted"]
     if not found:

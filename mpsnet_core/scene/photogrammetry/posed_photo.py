@@ -1,4 +1,4 @@
-"""PosedPhoto: a photo's camera and lens from photogrammetry, in our conventions; the photo's file."""
+"""A photo's camera and lens from photogrammetry, in the project's conventions, and the photo's file."""
 
 import os
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.photogrammetry.lens import Lens
 
-# Photogrammetry's cameras look along +z with y down, ours along -z with y up.
+# Cameras of photogrammetry look along +z with y down, ours along -z with y up.
 FLIP_YZ = np.diag([1.0, -1.0, -1.0])
 
-# Largest entry of R Rᵀ - I for a rotation R in a file. Rounding to four digits passes, scale and shear do not.
+# Largest entry of R Rᵀ - I for a rotation R in a file. It accepts rounding to four digits, but no scale or shear.
 ROTATION_TOLERANCE = 1e-3
 
 # Rotation on the image plane (x right, y down) from the stored photo to the displayed one, for each EXIF orientation
@@ -37,9 +37,9 @@ class PosedPhoto:
     Attributes
     ----------
     photo : str
-        Its name or path in the file of cameras.
+        Its name or path in the camera file.
     camera : Camera
-        The pinhole camera, in the world of that file's own mesh.
+        The pinhole camera, in the world space of that file's own mesh.
     lens : Lens
         The distortion from that camera's image to the photo.
     """
@@ -50,9 +50,9 @@ class PosedPhoto:
 
 
 def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    """The rotation nearest to `values`, nine numbers row by row; `what` names its owner in messages.
+    """The rotation nearest to `values`, nine numbers in row-major order. what: its owner, for messages.
 
-    Raises GeometryError where that is not near, or a number is not finite.
+    Raises GeometryError if it is not near, or a value is not finite.
     """
     matrix = np.asarray(values, np.float64).reshape(3, 3)
     # The first bound keeps the product finite, and rejects NaN.
@@ -68,10 +68,10 @@ def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
 def photogrammetry_camera(
     width: int, height: int, focal: ArrayLike, centre: ArrayLike, turn: ArrayLike, position: ArrayLike
 ) -> Camera:
-    """A pinhole camera from a photogrammetry program's numbers.
+    """A pinhole camera from a photogrammetry program's parameters.
 
     focal, centre: (2,) pixels. turn: (3, 3) rotation from its camera space (x right, y down, z forward) to the world.
-    position: (3,) in the world. Raises GeometryError where a value cannot be a camera's.
+    position: (3,) in the world. Raises GeometryError if a value cannot be a camera's.
     """
     pose = np.eye(4)
     pose[:3, :3] = np.asarray(turn) @ FLIP_YZ
@@ -85,20 +85,20 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
     Parameters
     ----------
     posed : PosedPhoto
-        Of a path elsewhere, the longest end that is a file inside the folder counts.
+        If its path leads elsewhere, the longest trailing part that is a file in the folder is used.
     photos : PhotoFolder
 
     Returns
     -------
     Path or None
-        The raw file of that stem, if there is one beside the photo; None if no file matches.
+        The raw file with that stem, if there is one next to the photo; None if no file matches.
 
     Raises
     ------
     FileError
         If several files match.
     """
-    # Understands both kinds of slash; nothing in it may lead out of the folder.
+    # Accepts both kinds of slash. No part may lead out of the folder.
     path = PureWindowsPath(posed.photo)
     parts = [part for part in path.parts if part not in (path.anchor, "..", ".")]
     places = [photos.path.joinpath(*parts[start:]) for start in range(len(parts))]
@@ -106,7 +106,7 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
         if is_file(place):
             return photos.find([place.stem], f"photo {posed.photo!r}", place.parent, raw_only=True) or place
     for place in places:
-        # Metashape leaves suffixes out, and so a name with a dot in it may be all stem.
+        # Metashape omits suffixes, so a name with a dot may be a stem.
         stems = [place.name, *([place.stem] if place.suffix.lower() in PHOTO_SUFFIXES else [])]
         found = photos.find(stems, f"photo {posed.photo!r}", place.parent)
         if found:
@@ -117,7 +117,7 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
 def as_displayed(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
     """`posed` rotated as :func:`mpsnet_core.read_image` rotates the photo in `file` by its EXIF orientation.
 
-    Photogrammetry programs measure in photos as they are stored, not as they are displayed.
+    Photogrammetry programs use photos as they are stored, not as they are displayed.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def turned(posed: PosedPhoto, orientation: int) -> PosedPhoto:
     # The rotated image's smallest x and y become 0.
     centre = turn @ camera.centre - np.minimum(turn @ size, 0)
     roll = np.eye(4)
-    roll[:2, :2] = [[turn[0, 0], -turn[0, 1]], [-turn[1, 0], turn[1, 1]]]  # the same turn with y up
+    roll[:2, :2] = [[turn[0, 0], -turn[0, 1]], [-turn[1, 0], turn[1, 1]]]  # the same rotation with y up
     right, down = (turn @ lens.tangential).tolist()
     affinity = (turn @ np.array(lens.affinity) @ turn.T).tolist()
     return PosedPhoto(
