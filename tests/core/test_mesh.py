@@ -445,6 +445,13 @@ def test_faces_that_turn_their_back_to_the_normals_are_reported(
     assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces, and export it again", caplog.text)
 
 
+def test_smooth_normals_are_the_same_in_any_unit() -> None:
+    sphere = sphere_mesh(12, 6)
+    points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))
+    metres, tiny = (smooth_corner_normals(unit * points, sphere.triangles) for unit in (1, 1e-9))
+    assert tiny == pytest.approx(metres)
+
+
 def test_smooth_normals_one_corner_at_a_time() -> None:
     sphere = sphere_mesh(12, 6)
     points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))
