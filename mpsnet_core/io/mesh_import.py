@@ -59,7 +59,7 @@ def read_scene(path: Path) -> Iterator[Any]:
                 _check_parts(header)
                 _check_plain(header)
                 _note_other_uvs(header, path)
-                content = _without_pictures(file, header)
+                content = _with_plain_materials(file, header)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 content,
@@ -89,11 +89,14 @@ def _no_number(text: str) -> float:
     raise FormatError(f"it holds {text} in place of a number; export it again")
 
 
-def _without_pictures(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
-    """A GLB file, open behind its JSON part, without pictures, which nobody looks at and trimesh may decode."""
+def _with_plain_materials(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
+    """A GLB file, open behind its JSON part, whose materials are names alone: nobody looks at their pictures, which
+    trimesh may decode. Without a material it would leave the UVs out, so what has none gets one without a name."""
     kept = {name: part for name, part in header.items() if name not in ("images", "textures", "samplers")}
-    if "materials" in kept:
-        kept["materials"] = [{"name": str(one.get("name", ""))} if "name" in one else {} for one in kept["materials"]]
+    named = [{"name": str(one.get("name", ""))} if "name" in one else {} for one in header.get("materials", ())]
+    kept["materials"] = [*named, {}]
+    for one in (one for mesh in header.get("meshes", ()) for one in mesh["primitives"]):
+        one.setdefault("material", len(named))
     text = json.dumps(kept).encode()
     text += b" " * (-len(text) % 4)
     rest = file.read()

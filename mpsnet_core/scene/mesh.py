@@ -541,8 +541,7 @@ def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDA
     if shape_only:
         uvs = np.zeros((len(vertices), 2))
     if uvs is None or len(uvs) != len(vertices):
-        # trimesh drops the UVs of glTF without a material.
-        raise _without_uvs("it has no material (without one, the UVs of a glTF file are not read) or")
+        raise _without_uvs("it has")
     normals: NDArray[Any] = np.full_like(vertices, np.nan)
     # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
     if "vertex_normals" in part._cache:

@@ -302,10 +302,11 @@ def test_glb_with_several_meshes_and_materials(tmp_path: Path, normals: bool) ->
     assert degrees_between(mesh.corner_normals, expected).max() < 0.01
 
 
-def test_glb_without_a_material_is_reported_to_get_one(tmp_path: Path) -> None:
-    path = glb(tmp_path / "mesh.glb", normals=True, materials=False)
-    with pytest.raises(InputError, match=r"no material .*or no UVs; unwrap it"):
-        read_mesh(path)
+def test_glb_without_a_material_has_its_uvs_all_the_same(tmp_path: Path) -> None:
+    with_materials = read_mesh(glb(tmp_path / "with.glb", normals=True))
+    mesh = read_mesh(glb(tmp_path / "without.glb", normals=True, materials=False))
+    assert mesh.uvs.tolist() == with_materials.uvs.tolist()
+    assert mesh.materials is None
 
 
 def test_glb_with_a_mirroring_node_keeps_its_outside(tmp_path: Path) -> None:
