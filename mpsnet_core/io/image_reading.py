@@ -110,8 +110,8 @@ def _note_pixel_aspect(path: Path, spec: Any) -> None:
     aspect = image_attribute(spec, "PixelAspectRatio", float)
     if aspect is not None and 0 < aspect < np.inf and abs(np.log(aspect)) > SAME_SIDES:
         log.warning(
-            "%s says that its pixels are not square (%.4g:1), and is read as it is stored; convert it to square pixels, "
-            "or give a camera file whose focal differs in x and y",
+            "%s says that its pixels are not square (%.4g:1), and is read as it is stored; convert it to square "
+            "pixels, or give a camera file whose focal differs in x and y",
             path,
             aspect,
         )
