@@ -19,8 +19,9 @@ from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
 from mpsnet_core import View, bake_normals, read_camera, read_normals
+from mpsnet_core.arrays.polygon_triangulation import triangulated
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import Mesh, _triangulated, read_mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [2, 1, 1]]
@@ -120,7 +121,7 @@ def test_a_polygon_of_many_notches_is_covered_once(shape: str) -> None:
         hole = circle[::2]
         around = np.r_[2 * hole, 2 * hole[:1], hole[:1], hole[::-1]]
     places = np.c_[around, np.zeros(len(around))]
-    corners = places[_triangulated(places, np.array([len(around)]))]
+    corners = places[triangulated(places, np.array([len(around)]))]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
     x, y = around.T
     assert len(areas) == len(around) - 2 and (areas > -1e-9).all()
