@@ -23,6 +23,8 @@ MOST, LEAST = 250, 60
 ENOUGH = 1e-3
 # After so many, again and again, what rounding has added up to is taken out.
 ROUNDED = 16
+# A correction of so many pixels is none.
+TOLERANCE = 1e-4
 # A correction of so many pixels that is left after all of them is logged: along strips heights are off by up to a
 # hundred times as much.
 REPORTED = 0.02
@@ -33,7 +35,6 @@ def solved(
     pulls: Links,
     start: NDArray[np.float32],
     *,
-    tolerance: float = 1e-4,
     most: int | None = None,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
@@ -43,9 +44,9 @@ def solved(
     that hangs together keeps a constant of its own, which is any.
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
-    gradient method", 1993). It ends when the correction that is left is nowhere above `tolerance`, or above what
-    float32 can hold, or after `most` iterations; unless these are given there are many, as long as it is above ENOUGH
-    on the mean, and a note is logged where much is left after them.
+    gradient method", 1993). It ends when the correction that is left is nowhere above TOLERANCE, or above what
+    float32 can hold, or after `most` iterations; unless that is given there are many, as long as it is above ENOUGH on
+    the mean, and a note is logged where much is left after them.
     """
     grids = grids_of(weights)
     linked = np.count_nonzero(grids[0].step)
@@ -62,12 +63,12 @@ def solved(
             _balance(left, *parts)
         correction = corrected(grids, left)
         remaining = float(np.abs(correction).max())
-        if remaining <= tolerance + 1e-6 * float(np.abs(u).max()):
+        if remaining <= TOLERANCE + 1e-6 * float(np.abs(u).max()):
             break
         if unasked and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
-        gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
+        gained = np.log(first / remaining) / max(np.log(first / TOLERANCE), 1e-6)
         # A correction can be larger than the one before it; progress does not go back.
         done = max(done, number / most, min(float(gained), 1.0))
         progress(done, "integrating")
