@@ -63,7 +63,7 @@ class Projector:
     feather: how far from the view's borders it counts in full, as a share of the mesh's size; 0 to let it end sharply.
     """
 
-    def __init__(self, view: View, scene: RayScene, feather: float = 0.0) -> None:
+    def __init__(self, view: View, scene: RayScene, feather: float) -> None:
         self.camera = camera = view.camera
         self.visibility = Visibility(camera, scene)
         away = camera.rotation.T @ (scene.middle - camera.world_from_camera[:3, 3])

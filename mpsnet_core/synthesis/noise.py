@@ -30,7 +30,7 @@ def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     return values
 
 
-def fractal_noise(points: Points, seed: int, octaves: int = 4) -> NDArray[np.float32]:
+def fractal_noise(points: Points, seed: int, octaves: int) -> NDArray[np.float32]:
     """Sum of `octaves` gradient noises, each twice as fine and half as strong: (N, 3) points to (N,) values.
 
     As strong as one gradient noise whatever the number of octaves: the values lie in about -1 to 1.

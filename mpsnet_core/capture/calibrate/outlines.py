@@ -56,7 +56,7 @@ def near_outline(photo: Pyramid, ball: Ball) -> Ball:
     return ball
 
 
-def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool = True) -> Ball:
+def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool) -> Ball:
     """The ball by the steepest places along a rough one's outline, and how much of it is seen.
 
     Raises GeometryError where no ball fits.
