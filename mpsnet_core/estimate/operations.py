@@ -336,18 +336,19 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.scene.rig import read_rig
 
         rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
-        notes: Notes = "doubts"
+        noted: set[bool] = set()
 
         def take(frame: "Frame") -> "Capture":
-            nonlocal notes
             image = frame.read()
+            # Photos with alpha are much like the first of these, and so are those without.
+            notes: Notes = "none" if (image.alpha is None) in noted else "doubts"
             with located(frame.name):
                 capture = capture_from(
                     image, rig, mask=frame.mask, reading=reading, camera=camera, depth=depth, notes=notes
                 )
             if notes != "none":
                 note_doubtful_curve(frame.name, image, capture.mask, rig)
-            notes = "none"  # the other frames are much like the first
+            noted.add(image.alpha is None)
             return capture
 
         # Each pass takes as long as the first: unless more are requested, frames get one.

@@ -318,6 +318,17 @@ def test_missing_frames_are_named_and_the_others_made(tmp_path: Path, mpsnet: Mp
     assert (again["made"], again["there"]) == (0, 6)
 
 
+def test_the_first_photo_without_alpha_is_warned_of_where_others_have_it(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path
+) -> None:
+    shots(tmp_path / "shots", [1, 2, 5])
+    for number in (3, 4):
+        write_file(tmp_path / "shots" / f"frame_{number:04d}.png", picture(number), "uint8")
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    told = result(mpsnet(*command, "--progress", "json"))
+    assert len([note for note in told["notes"] if "[no-mask]" in note]) == 1
+
+
 @pytest.mark.parametrize("smooth", ["0", "2"])
 def test_frames_without_an_object_are_left_out_and_the_others_made(
     tmp_path: Path, mpsnet: Mpsnet, rig: Path, smooth: str
