@@ -237,9 +237,10 @@ def _check(setting: Setting, value: Any) -> None:
         raise SettingsError(f"{name} {value!r} is no text")
     if setting.kind is bool and not isinstance(value, bool):
         raise SettingsError(f"{name} {value!r} is neither true nor false")
-    if setting.kind is float and not isinstance(value, Real):
+    is_truth = isinstance(value, bool)  # which Python counts as a whole number
+    if setting.kind is float and (is_truth or not isinstance(value, Real)):
         raise SettingsError(f"{name} {value!r} is no number")
-    if setting.kind is int and not isinstance(value, Integral):
+    if setting.kind is int and (is_truth or not isinstance(value, Integral)):
         raise SettingsError(f"{name} {value!r} is no whole number")
     if choices:
         check_choice(name, value, choices)

@@ -181,7 +181,7 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
         scene.collection.objects.link(camera)
     data, longer = camera.data, max(found.width, found.height)
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", FULL_FRAME
-    data.lens = found.focal[0] / longer * FULL_FRAME
+    data.lens = found.focal_35mm
     off = found.centre - np.array([found.width, found.height]) / 2
     data.shift_x, data.shift_y = -off[0] / longer, off[1] / longer
     camera.matrix_world = Matrix(found.world_from_camera.tolist())

@@ -56,7 +56,7 @@ def without_specks(mask: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
     return large[labels]
 
 
-def filled(mask: NDArray[np.bool_], most: float = np.inf) -> NDArray[np.bool_]:
+def filled(mask: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
     """The mask with its holes of at most `most` pixels filled: background that does not reach the image's border."""
     return without_holes(mask, lambda labels, sizes: sizes <= most)
 

@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Vectors shorter than this have no direction.
+# Vectors of single precision that are shorter than this have no direction.
 SHORTEST = 1e-12
+# Those of double precision: the areas of a mesh's faces are far smaller in kilometres than in millimetres.
+SHORTEST_DOUBLE = 1e-150
 
 
 def dot(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
@@ -21,9 +23,9 @@ def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
     >>> normalised(np.array([[3.0, 0.0, 4.0], [0.0, 0.0, 0.0]])).tolist()
     [[0.6, 0.0, 0.8], [0.0, 0.0, 1.0]]
     """
-    length = np.sqrt(dot(vectors, vectors))
-    unit: NDArray[Any] = vectors / np.maximum(length, vectors.dtype.type(SHORTEST))[..., None]
-    unit[length <= SHORTEST] = (0, 0, 1)
+    length, shortest = np.sqrt(dot(vectors, vectors)), SHORTEST_DOUBLE if vectors.dtype == np.float64 else SHORTEST
+    unit: NDArray[Any] = vectors / np.maximum(length, vectors.dtype.type(shortest))[..., None]
+    unit[length <= shortest] = (0, 0, 1)
     return unit
 
 

@@ -98,7 +98,7 @@ class Photography:
         image = self.reading.photo(view.photo)
         rig = self.rig_of(view.camera)
         image, mask = corrected_and_masked(image, rig, self.mask_of(view), self.reading)
-        if view.lens is not None and not view.lens.is_identity:
+        if view.lens is not None:
             from mpsnet_core.scene.photogrammetry import undistorted_mask
 
             mask = undistorted_mask(mask, view.camera, view.lens)
@@ -147,7 +147,7 @@ def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Pat
 
 def _straightened(image: Image, view: ViewPhoto) -> Image:
     """A view's image without lens distortion."""
-    if view.lens is None or view.lens.is_identity:
+    if view.lens is None:
         return image
     from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 

@@ -64,7 +64,7 @@ class Projector:
     sharp borders.
     """
 
-    def __init__(self, view: View, scene: RayScene, feather: float = 0.0) -> None:
+    def __init__(self, view: View, scene: RayScene, feather: float) -> None:
         self.camera = camera = view.camera
         self.visibility = Visibility(camera, scene)
         away = camera.rotation.T @ (scene.middle - camera.world_from_camera[:3, 3])

@@ -17,6 +17,7 @@ from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
 
 Level = Literal["good", "watch", "bad"]
+Figures = dict[str, float | list[float]]
 LEVELS: tuple[Level, ...] = ("good", "watch", "bad")
 
 # Pairs of limits: beyond the first the level is "watch", beyond the second "bad".
@@ -67,7 +68,7 @@ class Finding:
     item: str
     level: Level
     sentence: str
-    figures: dict[str, float | list[float]]
+    figures: Figures
 
 
 def check_photo(
@@ -140,7 +141,7 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
 
 def _encoding(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> Finding:
     rather = evidence_for_linear(image.pixels, mask, rig)
-    figures: dict[str, float | list[float]] = {"linear_rather": round(rather, 3)}
+    figures: Figures = {"linear_rather": round(rather, 3)}
     level = _level(rather, (CLOSE, DECIDED))
     if level == "good":
         words = "the file does not say how its values are meant; nothing speaks against sRGB"
@@ -154,7 +155,7 @@ def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scal
     bright = np.percentile(values, 99, axis=0)
     highest, weakest = float(bright.max()), int(bright.argmin())
     signal = float((np.percentile(values, 90, axis=0) / np.maximum(noise, 1e-12)).min())
-    figures: dict[str, float | list[float]] = {"brightest": _listed(bright), "noise": _listed(noise)}
+    figures: Figures = {"brightest": _listed(bright), "noise": _listed(noise)}
     share = float(bright[weakest]) / (full_scale or max(highest, 1e-12))
     dark: Level = _level(highest, DARK) if full_scale else "good"
     weak, noisy = _level(share, WEAK), _level(signal, NOISY)
@@ -193,7 +194,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
 def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
     angles = channel_angles(values.mean(axis=0), values.T @ values, len(values))
     condition = 1.0 if rig is None else float(np.linalg.cond(rig.mixing))
-    figures: dict[str, float | list[float]] = {"mixing_condition": round(condition, 2)}
+    figures: Figures = {"mixing_condition": round(condition, 2)}
     if angles is not None:
         figures["angles_deg"] = _listed(np.degrees(angles))
         if angles.max() <= ALIKE:
@@ -219,7 +220,7 @@ def _lights(rig: LightRig) -> Finding:
     apart = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
     first, second = (CHANNELS[light] for light in pairs[int(apart.argmin())])
     condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
-    figures: dict[str, float | list[float]] = {
+    figures: Figures = {
         "apart_deg": _listed(apart),
         "slants_deg": _listed(rig.slants),
         "condition": round(condition, 2),
@@ -257,7 +258,7 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
     reached = float((~dark.any(axis=1)).mean())
     by_light = 1 - dark.mean(axis=0)
     level = _level(reached, REACHED)
-    figures: dict[str, float | list[float]] = {
+    figures: Figures = {
         "all_lights": round(reached, 4),
         "each_light": _listed(by_light),
     }
@@ -298,7 +299,7 @@ def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: ND
         return Finding("focus", "good", "the object shows no edges by which its focus could be judged", {})
     # The blur of large objects is rated relative to their size, that of small ones in pixels.
     level = _level(blur * min(1.0, FOCUS_SIDE / side), BLURRED)
-    figures: dict[str, float | list[float]] = {"blur_pixels": round(blur, 3)}
+    figures: Figures = {"blur_pixels": round(blur, 3)}
     if level == "good":
         return Finding("focus", level, "the sharpest edges are sharp", figures)
     words = f"even the sharpest edges are blurred by {blur:.1f} pixels, 1/{side / blur:.0f} of the object's size"

@@ -335,20 +335,23 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.scene.rig import read_rig
 
         rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
-        notes: Notes = "doubts"
+        noted: set[bool] = set()
         found = False
 
         def take(frame: "Frame") -> "Capture":
-            nonlocal notes, found
+            nonlocal found
             image = frame.read()
+            has_alpha = image.alpha is not None
+            # Report on the first photo with alpha and on the first without; the others look alike.
+            notes: Notes = "none" if has_alpha in noted else "doubts"
             # Once an object was found it is looked for in every frame: none of them becomes a whole photo in between.
-            mask = "auto" if found else frame.mask
+            mask = "auto" if found and not has_alpha else frame.mask
             with located(frame.name):
                 capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
-            found = found or (frame.mask == MASK and image.alpha is None and not capture.mask.all())
+            found = found or (frame.mask == MASK and not has_alpha and not capture.mask.all())
             if notes != "none":
                 note_doubtful_curve(frame.name, image, capture.mask, rig)
-            notes = "none"  # report on the first frame only; the others look alike
+            noted.add(has_alpha)
             return capture
 
         # One pass per frame unless more are requested: three take three times as long.

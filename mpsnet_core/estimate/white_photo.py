@@ -144,7 +144,7 @@ def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> N
     return np.asarray(np.linalg.solve(np.swapaxes(lights, -1, -2), lamp[None, :, None])[..., 0])
 
 
-def white_valid(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
+def white_valid(capture: Capture, rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
     """(H, W) where the white photo is valid: inside the mask, and no channel clipped."""
     inside = capture.mask[rows, columns]
     return inside if capture.white_clipped is None else inside & ~capture.white_clipped[rows, columns].any(axis=-1)

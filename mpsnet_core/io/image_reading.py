@@ -21,6 +21,8 @@ from mpsnet_core.io.raw import read_raw
 
 log = logging.getLogger(__name__)
 
+# Pixels whose sides differ by less than this share count as square: files round their ratio.
+SAME_SIDES = 0.01
 # Larger values count as not finite. It is far above the sun's radiance, and its square is finite in float32.
 MAX_VALUE = 1e15
 
@@ -71,6 +73,7 @@ def read_image(
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
         raise FormatError(f"{path} is in Lab colours, which are no light; export it as RGB")
     colour = _colour_channels(names, grey, path)
+    _note_pixel_aspect(path, spec)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     if requested is None:
         decoded, assumed = stated_encoding(path, spec)
@@ -101,6 +104,17 @@ def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]
             "give a colour image"
         )
     return colour
+
+
+def _note_pixel_aspect(path: Path, spec: Any) -> None:
+    aspect = image_attribute(spec, "PixelAspectRatio", float)
+    if aspect is not None and 0 < aspect < np.inf and abs(np.log(aspect)) > SAME_SIDES:
+        log.warning(
+            "%s says that its pixels are not square (%.4g:1), and is read as it is stored; convert it to square "
+            "pixels, or give a camera file whose focal differs in x and y",
+            path,
+            aspect,
+        )
 
 
 def _exposure_time(spec: Any) -> float | None:

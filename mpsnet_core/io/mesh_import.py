@@ -59,7 +59,7 @@ def read_scene(path: Path) -> Iterator[Any]:
                 _check_parts(header)
                 _check_plain(header)
                 _note_other_uvs(header, path)
-                content = _without_pictures(file, header)
+                content = _with_plain_materials(file, header)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 content,
@@ -89,11 +89,17 @@ def _no_number(text: str) -> float:
     raise FormatError(f"it holds {text} in place of a number; export it again")
 
 
-def _without_pictures(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
-    """A GLB file, open after its JSON part, without its images: they are not needed, and trimesh may decode them."""
+def _with_plain_materials(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
+    """A GLB file, open after its JSON part, whose materials have only names.
+
+    Images are not needed, and trimesh may decode them. trimesh drops the UVs of a part without a material, so such
+    parts get one without a name.
+    """
     kept = {name: part for name, part in header.items() if name not in ("images", "textures", "samplers")}
-    if "materials" in kept:
-        kept["materials"] = [{"name": str(one.get("name", ""))} if "name" in one else {} for one in kept["materials"]]
+    named = [{"name": str(one.get("name", ""))} if "name" in one else {} for one in header.get("materials", ())]
+    kept["materials"] = [*named, {}]
+    for one in (one for mesh in header.get("meshes", ()) for one in mesh["primitives"]):
+        one.setdefault("material", len(named))
     text = json.dumps(kept).encode()
     text += b" " * (-len(text) % 4)
     rest = file.read()

@@ -112,7 +112,7 @@ class HeightFacts:
     seam_step: float | None = None
 
 
-def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
+def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
     Raises FileError if they cannot be written there, or would overwrite a scale or mask that does not belong to an

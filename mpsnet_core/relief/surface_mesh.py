@@ -146,7 +146,7 @@ def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[
     return angles
 
 
-def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
+def check_surface_mesh(faces: int, open_from: float | None) -> None:
     """Raise SettingsError if an option of :func:`surface_mesh` is out of range."""
     if not 1 <= faces <= MAX_FACES:
         raise SettingsError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")

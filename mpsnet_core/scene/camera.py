@@ -87,6 +87,11 @@ class Camera:
         """(3, 3) rotation from camera space to world space."""
         return self.world_from_camera[:3, :3]
 
+    @property
+    def focal_35mm(self) -> float:
+        """A perspective camera's 35 mm equivalent focal length, the mean of both, in millimetres."""
+        return float(self.focal.mean()) / max(self.width, self.height) * FULL_FRAME
+
     def resized(self, width: int, height: int) -> "Camera":
         """The same view at another resolution."""
         scale = np.array([width / self.width, height / self.height])

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.polygon_triangulation import triangulated
 from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, located
@@ -31,8 +32,6 @@ MAX_MESH_BYTES = 4 << 30
 MOST = 1e12
 # Faces made by people have fewer corners; ear clipping takes quadratic time.
 MAX_CORNERS = 4096
-# Pairs of corners that ear clipping tests at once: few enough to stay in a CPU core's cache.
-CORNERS_AT_ONCE = 1 << 15
 # Relative tolerance within which the scales of a pose count as equal.
 SAME_SCALE = 1e-4
 # The names of UVs in PLY files by MeshLab, others and Blender. The last pair that exists applies.
@@ -302,7 +301,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     vertices = np.array(values["v"])
     _check_finite("vertices", vertices)
     of_corners, counts_of = np.array(corners), np.array(sizes)
-    v, vt, vn = np.moveaxis(of_corners[_triangulated(vertices[of_corners[:, 0]], counts_of)], 2, 0)
+    v, vt, vn = np.moveaxis(of_corners[triangulated(vertices[of_corners[:, 0]], counts_of)], 2, 0)
     if (vt < 0).any() and not shape_only:
         raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
     normals = np.full((*v.shape, 3), np.nan)
@@ -332,82 +331,6 @@ def _labels_from(starts: list[tuple[int, str]], triangles: NDArray[np.int64]) ->
         return None
     runs = pairwise([(0, ""), *starts, (len(triangles), "")])
     return labels_of_runs((name, int(triangles[start:stop].sum())) for (start, name), (stop, _) in runs)
-
-
-def _triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(T, 3) corner indices of the triangulated polygons, in the polygons' order.
-
-    places: (C, 3) positions of the corners, polygon after polygon. sizes: (F,) corners per polygon. Concave polygons
-    are triangulated by ear clipping, convex ones as a fan.
-    """
-    ends = np.cumsum(sizes)
-    starts, polygon = ends - sizes, np.repeat(np.arange(len(sizes)), sizes)
-    is_second = np.ones(len(places), bool)
-    is_second[starts] = is_second[ends - 1] = False
-    second = np.flatnonzero(is_second)
-    triangles: NDArray[np.int64] = np.stack([starts[polygon[second]], second, second + 1], axis=1)
-
-    ahead, behind = np.arange(len(places)) + 1, np.arange(len(places)) - 1
-    ahead[ends - 1], behind[starts] = starts, ends - 1
-    around = places - places[starts][polygon]
-    normals = np.add.reduceat(np.cross(around, around[ahead]), starts)
-    turns = np.cross(places - places[behind], places[ahead] - places)
-    inwards = dot(turns, normals[polygon])
-    notched = np.unique(polygon[inwards < 0])
-    for number in notched:
-        start, end = starts[number], ends[number]
-        first = start - 2 * number  # each polygon before it has two triangles fewer than corners
-        triangles[first : first + sizes[number] - 2] = start + _ears(around[start:end], normals[number])
-    return triangles
-
-
-def _ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N - 2, 3) triangles of one polygon (N, 3) by ear clipping, seen along its normal.
-
-    An ear is a convex corner whose triangle with its two neighbours contains no other corner. Each round cuts off all
-    ears, but only one of two adjacent ones. Without ears, as in a self-intersecting polygon, the rest becomes a fan.
-    """
-    along = int(np.argmax(np.abs(normal)))
-    flat = places[:, [(along + 1) % 3, (along + 2) % 3]] * [1, np.sign(normal[along])]
-
-    def doubled_area(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
-        (x, y), (to_x, to_y) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
-        area: NDArray[np.float64] = x * to_y - y * to_x
-        return area
-
-    def is_free(triangles: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(E,) whether no other corner (O, 2) is in a triangle (E, 3, 2)."""
-        behind, ear, ahead = np.moveaxis(triangles[:, None], 2, 0)
-        within = np.ones((len(triangles), len(others)), bool)
-        for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
-            within &= doubled_area(a, b, others) >= 0
-            within &= (others != a).any(axis=-1)  # a point may occur twice, where a bridge edge leads to a hole
-        free: NDArray[np.bool_] = ~within.any(axis=1)
-        return free
-
-    left, triangles = np.arange(len(flat)), []
-    is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes its two neighbours alone
-    while len(left) > 3:
-        around = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
-        outwards = doubled_area(*np.moveaxis(flat[around], 1, 0)) > 0
-        others = flat[left[~outwards]]  # if a triangle contains any corner, then a reflex one
-        is_ear[changed] = False
-        maybe = np.searchsorted(left, changed)
-        maybe = maybe[outwards[maybe]]
-        for some in np.array_split(maybe, 1 + len(maybe) * len(others) // CORNERS_AT_ONCE):
-            is_ear[left[some]] = is_free(flat[around[some]], others)
-        cut: list[int] = []
-        for place in map(int, np.flatnonzero(is_ear[left])):
-            if not cut or (place - cut[-1] > 1 and place - cut[0] < len(left) - 1):
-                cut.append(place)
-        if not cut:
-            break
-        cut = cut[: len(left) - 3]
-        triangles += np.sort(around[cut], axis=1).tolist()
-        changed = np.setdiff1d(around[cut][:, [0, 2]], left[cut])
-        left = np.delete(left, cut)
-    triangles += [[int(left[0]), *map(int, pair)] for pair in pairwise(left[1:])]
-    return np.array(sorted(triangles))
 
 
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
@@ -450,7 +373,7 @@ def _read_ply(path: Path, shape_only: bool) -> Mesh:
     if uvs is None and not shape_only:
         raise _without_uvs("it has")
     sizes = sizes[sizes > 2]
-    order = _triangulated(vertices[corners], sizes)
+    order = triangulated(vertices[corners], sizes)
     triangles = corners[order]
     normals = vertex.columns(("nx", "ny", "nz"))
     given = np.full((*triangles.shape, 3), np.nan) if normals is None else normals[triangles]
@@ -544,8 +467,7 @@ def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDA
     if shape_only:
         uvs = np.zeros((len(vertices), 2))
     if uvs is None or len(uvs) != len(vertices):
-        # trimesh drops the UVs of glTF without a material.
-        raise _without_uvs("it has no material (without one, the UVs of a glTF file are not read) or")
+        raise _without_uvs("it has")
     normals: NDArray[Any] = np.full_like(vertices, np.nan)
     # trimesh computes vertex normals on demand; they are in its cache already only if the file has them.
     if "vertex_normals" in part._cache:

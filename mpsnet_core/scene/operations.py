@@ -70,7 +70,7 @@ class WriteCameras(ReadsPictures):
         for number, view in enumerate(views):
             progress(number / len(views), view.name)
             camera = folder / f"{view.name}{CAMERA_SUFFIX}"
-            if view.lens is None or view.lens.is_identity:
+            if view.lens is None:
                 write_camera(camera, view.camera)
                 continue
             self._straighten(view, camera, folder / f"{view.name}.exr")

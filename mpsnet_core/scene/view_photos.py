@@ -107,7 +107,8 @@ def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto
         posed = as_displayed(posed, photo)
         # Photos in different subfolders may have the same name.
         place = photo.relative_to(photos.path)
-        views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
+        lens = None if posed.lens.is_identity else posed.lens
+        views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, lens, place.parent))
     if not views:
         raise FileError(f"none of the {len(missing)} photos of {cameras}, such as {missing[0]}, is in {photos.path}")
     if missing:

@@ -30,7 +30,7 @@ def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     return values
 
 
-def fractal_noise(points: Points, seed: int, octaves: int = 4) -> NDArray[np.float32]:
+def fractal_noise(points: Points, seed: int, octaves: int) -> NDArray[np.float32]:
     """Fractal noise: sum of `octaves` of gradient noise, each with twice the frequency and half the amplitude.
 
     (N, 3) points to (N,) values, about -1 to 1. The amplitude does not depend on the number of octaves.

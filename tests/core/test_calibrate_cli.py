@@ -303,7 +303,7 @@ BALL_CASES: dict[str, tuple[list[str], str]] = {
     "focal of nothing": (["ball.exr", "--focal", "0"], "focal 0 is out of range; choose 1 to 10000"),
     "focal in metres": (["ball.exr", "--focal", "0.05"], "focal 0.05 is out of range; choose 1 to 10000"),
     "focal in words": (["ball.exr", "--focal", "long"], "--focal"),
-    "no balls": (["ball.exr", "--balls", "0"], "--balls is a number from 1"),
+    "no balls": (["ball.exr", "--balls", "0"], "balls 0 is out of range; choose 1 or more"),
     "more balls than there are": (["ball.exr", "--balls", "2"], "only 1 of 2 balls"),
     "no radius": (["ball.exr", "--radius", "0"], "--radius … above 0"),
     "radius not finite": (["ball.exr", "--radius", "nan"], "--radius … above 0"),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from external_data import external_data
-from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
+from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, lamps_around, photograph, taken
 from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
@@ -305,6 +305,14 @@ def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
     lamp = (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)
     found = lights_of(photograph(scene, white_lamp=lamp), pixel_camera(*scene.size))
     assert degrees_between(found.directions, FACING).max() < 0.5
+
+
+def test_a_matt_ball_in_place_of_the_mirror_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    scene = afar()
+    lights_of(photograph(scene), pixel_camera(*scene.size))
+    assert "as on a matt one" not in caplog.text
+    lights_of(grey_photograph(scene, CROSSTALK, FACING), pixel_camera(*scene.size))
+    assert caplog.text.count("as on a matt one") == 3
 
 
 def test_a_fourth_light_that_is_as_bright_is_reported(caplog: pytest.LogCaptureFixture) -> None:

@@ -9,7 +9,7 @@ import pytest
 from bad_input import NAN, gets_one_clear_sentence
 
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
-from mpsnet_core.scene.camera import Camera, read_camera, write_camera
+from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera, write_camera
 
 # Looks along world -x from (5, 2, 1): camera x is world y, camera y is world z, camera z is world x.
 SIDEWAYS = np.array([[0, 0, 1, 5], [1, 0, 0, 2], [0, 1, 0, 1], [0, 0, 0, 1.0]])
@@ -54,6 +54,11 @@ def test_depth_is_measured_along_the_axis() -> None:
     camera = Camera("perspective", 64, 48, (80, 90), None, SIDEWAYS)
     assert camera.depth_row() @ [1, 7, 9, 1] == pytest.approx(4)
     assert camera.depth_row() @ [6, 0, 0, 1] == pytest.approx(-1)
+
+
+@pytest.mark.parametrize(("width", "height"), [(300, 200), (200, 300)])
+def test_a_lens_has_the_focal_length_that_it_was_made_of(width: int, height: int) -> None:
+    assert camera_of_lens(85, width, height).focal_35mm == pytest.approx(85)
 
 
 def test_a_camera_file_gives_the_camera_back(tmp_path: Path) -> None:

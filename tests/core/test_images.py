@@ -421,6 +421,14 @@ def test_a_photo_stands_as_a_viewer_shows_it(
     assert pixels[..., 1][SIDES[first_column]].all() and pixels[..., 1].sum() == 4
 
 
+@pytest.mark.parametrize(("aspect", "warnings"), [(2.0, 1), (0.5, 1), (1.0, 0), (1.001, 0)])
+def test_pixels_that_are_not_square_are_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, aspect: float, warnings: int
+) -> None:
+    read_image(write_file(tmp_path / "photo.exr", np.ones((2, 3, 3)), "half", PixelAspectRatio=aspect))
+    assert len([record for record in caplog.records if "not square" in record.message]) == warnings
+
+
 def test_a_picture_that_is_turned_in_words_stays_as_it_is(tmp_path: Path) -> None:
     path = write_file(tmp_path / "photo.exr", np.arange(18).reshape(2, 3, 3), "float", Orientation="upside down")
     assert read_image(path).pixels[..., 0].tolist() == [[0, 3, 6], [9, 12, 15]]

@@ -19,8 +19,9 @@ from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
 from mpsnet_core import View, bake_normals, read_camera, read_normals
+from mpsnet_core.arrays.polygon_triangulation import triangulated
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import Mesh, _triangulated, read_mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [2, 1, 1]]
@@ -120,7 +121,7 @@ def test_a_polygon_of_many_notches_is_covered_once(shape: str) -> None:
         hole = circle[::2]
         around = np.r_[2 * hole, 2 * hole[:1], hole[:1], hole[::-1]]
     places = np.c_[around, np.zeros(len(around))]
-    corners = places[_triangulated(places, np.array([len(around)]))]
+    corners = places[triangulated(places, np.array([len(around)]))]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
     x, y = around.T
     assert len(areas) == len(around) - 2 and (areas > -1e-9).all()
@@ -302,10 +303,11 @@ def test_glb_with_several_meshes_and_materials(tmp_path: Path, normals: bool) ->
     assert degrees_between(mesh.corner_normals, expected).max() < 0.01
 
 
-def test_glb_without_a_material_is_reported_to_get_one(tmp_path: Path) -> None:
-    path = glb(tmp_path / "mesh.glb", normals=True, materials=False)
-    with pytest.raises(InputError, match=r"no material .*or no UVs; unwrap it"):
-        read_mesh(path)
+def test_glb_without_a_material_has_its_uvs_all_the_same(tmp_path: Path) -> None:
+    with_materials = read_mesh(glb(tmp_path / "with.glb", normals=True))
+    mesh = read_mesh(glb(tmp_path / "without.glb", normals=True, materials=False))
+    assert mesh.uvs.tolist() == with_materials.uvs.tolist()
+    assert mesh.materials is None
 
 
 def test_glb_with_a_mirroring_node_keeps_its_outside(tmp_path: Path) -> None:
@@ -443,6 +445,13 @@ def test_faces_that_turn_their_back_to_the_normals_are_reported(
     assert not caplog.records
     read_mesh(path)
     assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces, and export it again", caplog.text)
+
+
+def test_smooth_normals_are_the_same_in_any_unit() -> None:
+    sphere = sphere_mesh(12, 6)
+    points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))
+    metres, tiny = (smooth_corner_normals(unit * points, sphere.triangles) for unit in (1, 1e-9))
+    assert tiny == pytest.approx(metres)
 
 
 def test_smooth_normals_one_corner_at_a_time() -> None:

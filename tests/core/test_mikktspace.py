@@ -73,6 +73,13 @@ def test_in_the_coordinates_of_a_survey_they_are_the_same() -> None:
     assert there == pytest.approx(here, abs=1e-5)
 
 
+def test_in_any_unit_they_are_the_same() -> None:
+    mesh = sphere_mesh(48, 24, layout="mirrored")
+    corners = mesh.vertices[mesh.triangles]
+    here, tiny = (mikktspace_tangents(places, mesh.corner_normals, mesh.uvs) for places in (corners, 1e-9 * corners))
+    assert tiny == pytest.approx(here, abs=1e-5)
+
+
 def test_angles_weigh_the_triangles_and_not_their_areas() -> None:
     """A fan of a 90 degree and a 30 degree triangle around one corner, with UVs of different directions."""
     a, b = np.radians(90), np.radians(120)

@@ -128,7 +128,9 @@ def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None
     ("options", "sentence"),
     [
         ({"size": "1"}, "size '1' is no number"),
+        ({"size": True}, "size True is no number"),
         ({"turns": 1.5}, "turns 1.5 is no whole number"),
+        ({"turns": True}, "turns True is no whole number"),
         ({"sieves": [3, 5.5]}, "sieves 5.5 is no whole number"),
         ({"slow": "false"}, "slow 'false' is neither true nor false"),
         ({"recipe": 5}, "recipe 5 is no text"),

@@ -337,6 +337,17 @@ def test_an_object_that_was_found_is_looked_for_in_every_frame(tmp_path: Path, m
     assert read_normals(alone).mask.all()
 
 
+def test_the_first_photo_without_alpha_is_warned_of_where_others_have_it(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path
+) -> None:
+    shots(tmp_path / "shots", [1, 2, 5])
+    for number in (3, 4):
+        write_file(tmp_path / "shots" / f"frame_{number:04d}.png", np.full(picture(number).shape, 0.3), "uint8")
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    told = result(mpsnet(*command, "--progress", "json"))
+    assert len([note for note in told["notes"] if "[no-mask]" in note]) == 1
+
+
 @pytest.mark.parametrize("smooth", ["0", "2"])
 def test_frames_without_an_object_are_left_out_and_the_others_made(
     tmp_path: Path, mpsnet: Mpsnet, rig: Path, smooth: str

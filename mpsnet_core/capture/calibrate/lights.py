@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 UNSURE = 0.25
 # Another spot with this share of a highlight's light may be a light, too.
 RIVAL = 0.5
+# In a mirror ball, lights are spots smaller than this share of its radius, even lamps of 30° on a side.
+BROAD = 0.3
 # Rays that miss each other by more than this multiple of their uncertainty do not belong to the same light.
 MISSED = 4.0
 ROUNDS = 4
@@ -236,6 +238,13 @@ def _note_doubts(sightings: Sequence[Sighting]) -> None:
                 ball.residual,
             )
         for number, spot in enumerate(sighting.highlights, 1):
+            if spot.radius > BROAD * ball.circle.radius:
+                log.warning(
+                    "light %d: its highlight is %.0f%% as wide as the ball, as on a matt one: is it the mirror ball, "
+                    "and exposed so briefly that highlights are not burnt out?",
+                    number,
+                    100 * spot.radius / ball.circle.radius,
+                )
             if spot.rival > RIVAL:
                 log.warning(
                     "light %d: another spot on the ball holds %.0f%% as much light: a window, a lamp? Look at the "

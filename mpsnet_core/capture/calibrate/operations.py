@@ -151,9 +151,11 @@ class CalibrateLights(LooksAtBall):
         "number of lights for an .lp file)",
     )
     places: int = option(
-        default=1, help="with --per-light: at how many places the ball stood, first all photos of the first place"
+        default=1,
+        low=1,
+        help="with --per-light: at how many places the ball stood, first all photos of the first place",
     )
-    balls: int = option(default=1, help="how many mirror balls each photo shows")
+    balls: int = option(default=1, low=1, help="how many mirror balls each photo shows")
     lights: str | None = option(
         default=None,
         metavar="R,G,B",
@@ -203,9 +205,6 @@ class CalibrateLights(LooksAtBall):
     def _choose(self, files: Sequence[Path]) -> _Chosen:
         from mpsnet_core.io.image import CHANNELS
 
-        for name, value in (("places", self.places), ("balls", self.balls)):
-            if value < 1:
-                raise SettingsError(f"--{name} is a number from 1 up, not {value}")
         if not self.per_light and (self.places > 1 or self.lights):
             raise SettingsError(
                 "--places and --lights are for photos of one light each; add --per-light, or leave them out"

@@ -56,7 +56,7 @@ def near_outline(photo: Pyramid, ball: Ball) -> Ball:
     return ball
 
 
-def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool = True) -> Ball:
+def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool) -> Ball:
     """Fit a ball to the steepest points near a rough outline, and measure how much of the outline is visible.
 
     Raises GeometryError if no ball fits.

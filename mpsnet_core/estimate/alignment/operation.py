@@ -163,12 +163,11 @@ class Align(RunsModel, ReadsPhotos):
 
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.capture import read_capture
-        from mpsnet_core.scene.camera import FULL_FRAME, read_camera
+        from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import read_rig
 
-        lens, focal = read_camera(self.lens) if self.lens else None, self.focal
-        if lens is not None:  # provisional, until the photo's size is known
-            focal = lens.focal.mean() / max(lens.width, lens.height) * FULL_FRAME
+        lens = read_camera(self.lens) if self.lens else None
+        focal = self.focal if lens is None else lens.focal_35mm  # provisional, until the photo's size is known
         capture = read_capture(self.image, read_rig(self.rig), mask=self.mask, camera=focal, **vars(self.reading()))
         if lens is None:
             return capture
@@ -231,7 +230,7 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.estimate.alignment.points import reprojection_errors
         from mpsnet_core.io.files import written_together
         from mpsnet_core.io.image_writing import write_picture
-        from mpsnet_core.scene.camera import FULL_FRAME, write_camera
+        from mpsnet_core.scene.camera import write_camera
 
         best = fits[0]
         poor = _is_poor(best, capture.mask)
@@ -264,7 +263,6 @@ class Align(RunsModel, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
-        lens = best.camera.focal[0] / max(best.camera.width, best.camera.height) * FULL_FRAME
         residuals = (
             None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
         )
@@ -278,7 +276,7 @@ class Align(RunsModel, ReadsPhotos):
             residuals,
             [number + 1 for number in left_out] or None,
             [str(path) for path, _ in others] or None,
-            text=f"{self.output}: camera with a lens of {lens:.0f} mm; {quality}",
+            text=f"{self.output}: camera with a lens of {best.camera.focal_35mm:.0f} mm; {quality}",
         )
 
     def _picture(

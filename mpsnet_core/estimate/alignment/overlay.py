@@ -20,8 +20,8 @@ def overlay(
     mask: NDArray[np.bool_],
     scene: RayScene,
     camera: Camera,
-    pairs: tuple[Floats, Floats] | None = None,
-    left_out: Sequence[int] = (),
+    pairs: tuple[Floats, Floats] | None,
+    left_out: Sequence[int],
 ) -> NDArray[np.float32]:
     """(H, W, 3) display values: the dimmed photo, the mask's outline in orange, the mesh's outline in green.
 

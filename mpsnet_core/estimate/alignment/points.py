@@ -37,7 +37,7 @@ class PointFit:
 
     camera: Camera
     residuals: Floats
-    left_out: tuple[int, ...] = ()
+    left_out: tuple[int, ...]
 
 
 def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, lens: Camera | None = None) -> PointFit:

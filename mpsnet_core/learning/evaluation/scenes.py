@@ -32,7 +32,7 @@ def held_out_blob(number: int = 0) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=1)
-def built_blob(number: int = 0) -> Shape:
+def built_blob(number: int) -> Shape:
     """The shape of :func:`held_out_blob`."""
     return build_shape(held_out_blob(number))
 

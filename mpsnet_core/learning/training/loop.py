@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -261,24 +262,15 @@ class _Run:
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        packed = PackedSamples(samples, progress)
-        model = capture_model(recipe.capture)
-        self.photographer = Photographer.of(
-            network, packed, model, seed=recipe.seed, window=recipe.crop, augment=recipe.augment, device=device
+        photographer = partial(
+            Photographer.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
         )
+        packed = PackedSamples(samples, progress)
+        self.photographer = photographer(packed, seed=recipe.seed, window=recipe.crop)
         self.held_out: Photographer | None = None
         if validation:
             held_out = PackedSamples(validation, progress)
-            self.held_out = Photographer.of(
-                network,
-                held_out,
-                model,
-                seed=VALIDATION_SEED,
-                window=VALIDATION_CROP,
-                augment=recipe.augment,
-                shuffled=False,
-                device=device,
-            )
+            self.held_out = photographer(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _resolved_precision(precision, device)
         torch.backends.cudnn.deterministic = True

@@ -23,6 +23,8 @@ MOST, LEAST = 250, 60
 ENOUGH = 1e-3
 # Accumulated rounding errors are removed after every so many iterations.
 ROUNDED = 16
+# The solution has converged once no correction is above this many pixels.
+TOLERANCE = 1e-4
 # A remaining correction above this many pixels is logged: along strips, heights may be wrong by a hundred times as
 # much.
 REPORTED = 0.02
@@ -33,7 +35,6 @@ def solved(
     pulls: Links,
     start: NDArray[np.float32],
     *,
-    tolerance: float = 1e-4,
     most: int | None = None,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
@@ -43,7 +44,7 @@ def solved(
     connected part has an arbitrary constant.
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
-    gradient method", 1993). It ends when the correction is below `tolerance`, or the precision of float32, everywhere,
+    gradient method", 1993). It ends when the correction is below TOLERANCE, or the precision of float32, everywhere,
     or after `most` iterations. By default there are up to MOST; then it also ends once the mean correction is below
     ENOUGH, and logs a note if a large correction remains.
     """
@@ -62,12 +63,12 @@ def solved(
             _balance(left, *parts)
         correction = corrected(grids, left)
         remaining = float(np.abs(correction).max())
-        if remaining <= tolerance + 1e-6 * float(np.abs(u).max()):
+        if remaining <= TOLERANCE + 1e-6 * float(np.abs(u).max()):
             break
         if by_default and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
-        gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
+        gained = np.log(first / remaining) / max(np.log(first / TOLERANCE), 1e-6)
         # The correction may grow from one iteration to the next, but progress must not go back.
         done = max(done, number / most, min(float(gained), 1.0))
         progress(done, "integrating")

@@ -31,7 +31,7 @@ def indirect(
     stride: int,
     footprint: float,
     albedo: Albedo,
-    bounces: int = 1,
+    bounces: int,
 ) -> NDArray[np.float32]:
     """(N, lights, 3) radiance of a white matt surface at the points by light from other surfaces.
 

@@ -1,0 +1,87 @@
+"""Triangulation of polygons: fans, and ear clipping for concave ones."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.unit_vectors import dot
+
+# Pairs of corners that ear clipping tests at once: few enough to stay in a CPU core's cache.
+CORNERS_AT_ONCE = 1 << 15
+
+
+def triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(T, 3) corner indices of the triangulated polygons, in the polygons' order.
+
+    places: (C, 3) positions of the corners, polygon after polygon. sizes: (F,) corners per polygon. Concave polygons
+    are triangulated by ear clipping, convex ones as a fan.
+    """
+    ends = np.cumsum(sizes)
+    starts, polygon = ends - sizes, np.repeat(np.arange(len(sizes)), sizes)
+    is_second = np.ones(len(places), bool)
+    is_second[starts] = is_second[ends - 1] = False
+    second = np.flatnonzero(is_second)
+    triangles: NDArray[np.int64] = np.stack([starts[polygon[second]], second, second + 1], axis=1)
+
+    ahead, behind = np.arange(len(places)) + 1, np.arange(len(places)) - 1
+    ahead[ends - 1], behind[starts] = starts, ends - 1
+    around = places - places[starts][polygon]
+    normals = np.add.reduceat(np.cross(around, around[ahead]), starts)
+    turns = np.cross(places - places[behind], places[ahead] - places)
+    inwards = dot(turns, normals[polygon])
+    notched = np.unique(polygon[inwards < 0])
+    for number in notched:
+        start, end = starts[number], ends[number]
+        first = start - 2 * number  # each polygon before it has two triangles fewer than corners
+        triangles[first : first + sizes[number] - 2] = start + _cut_ears(around[start:end], normals[number])
+    return triangles
+
+
+def _cut_ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N - 2, 3) triangles of one polygon (N, 3) by ear clipping, seen along its normal.
+
+    An ear is a convex corner whose triangle with its two neighbours contains no other corner. Each round cuts off all
+    ears, but only one of two adjacent ones. Without ears, as in a self-intersecting polygon, the rest becomes a fan.
+    """
+    along = int(np.argmax(np.abs(normal)))
+    flat = places[:, [(along + 1) % 3, (along + 2) % 3]] * [1, np.sign(normal[along])]
+
+    def doubled_area(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+        (x, y), (to_x, to_y) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
+        area: NDArray[np.float64] = x * to_y - y * to_x
+        return area
+
+    def is_free(triangles: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(E,) whether no other corner (O, 2) is in a triangle (E, 3, 2)."""
+        behind, ear, ahead = np.moveaxis(triangles[:, None], 2, 0)
+        within = np.ones((len(triangles), len(others)), bool)
+        for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
+            within &= doubled_area(a, b, others) >= 0
+            within &= (others != a).any(axis=-1)  # a point may occur twice, where a bridge edge leads to a hole
+        free: NDArray[np.bool_] = ~within.any(axis=1)
+        return free
+
+    left, triangles = np.arange(len(flat)), []
+    is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes its two neighbours alone
+    while len(left) > 3:
+        around = np.stack([np.roll(left, 1), left, np.roll(left, -1)], axis=1)
+        outwards = doubled_area(*np.moveaxis(flat[around], 1, 0)) > 0
+        others = flat[left[~outwards]]  # if a triangle contains any corner, then a reflex one
+        is_ear[changed] = False
+        maybe = np.searchsorted(left, changed)
+        maybe = maybe[outwards[maybe]]
+        for some in np.array_split(maybe, 1 + len(maybe) * len(others) // CORNERS_AT_ONCE):
+            is_ear[left[some]] = is_free(flat[around[some]], others)
+        cut: list[int] = []
+        for place in map(int, np.flatnonzero(is_ear[left])):
+            if not cut or (place - cut[-1] > 1 and place - cut[0] < len(left) - 1):
+                cut.append(place)
+        if not cut:
+            break
+        cut = cut[: len(left) - 3]
+        triangles += np.sort(around[cut], axis=1).tolist()
+        changed = np.setdiff1d(around[cut][:, [0, 2]], left[cut])
+        left = np.delete(left, cut)
+    triangles += [[int(left[0]), *map(int, pair)] for pair in pairwise(left[1:])]
+    return np.array(sorted(triangles))
