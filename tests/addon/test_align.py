@@ -72,6 +72,18 @@ def opened(shot, scene, tmp_path):
     return scene
 
 
+@pytest.fixture
+def mine(opened, shot):
+    """A camera of the user's own, five degrees from the true one."""
+    data = bpy.data.cameras.new("Mine")
+    data.lens = 64
+    mine = bpy.data.objects.new("Mine", data)
+    opened.collection.objects.link(mine)
+    true = Matrix(read_camera(shot / "true.json").world_from_camera.tolist())
+    mine.matrix_world = Matrix.Rotation(0.08, 4, "Z") @ true
+    return mine
+
+
 def off(scene, shot):
     """Degrees between the photo's camera and the true one."""
     photo = scene.mps.photo.image
@@ -80,6 +92,7 @@ def off(scene, shot):
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
+@pytest.mark.accuracy
 def test_without_a_start_the_camera_is_found_and_the_bake_goes_through_it(opened, shot, tmp_path):
     rig, opened.mps.estimate.rig_file = opened.mps.estimate.rig_file, ""
     with pytest.raises(RuntimeError, match="choose their rig file, or calibrate them"):
@@ -188,17 +201,11 @@ class TestLensOf:
             bpy.ops.mps.align_photo()
 
 
-def test_a_camera_about_there_is_refined_and_stays_the_users_own(opened, shot):
+def test_a_camera_about_there_is_refined_and_stays_the_users_own(opened, mine, shot):
     with pytest.raises(RuntimeError, match="there is no camera to start from"):
         bpy.ops.mps.align_photo(start="CAMERA")
     with pytest.raises(RuntimeError, match='"VIEWPORT" needs a 3D viewport'):
         bpy.ops.mps.align_photo(start="VIEWPORT")
-    data = bpy.data.cameras.new("Mine")
-    data.lens = 64
-    mine = bpy.data.objects.new("Mine", data)
-    opened.collection.objects.link(mine)
-    true = Matrix(read_camera(shot / "true.json").world_from_camera.tolist())
-    mine.matrix_world = Matrix.Rotation(0.08, 4, "Z") @ true
     before = mine.matrix_world.copy()
     opened.mps.photo.image.mps.camera = mine
     bpy.ops.mps.align_photo(start="CAMERA")
@@ -210,12 +217,9 @@ def test_a_camera_about_there_is_refined_and_stays_the_users_own(opened, shot):
     assert opened.mps.photo.image.mps.camera == found and len(bpy.data.cameras) == 2
 
 
-def test_a_mesh_of_something_else_fits_poorly_and_the_bake_reports_it_too(opened, shot, tmp_path):
+def test_a_mesh_of_something_else_fits_poorly_and_the_bake_reports_it_too(opened, mine, tmp_path):
     bpy.data.objects["Suzanne"].scale.z = 2.2
-    data = bpy.data.cameras.new("Mine")
-    mine = opened.camera = bpy.data.objects.new("Mine", data)
-    opened.collection.objects.link(mine)
-    mine.matrix_world, data.lens = Matrix(read_camera(shot / "true.json").world_from_camera.tolist()), 60
+    opened.camera = mine
     bpy.ops.mps.align_photo(start="CAMERA", lens=60)
     photo = opened.mps.photo.image.mps
     assert photo.poor and "the fit is poor" in "".join(notes_of(opened, "align_photo"))
@@ -244,8 +248,10 @@ def test_a_rendered_photo_is_not_aligned(photographed):
         bpy.ops.mps.align_photo()
 
 
-def test_the_command_line_aligns_and_saves(opened, shot, tmp_path, capfd):
-    assert main(["align-photo", "--lens", "60", "--save", str(tmp_path / "aligned.blend")]) == 0
+def test_the_command_line_aligns_and_saves(opened, mine, shot, tmp_path, capfd):
+    opened.camera = mine
+    given = ["--start", "CAMERA", "--lens", "60"]
+    assert main(["align-photo", *given, "--save", str(tmp_path / "aligned.blend")]) == 0
     assert re.search(r'align-photo done: camera "photo"; outlines .* shared', capfd.readouterr().out)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "aligned.blend"))
     assert off(bpy.context.scene, shot) < 0.5

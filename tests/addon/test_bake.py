@@ -119,6 +119,7 @@ def bumpy_sphere():
     return obj
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_texture_brings_the_low_poly_closer_to_the_original(scene, tmp_path, tilted_light, mirrored):
     high = bumpy_sphere()

@@ -80,6 +80,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "pair.blend"
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(
     ("kind", "scale"),
     [("CATMULL_CLARK", (1, 1, 1)), ("SIMPLE", (2.5, 2.5, 2.5)), ("CATMULL_CLARK", (1, 0.7, 1.4))],
@@ -110,6 +111,7 @@ def rendered_difference(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.abs(one - other)[inside][:, :3].mean())
 
 
+@pytest.mark.accuracy
 def test_the_material_displaces_as_the_modifier_does(scene, tmp_path):
     """A render of the low poly with either is far closer to that of the high poly, outline and all."""
     high = detailed_object()

@@ -50,6 +50,7 @@ def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
     assert np.ptp(pixels_of(images[2])[..., :2]) > 0.5  # relief, not a flat blue
 
 
+@pytest.mark.accuracy
 def test_the_demo_shows_what_the_normals_are_worth(demo, tmp_path):
     """The estimate, against the normals that Blender renders of the same view."""
     truth, shown = tmp_path / "truth.exr", bpy.data.objects["Demo Detailed"]

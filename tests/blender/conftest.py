@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live import Window
+from live import Window, save
 
 HERE = Path(__file__).parent
 PROJECT = HERE.parent.parent
@@ -101,7 +101,7 @@ def opened(blender: Blender, folder: Path, *arguments: str) -> Iterator[Window]:
         try:
             window.wait(lambda state: state["sidebar"], "sidebar")
             yield window
-            window.screenshot(folder / "last.png")
+            save(folder / "last.png", window.screenshot())
         finally:
             window.ask("quit")
             try:

@@ -71,7 +71,7 @@ class Window:
         """
         left, top, width, height = self.state["sidebar"]
         x = left + round(width * at)
-        picture = self.screenshot(self.file.with_name("sidebar.png"))[top : top + height, left : left + width]
+        picture = self.screenshot()[top : top + height, left : left + width]
         for y in lines(picture):
             if y >= below and self.under_mouse(x, top + y).startswith(f"bpy.ops.{operator}("):
                 return x, top + y
@@ -87,10 +87,11 @@ class Window:
         self.click(left + width // 2, y)
         self.input("sleep", "2")
 
-    def screenshot(self, path: Path) -> np.ndarray:
+    def screenshot(self) -> np.ndarray:
         """(H, W, 3) values 0 to 1 of the whole screen, once Blender has drawn what it was asked for before."""
         seen = self.state.get("ticks", 0)
         self.wait(lambda state: state.get("ticks", 0) >= seen + 3, "tick")  # it draws between two of them
+        path = self.file.with_name("screen.bmp")  # to compress it takes ten times as long
         subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
         return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
 
@@ -115,7 +116,7 @@ class Window:
             return
         self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
         left = max(self.state["sidebar"][0] - beside, 0)
-        save(path, np.ascontiguousarray(self.screenshot(path.with_name("screen.png"))[24:BELOW, left:EDITORS]))
+        save(path, self.screenshot()[24:BELOW, left:EDITORS])
 
 
 def drawn(picture: np.ndarray) -> np.ndarray:
@@ -136,5 +137,5 @@ def lines(picture: np.ndarray) -> list[int]:
 
 def save(path: Path, picture: np.ndarray) -> None:
     image = oiio.ImageBuf(oiio.ImageSpec(picture.shape[1], picture.shape[0], 3, oiio.UINT8))
-    image.set_pixels(oiio.ROI(), picture)
+    image.set_pixels(oiio.ROI(), np.ascontiguousarray(picture))
     assert image.write(str(path)), image.geterror()

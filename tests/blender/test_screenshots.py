@@ -109,8 +109,7 @@ class Photographer:
 
     def _look(self, name: str) -> np.ndarray:
         left, top, width, height = self.window.state["sidebar"]
-        screen = self.window.screenshot(self.folder / "screen.png")
-        picture = np.ascontiguousarray(screen[top : top + height, left : left + width])
+        picture = self.window.screenshot()[top : top + height, left : left + width]
         save(self.folder / name, picture)
         shown = drawn(picture).mean()
         if shown < 0.05:
@@ -133,7 +132,7 @@ class Ellipsis:
         window.ask("alone")  # not before it: without any panel the sidebar loses its tab
         window.input("mousemove", 20, 980, "sleep", "1")
         left, top, width, height = window.state["sidebar"]
-        screen = window.screenshot(window.file.with_name("probe.png")).mean(axis=-1)[top : top + height]
+        screen = window.screenshot().mean(axis=-1)[top : top + height]
         grey = screen[30 * scale :, left + 14 * scale : left + width * 3 // 5]  # below the title, within the box
         band, templates = np.abs(grey[:, 1:] - grey[:, :-1]).max(axis=1) > INK, []
         starts = np.flatnonzero(np.diff(np.r_[0, band.astype(int)]) == 1)
@@ -157,9 +156,9 @@ class Ellipsis:
         patterns = self.templates - self.templates.mean(axis=(1, 2), keepdims=True)
         patterns /= np.linalg.norm(patterns, axis=(1, 2), keepdims=True)
         # The normalised cross-correlation with every template, at all places at once.
-        mean = summed(grey, np.ones((height, width))) / (height * width)
-        squares = summed(grey**2, np.ones((height, width))) - height * width * mean**2
-        likeness = np.max([summed(grey, pattern) for pattern in patterns], axis=0) / np.sqrt(squares.clip(INK**2))
+        (whole,), (squares,) = (summed(one, np.ones((1, height, width))) for one in (grey, grey**2))
+        variation = squares - whole**2 / (height * width)
+        likeness = summed(grey, patterns).max(axis=0) / np.sqrt(variation.clip(INK**2))
         windows = np.lib.stride_tricks.sliding_window_view(grey, (height, width))
         grounds = np.median(self.templates, axis=(1, 2))
         return [
@@ -169,11 +168,12 @@ class Ellipsis:
         ]
 
 
-def summed(grey: np.ndarray, pattern: np.ndarray) -> np.ndarray:
-    """(H - h + 1, W - w + 1) sums of a picture (H, W) times a pattern (h, w) laid on every place of it."""
-    spectrum = np.fft.rfft2(grey) * np.fft.rfft2(pattern, grey.shape).conj()
-    height, width = pattern.shape
-    return np.fft.irfft2(spectrum, grey.shape)[: len(grey) - height + 1, : grey.shape[1] - width + 1]
+def summed(grey: np.ndarray, patterns: np.ndarray) -> np.ndarray:
+    """(N, H - h + 1, W - w + 1) sums of a picture (H, W) times each pattern (N, h, w) laid on every place of it."""
+    size = [64 * -(-length // 64) for length in grey.shape]  # a prime number of rows takes several times as long
+    spectra = np.fft.rfft2(grey, size) * np.fft.rfft2(patterns, size).conj()
+    _, height, width = patterns.shape
+    return np.fft.irfft2(spectra, size)[:, : len(grey) - height + 1, : grey.shape[1] - width + 1]
 
 
 def check_cut_off_text_is_seen(window: Window, ellipsis: Ellipsis) -> None:
@@ -183,7 +183,7 @@ def check_cut_off_text_is_seen(window: Window, ellipsis: Ellipsis) -> None:
         window.ask("alone")
         window.input("mousemove", 20, 980, "sleep", "1")
         left, top, width, height = window.state["sidebar"]
-        screen = window.screenshot(window.file.with_name("cut.png")).mean(axis=-1)
+        screen = window.screenshot().mean(axis=-1)
         assert bool(ellipsis.found(screen[top : top + height, left : left + width])) == expected
         window.ask("alone", *STEPS["rig"])
         window.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
