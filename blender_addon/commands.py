@@ -181,7 +181,7 @@ def _select(names: Sequence[str]) -> None:
 def argument_parser() -> argparse.ArgumentParser:
     """The parser of the command line."""
     parser = Parser(prog=COMMAND, description="A normal texture from one photo under red, green and blue light.")
-    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    verbs = parser.add_subparsers(metavar="COMMAND", required=True)
     for verb in VERBS:
         kind = getattr(bpy.ops.mps, verb).get_rna_type()
         sub = verbs.add_parser(

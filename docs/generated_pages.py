@@ -13,8 +13,8 @@ import mpsnet_core
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.operation import Operation, Setting, settings
 
-# What the rooms of the package are, for people who look for a function.
-ROOMS = {
+# Titles of the subpackages, for people who look for a function.
+SUBPACKAGES = {
     "operation": "Operations in general",
     "capture": "Photos, masks and calibration",
     "estimate": "Normals",
@@ -115,16 +115,16 @@ def _with_placeholders(text: str) -> str:
 
 
 def python() -> Iterator[str]:
-    """Every name of the package, by room."""
+    """Every name of the package, by subpackage."""
     yield "# Python"
     yield ""
     yield "All names come from `mpsnet_core`: `from mpsnet_core import Estimate`. Arrays are NumPy arrays. Camera space"
     yield "is x right, y up, z towards the camera. Bad input raises `InputError`, whose subclasses say what is bad: a"
     yield "file, a format, a geometry, or settings."
     homes = {name: getattr(mpsnet_core, name) for name in mpsnet_core.__all__}
-    rooms = {name: home.split(".")[1] for name, home in mpsnet_core._HOME.items()}
-    for room, title in ROOMS.items():
-        names = [name for name in homes if rooms[name] == room]
+    subpackages = {name: home.split(".")[1] for name, home in mpsnet_core._HOME.items()}
+    for subpackage, title in SUBPACKAGES.items():
+        names = [name for name in homes if subpackages[name] == subpackage]
         yield from ("", f"## {title}")
         for name in sorted(names, key=lambda name: (not inspect.isclass(homes[name]), name)):
             thing = homes[name]
@@ -134,9 +134,9 @@ def python() -> Iterator[str]:
             if inspect.isclass(thing) and not issubclass(thing, (Operation, Exception)):
                 yield "   :members:"
             yield "```"
-    missing = set(rooms.values()) - set(ROOMS)
+    missing = set(subpackages.values()) - set(SUBPACKAGES)
     if missing:
-        raise RuntimeError(f"rooms without a title in the reference: {sorted(missing)}")
+        raise RuntimeError(f"subpackages without a title in the reference: {sorted(missing)}")
 
 
 def blender() -> Iterator[str]:

@@ -26,7 +26,7 @@ class Parser(argparse.ArgumentParser):
         return parsed, unknown
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        # argparse would also list the verbs without help, which are for programs.
+        # argparse would also list the commands without help, which are for programs.
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             listed = ", ".join(verb.dest for verb in action._choices_actions)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {listed})")
@@ -39,5 +39,5 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
 
-# What `add_subparsers` returns and verbs are added to.
-Verbs: TypeAlias = "argparse._SubParsersAction[Parser]"
+# What `add_subparsers` returns.
+Subparsers: TypeAlias = "argparse._SubParsersAction[Parser]"

@@ -18,7 +18,7 @@ from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
-from mpsnet_core.cli.arguments import Parser, Verbs
+from mpsnet_core.cli.arguments import Parser, Subparsers
 from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
@@ -183,7 +183,7 @@ def argument_parser() -> argparse.ArgumentParser:
         description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",
     )
     parser.add_argument("--version", action="version", version=f"mpsnet {__version__}")
-    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     common = Parser(add_help=False)
     common.add_argument(
         "--progress",
@@ -192,12 +192,12 @@ def argument_parser() -> argparse.ArgumentParser:
         help="how to report progress (default: %(default)s)",
     )
     for operation in OPERATIONS:
-        add_operation(verbs, common, operation)
-    _add_job(verbs, common)
+        add_operation(subparsers, common, operation)
+    _add_job(subparsers, common)
     return parser
 
 
-def _add_job(verbs: Verbs, common: Parser) -> None:
+def _add_job(subparsers: Subparsers, common: Parser) -> None:
     """Add the command ``job`` for programs, hidden from the help: it runs the operation that stdin holds as JSON.
 
     It is cancelled if stdin ends before it has finished.
@@ -208,4 +208,4 @@ def _add_job(verbs: Verbs, common: Parser) -> None:
         sys.argv.append(json.dumps(request))  # a crash log holds the command line
         return from_json(request, OPERATIONS).run(reporter.progress).facts()
 
-    verbs.add_parser("job", parents=[common]).set_defaults(verb=verb)
+    subparsers.add_parser("job", parents=[common]).set_defaults(verb=verb)

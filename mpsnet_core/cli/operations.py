@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from mpsnet_core.cli.arguments import Parser, Verbs
+from mpsnet_core.cli.arguments import Parser, Subparsers
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
@@ -14,11 +14,11 @@ GROUPS = {
 }
 
 
-def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
+def add_operation(subparsers: Subparsers, common: Parser, kind: type[Operation]) -> None:
     """Add the command of an operation, with a positional argument or a flag for each option."""
     group, _, name = kind.command.rpartition(" ")
     facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}
-    place = _group(verbs, group) if group else verbs
+    place = _group(subparsers, group) if group else subparsers
     parser = place.add_parser(name, parents=[common], **facts)
     groups: dict[str, argparse._ActionsContainer] = {"": parser}
     for setting in settings(kind):
@@ -36,12 +36,12 @@ def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
     parser.set_defaults(verb=verb)
 
 
-def _group(verbs: Verbs, name: str) -> Verbs:
+def _group(subparsers: Subparsers, name: str) -> Subparsers:
     """The subparsers of the commands whose first word is `name`, added if they are missing."""
-    if name not in verbs.choices:
+    if name not in subparsers.choices:
         words, metavar = GROUPS[name]
-        verbs.add_parser(name, help=words).add_subparsers(metavar=metavar, required=True)
-    [found] = [action for action in verbs.choices[name]._actions if isinstance(action, argparse._SubParsersAction)]
+        subparsers.add_parser(name, help=words).add_subparsers(metavar=metavar, required=True)
+    [found] = [action for action in subparsers.choices[name]._actions if isinstance(action, argparse._SubParsersAction)]
     return found
 
 

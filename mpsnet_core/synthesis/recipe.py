@@ -160,11 +160,11 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
             camera=camera_from_data(data["camera"]),
             light_directions=np.array(data["light_directions"], np.float64).reshape(3, 3),
             light_sizes=np.array(data["light_sizes"], np.float64).reshape(3),
-            materials=tuple(_noun(Material, entry) for entry in data["materials"]),
-            pattern=_noun(Pattern, data["pattern"]),
-            paint=_noun(Paint, data["paint"]),
-            dirt=_noun(Dirt, data["dirt"]),
-            bump=_noun(Bump, data["bump"]),
+            materials=tuple(_dataclass_of(Material, entry) for entry in data["materials"]),
+            pattern=_dataclass_of(Pattern, data["pattern"]),
+            paint=_dataclass_of(Paint, data["paint"]),
+            dirt=_dataclass_of(Dirt, data["dirt"]),
+            bump=_dataclass_of(Bump, data["bump"]),
             bounces=int(data["bounces"]),
         )
     except InputError:
@@ -175,6 +175,6 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
         raise FormatError("it holds no recipe that this program knows; make it anew") from None
 
 
-def _noun(kind: type, data: dict[str, Any]) -> Any:
+def _dataclass_of(kind: type, data: dict[str, Any]) -> Any:
     # JSON has lists in place of tuples.
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in data.items()})

@@ -1,4 +1,4 @@
-"""The rig in Blender and as the core's nouns."""
+"""The rig in Blender and as the core's data types."""
 
 import math
 

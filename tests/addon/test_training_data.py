@@ -165,10 +165,10 @@ def test_a_cluster_elsewhere_is_reached_online_alone_and_where_it_proves_who_it_
         bpy.ops.mps.render_samples(**settings)
 
 
-def test_a_worker_of_its_own_is_no_verb_that_help_lists(capfd):
+def test_a_worker_is_no_command_that_help_lists(capfd):
     assert main(["--help"]) == 0
     text = capfd.readouterr().out
-    assert "render-samples" in text and "work" not in text.split("VERB", 2)[-1].split()
+    assert "render-samples" in text and "work" not in text.split("COMMAND", 2)[-1].split()
 
 
 def test_the_plain_module_is_the_command_too(folder):
