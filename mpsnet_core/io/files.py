@@ -288,7 +288,7 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
         return choices[0]
     if bits not in choices:
         allowed = " or ".join(map(str, sorted(choices)))
-        reason = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
+        reason = f"{path.suffix} files hold {allowed} bits per channel, not {bits}"
         raise SettingsError(f"cannot write {path}: {reason}; change the format or the bits")
     return bits
 
