@@ -246,7 +246,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     if file.exists() and not file.is_file():
         raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
     if not _takes(file):
-        raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
+        raise FileError(f"cannot write {path}: the folder {file.parent} cannot be written to; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
     return path
@@ -365,7 +365,9 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
     if not _takes(folder / "file"):
-        raise FileError(f"cannot put the {what} into {path}: the folder {folder} takes no files; choose another folder")
+        raise FileError(
+            f"cannot put the {what} into {path}: the folder {folder} cannot be written to; choose another folder"
+        )
     return path
 
 

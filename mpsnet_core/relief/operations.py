@@ -369,7 +369,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         given = self._camera(height, width)
         camera = given or pixel_camera(width, height)
         if self.distance is not None and not 0 < self.distance < float("inf"):
-            raise SettingsError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
+            raise SettingsError(f"--distance {self.distance:g} cannot be used; give a number above 0")
         if self.distance is not None and not (self.camera or self.focal or self.mesh):
             raise SettingsError("--distance goes with --camera, --focal or --mesh; give one, or leave it out")
         albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
@@ -416,7 +416,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             return camera_of_lens(self.focal, width, height)
         if self.pixel_size is not None:
             if not (np.isfinite(self.pixel_size) and self.pixel_size > 0):
-                raise SettingsError(f"--pixel-size {self.pixel_size:g} is no size; give a number above 0")
+                raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")
             return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
         return None
 

@@ -109,7 +109,7 @@ def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFi
         (("normals", "skin", "--confidence", "c.png"), "--confidence takes one normal map a view"),
         (("normals", "skin", "--format", "gif"), "not a supported image format"),
         (("odd", "skin"), "their names must differ in one number alone"),
-        (("broken", "skin"), r"b_2\.png .*; 1 texture was made, and the same command goes on from there"),
+        (("broken", "skin"), r"b_2\.png .*; 1 texture was made; run the same command again to continue"),
     ],
 )
 def test_bad_input_gets_one_sentence(

@@ -167,8 +167,8 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         (bench / f"{number}.json").write_text(text)
     needs = 'each of its "maps" has a "file"'
     for given, output, said in [
-        ("m.<UDIM>.png", "s.png", "has <UDIM>, by which the textures are not parted"),
-        ("m.<OBJECT>.png", "s.<UDIM>.png", "has <OBJECT>, by which the textures are not parted"),
+        ("m.<UDIM>.png", "s.png", "has <UDIM>, but the textures are not split that way"),
+        ("m.<OBJECT>.png", "s.<UDIM>.png", "has <OBJECT>, but the textures are not split that way"),
         ("x.<UDIM>.png", "s.<UDIM>.png", "there is no present map for any of the textures; check the path"),
         ("m.<UDIM>.png", "s.<UDIM>.png", "m.1002.png"),
         ("m.1001.png", "m.<UDIM>.png", "would overwrite"),

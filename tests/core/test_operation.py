@@ -127,12 +127,12 @@ def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"size": "1"}, "size '1' is no number"),
-        ({"turns": 1.5}, "turns 1.5 is no whole number"),
-        ({"sieves": [3, 5.5]}, "sieves 5.5 is no whole number"),
+        ({"size": "1"}, "size '1' is not a number"),
+        ({"turns": 1.5}, "turns 1.5 is not a whole number"),
+        ({"sieves": [3, 5.5]}, "sieves 5.5 is not a whole number"),
         ({"slow": "false"}, "slow 'false' is neither true nor false"),
-        ({"recipe": 5}, "recipe 5 is no text"),
-        ({"roast": ["dark"]}, r"roast \['dark'\] is no text"),
+        ({"recipe": 5}, "recipe 5 is not text"),
+        ({"roast": ["dark"]}, r"roast \['dark'\] is not text"),
         ({"beans": []}, "grind lacks its option beans; give it"),
         ({"output": None}, "grind lacks its option output; give it"),
     ],

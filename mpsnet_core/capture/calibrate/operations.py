@@ -540,4 +540,6 @@ def _note_replaced(file: Path) -> None:
 
     with contextlib.suppress(InputError):
         if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
-            log.info("the mixing that %s held is gone with its lights; find it again", file.name)
+            log.info(
+                "the mixing that %s held belonged to its old lights and was dropped; calibrate it again", file.name
+            )
