@@ -421,15 +421,15 @@ class Bake(LaysOnto):
 
         if len(self.mesh) > 1 or split_by(target.output):
             raise SettingsError(
-                "a sequence is baked onto one mesh and into one texture a frame; give one --mesh, and leave <UDIM>, "
-                "<MATERIAL> and <OBJECT> out of --output"
+                "a sequence is baked onto one mesh and into one texture per frame; give one --mesh, and leave "
+                "<UDIM>, <MATERIAL> and <OBJECT> out of --output"
             )
         if self.confidence:
-            raise SettingsError("--confidence takes one normal map a view; leave it out for a sequence")
+            raise SettingsError("--confidence takes one normal map per view; leave it out for a sequence")
         if self.albedo:
-            raise SettingsError("--albedo is of one still photo a view; leave it out for a sequence")
+            raise SettingsError("--albedo takes one still photo per view; leave it out for a sequence")
         if self.coverage:
-            raise SettingsError("--coverage is of one pose; leave it out for a sequence")
+            raise SettingsError("--coverage is for a single pose; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)

@@ -184,7 +184,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
     level = _level(float(shares[worst_one]), CLIPPED)
     words = f"{shares[worst_one]:.1%} of the object is clipped in {CHANNELS[worst_one]}"
     if level == "good":
-        words = "next to nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
+        words = "almost nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
     else:
         words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
     return Finding("clipping", level, words, {"clipped": _listed(shares)})

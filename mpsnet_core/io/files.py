@@ -256,7 +256,9 @@ def check_no_link(path: Path) -> None:
     """Raises FileError where a file would be written through a link: a folder from elsewhere may hold one that leads
     to a file of the person's."""
     if path.is_symlink():
-        raise FileError(f"{path} is a link to {path.readlink()}, through which nothing is written; remove the link")
+        raise FileError(
+            f"{path} is a link to {path.readlink()}, and files are not written through links; remove the link"
+        )
 
 
 def _behind_link(path: Path) -> Path:

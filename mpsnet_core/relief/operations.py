@@ -319,7 +319,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             wanted = ", ".join(f"--{name}" for name in PRODUCTS)
             raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
         if is_several(self.normals):
-            raise SettingsError(f"{self.normals} means several normal maps; integrate them one by one")
+            raise SettingsError(f"{self.normals} matches several normal maps; integrate them one by one")
         taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
         for product in requested.values():
             files = product.files()
@@ -459,7 +459,7 @@ class MeasuresPhoto(Operation):
         from mpsnet_core.relief.material.scale import millimetres, parse_ruler
 
         if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
-            raise SettingsError(f"several options state how large it is; {_ONE_SCALE}")
+            raise SettingsError(f"several options state the material's size; {_ONE_SCALE}")
         if self.width is not None:
             return millimetres(self.width), None
         if self.pixel_size is not None:
@@ -467,7 +467,7 @@ class MeasuresPhoto(Operation):
         if self.ruler is not None:
             ruler = parse_ruler(self.ruler)
             return ruler.length_mm, ruler.pixels
-        raise SettingsError(f"nothing states how large it is; {_ONE_SCALE}")
+        raise SettingsError(f"no option states the material's size; {_ONE_SCALE}")
 
 
 @dataclass(frozen=True)
@@ -568,9 +568,9 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
         name = Path(self.image).stem if self.name is None else self.name
         if Path(name).name != name:
-            raise SettingsError(f"--name {name} is not a file's name; give the folder with -o")
+            raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
         if Path(self.output).suffix.lower() in IMAGE_SUFFIXES:
-            raise SettingsError(f"--output {self.output} ends like a picture; give the folder for all of them")
+            raise SettingsError(f"--output {self.output} looks like an image file; give a folder for all of them")
         return name
 
     def _capture(

@@ -228,7 +228,7 @@ def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
     view = f"{bench / 'camera.json'}={bench / 'f_#.png'}"
     two = ("--mesh", bench / "mesh.npz", "--mesh", bench / "mesh.npz")
     for arguments, output in (((), "s.<UDIM>"), (two, "frames")):
-        assert "a sequence is baked onto one mesh and into one texture a frame" in bench.refused(
+        assert "a sequence is baked onto one mesh and into one texture per frame" in bench.refused(
             *arguments, output=output, view=view
         )
     said = bench.refused("--onto", "maps.json", "--space", "tangent", output="frames", view=view)

@@ -340,7 +340,7 @@ MIXING_CASES: dict[str, tuple[list[str], str]] = {
         [*GREY, "--card", "--mask", "mask.png", "--normal", "0,-1,0"],
         "does not reach the card",
     ),
-    "a ball's normal": (["grey.exr", "--normal", "0,0,1"], "--normal is a card's"),
+    "a ball's normal": (["grey.exr", "--normal", "0,0,1"], "--normal is for a card"),
     "a normal of two": ([*GREY, "--card", "--mask", "mask.png", "--normal", "0,1"], "--normal 0,1 … three numbers"),
     "no ball": (["flat.exr"], "no ball was found"),
     "a black ball": (["black.exr", "--circle", CIRCLE], "black … lights on"),
@@ -442,7 +442,7 @@ def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path)
             ("mixing", "grey.exr", "--rig", "rig.json", "--circle", "9,9,4", "--circle", "8,8,4"),
             "a photo for the mixing shows one ball; give one --circle",
         ),
-        (("mixing", "grey.exr", "--rig", "rig.json", "--normal", "-.2,.1,1"), "--normal is a card's; add --card"),
+        (("mixing", "grey.exr", "--rig", "rig.json", "--normal", "-.2,.1,1"), "--normal is for a card; add --card"),
         (("mixing", "grey.exr", "--rig", "rig.json", "-o", "rig.lp"), "a rig with its mixing is a .json file"),
     ],
 )

@@ -130,7 +130,7 @@ def test_an_ending_that_contradicts_the_preset_is_refused(output: str, said: str
         (["-o", "{folder}"], "it is a folder; give a file name"),
         (
             ["--preset", "unity", "--mesh", "b.obj", "-o", "{folder}/"],
-            "2 share this one; give its file with --output, as",
+            "2 share this one; give its file with --output, such as",
         ),
         (["--padding", "none", "--margin", "4"], "--margin goes with --padding nearest, not with none; leave it out"),
         (["--padding", "push-pull", "--margin", "0"], "--margin goes with --padding nearest, not with push-pull"),

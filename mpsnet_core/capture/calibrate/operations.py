@@ -83,7 +83,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         from mpsnet_core.capture.calibrate.photos import BallPhotos
 
         if self.circle and self.mask:
-            raise SettingsError("--circle and --mask both define where it is; give one of them")
+            raise SettingsError("--circle and --mask both define where the ball or card is; give one of them")
         return BallPhotos(
             files,
             [Circle(*_numbers(text, "--circle")) for text in self.circle],
@@ -413,7 +413,7 @@ class CalibrateMixing(LooksAtBall):
                 f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one --circle"
             )
         if self.normal and not self.card:
-            raise SettingsError("--normal is a card's; add --card, or leave it out")
+            raise SettingsError("--normal is for a card; add --card, or leave it out")
         if len(files) not in ((3,) if self.card else (1, 3)):
             wanted = "a card takes three photos, one" if self.card else "give one photo of a grey ball, or three, one"
             raise SettingsError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
@@ -495,7 +495,7 @@ def _numbers(text: str, option: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != 3:
-        raise SettingsError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
+        raise SettingsError(f"{option} {text} is not three numbers separated by commas, such as 250,148,119")
     return numbers
 
 
