@@ -234,14 +234,14 @@ def _check(setting: Setting, value: Any) -> None:
     low, high, choices = setting.option.low, setting.option.high, setting.option.choices
     name = setting.name.replace("_", " ")
     if setting.kind is str and not isinstance(value, str | os.PathLike):
-        raise SettingsError(f"{name} {value!r} is no text")
+        raise SettingsError(f"{name} {value!r} is not text")
     if setting.kind is bool and not isinstance(value, bool):
         raise SettingsError(f"{name} {value!r} is neither true nor false")
     is_truth = isinstance(value, bool)  # which Python counts as a whole number
     if setting.kind is float and (is_truth or not isinstance(value, Real)):
-        raise SettingsError(f"{name} {value!r} is no number")
+        raise SettingsError(f"{name} {value!r} is not a number")
     if setting.kind is int and (is_truth or not isinstance(value, Integral)):
-        raise SettingsError(f"{name} {value!r} is no whole number")
+        raise SettingsError(f"{name} {value!r} is not a whole number")
     if choices:
         check_choice(name, value, choices)
     # "not" rejects NaN, too.

@@ -110,8 +110,8 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
     def _target_of_frames(self, context: Any) -> Any:
         if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
             raise SettingsError(
-                "a sequence is baked onto the target alone and into one texture a frame; set Objects to Target, "
-                "Textures to One for All, and switch UDIM Tiles off"
+                "a sequence is baked onto the target alone and into one texture per frame; set Objects to "
+                "Target, Textures to One for All, and switch UDIM Tiles off"
             )
         return self.baked_object(context)
 

@@ -45,7 +45,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         description="Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one",
         options={"SKIP_SAVE"},
     )
-    lens: from_option(Align, "focal", name="Lens (mm)", unset="that of the photo; found as well where that is 0")
+    lens: from_option(Align, "focal", name="Lens (mm)", unset="that of the photo; estimated too where that is 0")
     lens_of: StringProperty(
         name="Lens Of",
         description="Name of a camera object whose focal length and shift the photo's camera gets. Empty: the one in "

@@ -109,7 +109,7 @@ class BakeSettings:
         "bits",
         name="Depth",
         items=[
-            ("AUTO", "Automatic", "16 bits, in OpenEXR 32"),
+            ("AUTO", "Automatic", "16 bits, 32 in OpenEXR"),
             *items_of(Bake, "bits", {8: "8 Bits", 16: "16 Bits", 32: "32 Bits"}),
         ],
     )

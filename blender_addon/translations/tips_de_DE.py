@@ -1,7 +1,7 @@
 """German tooltips, by the English ones in one line."""
 
 TIPS = {
-    "16 bits, in OpenEXR 32": "16 Bit, in OpenEXR 32",
+    "16 bits, 32 in OpenEXR": "16 Bit, in OpenEXR 32",
     "16-bit PNG": "PNG mit 16 Bit",
     "16-bit TIFF": "TIFF mit 16 Bit",
     "32-bit float OpenEXR": "OpenEXR mit 32-Bit-Gleitkommazahlen",
@@ -53,13 +53,13 @@ TIPS = {
     "Along +Y, as Blender's front view": "Entlang +Y, wie Blenders Ansicht von vorne",
     "Along -X": "Entlang -X",
     "Along -Y": "Entlang -Y",
-    "Also write how far each normal can be trusted, a map for one photo": (
+    "Also write a map of how far each normal can be trusted, for one photo": (
         "Auch schreiben, wie weit jeder Normale zu trauen ist, eine Karte für ein Foto"
     ),
     "Also write the surface's colour without light and shadow on it, made from the photo under white light": (
         "Auch die Farbe der Oberfläche ohne Licht und Schatten schreiben, aus dem Foto unter weißem Licht"
     ),
-    "An albedo without colour, where the lights' strengths are not known": (
+    "Make the albedo grey, for lights of unknown strengths": (
         "Eine Albedo ohne Farbe, wo die Stärken der Lichter nicht bekannt sind"
     ),
     "Angle in degrees between each light and the line from the object to the camera": (
@@ -94,7 +94,7 @@ TIPS = {
     "Begin another rig in this scene, with a photo and an estimate of its own; the rigs that are there stay": (
         "Ein weiteres Rig in dieser Szene beginnen, mit eigenem Foto und eigener Schätzung; vorhandene Rigs bleiben"
     ),
-    "Bits a channel of the texture": "Bit je Kanal der Textur",
+    "Bits per channel of the texture": "Bit je Kanal der Textur",
     "Blender renders the photo of an object in this scene, under a rig of lights": (
         "Blender rendert das Foto eines Objekts dieser Szene unter einem Rig von Lichtern"
     ),
@@ -134,7 +134,7 @@ TIPS = {
         "Median"
     ),
     "Compare the photos' normals with the map": "Die Normalen der Fotos mit der Map vergleichen",
-    "Convention, depth, format and automatic name as a program wants them; each may be changed": (
+    "Convention, bit depth, format and automatic file name that a program expects; you can change each": (
         "Konvention, Farbtiefe, Format und automatischer Name, wie ein Programm sie erwartet; alles lässt sich ändern"
     ),
     "Copy that shows the coverage": "Kopie, die die Abdeckung zeigt",
@@ -192,7 +192,7 @@ TIPS = {
     "File to write; its ending decides the format. Empty: a name of its own in the output folder": (
         "Zu schreibende Datei; ihre Endung bestimmt das Format. Leer: ein eigener Name im Ausgabeordner"
     ),
-    "Fill what no view sees: it continues the relief around it smoothly, within each UV island": (
+    "Fill what no view sees, by continuing the relief around it smoothly within each UV island": (
         "Füllen, was keine Ansicht sieht: es setzt das Relief ringsum weich fort, innerhalb jeder UV-Insel"
     ),
     "Find in the photo of a matt grey ball how the lights' colours mix, and add it to the rig file": (
@@ -224,35 +224,35 @@ TIPS = {
         "Kleinbildäquivalente Brennweite der echten Kamera in Millimetern. 0: die Kamera, mit der das Foto "
         "gerendert wurde, sonst die des Rigs"
     ),
-    "Folder for each view's normals and albedo; the next run goes on from them. Empty: they are not kept": (
+    "Folder for each view's normals and albedo; the next run reuses them. Empty: they are not kept": (
         "Ordner für Normalen und Albedo jeder Ansicht; der nächste Lauf setzt dort fort. Leer: sie werden nicht "
         "behalten"
     ),
     "Folder for the demo's photo, normal map and texture. Empty: only the .blend file keeps them": (
         "Ordner für Foto, Normalmap und Textur der Demo. Leer: nur die .blend-Datei enthält sie"
     ),
-    "Folder for the pictures. Empty: a folder of its own in the output folder": (
+    "Folder for the textures. Empty: a folder of its own in the output folder": (
         "Ordner für die Bilder. Leer: ein eigener Ordner im Ausgabeordner"
     ),
     (
-        "Folder of photos of the same poses under white light, the three lights turned white, named as the photos "
-        "(also NAME_white): the surface's colour is baked as well, to TEXTURE_albedo, matched where several views "
-        "see the same; of three folders, one for each light, the photos are added up. Empty: no albedo is baked"
+        "Folder of photos of the same poses under white light (the three lights turned white), named like the "
+        "photos or NAME_white: also bakes the surface's colour, to TEXTURE_albedo, matched where views "
+        "overlap; photos from three folders, one for each light, are added up. Empty: no albedo is baked"
     ): (
         "Ordner mit Fotos derselben Posen unter weißem Licht, die drei Lichter auf Weiß gestellt, benannt wie die "
         "Fotos (auch NAME_white): die Farbe der Oberfläche wird mitgebacken, nach TEXTUR_albedo, angeglichen, wo "
         "mehrere Ansichten dasselbe sehen; von drei Ordnern, einem je Licht, werden die Fotos addiert. Leer: es wird "
         "keine Albedo gebacken"
     ),
-    "Folder of the photos of these cameras": "Ordner mit den Fotos dieser Kameras",
+    "Folder of these cameras' photos": "Ordner mit den Fotos dieser Kameras",
     (
-        "Folder of the samples; one that the same settings began is gone on with. Empty: a folder of its own in the "
-        "output folder"
+        "Folder for the samples; one begun with the same settings is continued. Empty: a folder of its own in "
+        "the output folder"
     ): (
         "Ordner der Beispiele; einer, den dieselben Einstellungen begonnen haben, wird fortgesetzt. Leer: ein "
         "eigener Ordner im Ausgabeordner"
     ),
-    "Folder with mesh files to take shapes from": "Ordner mit Mesh-Dateien, aus denen Formen genommen werden",
+    "Folder of mesh files to take shapes from": "Ordner mit Mesh-Dateien, aus denen Formen genommen werden",
     (
         "For a sequence of normals: take the target and the camera anew in each frame of the timeline, whose number "
         "is that of the normals. Off: as they stand now"
@@ -260,15 +260,15 @@ TIPS = {
         "Für eine Sequenz von Normalen: Ziel und Kamera in jedem Bild der Zeitleiste neu nehmen, dessen Nummer die "
         "der Normalen ist. Aus: wie sie jetzt stehen"
     ),
-    "Four a pixel: about four times as long": "Vier je Pixel: etwa viermal so lange",
+    "Four per pixel: takes about four times as long": "Vier je Pixel: etwa viermal so lange",
     "Fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none": (
         "Bruchteil des Reliefs der Fotos, der auf die eigene Oberfläche des Objekts kommt: 1 wie es ist, 0 keines"
     ),
-    "Fraction of the tile over which its borders are joined: more hides the seam better and leaves a smaller tile": (
+    "Fraction of the tile over which its borders blend: more hides the seam better but leaves a smaller tile": (
         "Bruchteil der Kachel, über den ihre Ränder verbunden werden: mehr verbirgt die Naht besser und lässt eine "
         "kleinere Kachel"
     ),
-    "Frames of a sequence or video before and behind, with which each is averaged where they show the same": (
+    "Frames of a sequence or video before and after each one to average it with, where they show the same surface": (
         "Bilder einer Sequenz oder eines Videos davor und dahinter, mit denen jedes gemittelt wird, wo sie dasselbe "
         "zeigen"
     ),
@@ -290,8 +290,8 @@ TIPS = {
     "Heights as the photo's camera sees them": "Höhen, wie die Kamera des Fotos sie sieht",
     "Heights on the object's UVs": "Höhen auf den UVs des Objekts",
     (
-        "How broad bumps of heights on UVs may be, as a fraction of the object's size: broader ones are left to the "
-        "mesh, as errors of estimated normals are broad. 0 keeps all"
+        "Broadest bumps that heights on UVs keep, as a fraction of the object's size: broader shapes are left "
+        "to the mesh, because estimated normals err most there. 0 keeps all"
     ): (
         "Wie breit Wölbungen der Höhen auf UVs sein dürfen, als Bruchteil der Größe des Objekts: breitere bleiben dem "
         "Mesh überlassen, weil die Fehler geschätzter Normalen breit sind. 0 behält alle"
@@ -307,8 +307,8 @@ TIPS = {
         "Wie weit die Lichter und eine orthografische Kamera vom Objekt entfernt stehen, in Radien des Objekts"
     ),
     (
-        "How far the object is from the camera, in the unit of a rig file with near lights. 0: as far as the rig's "
-        "target, or by the surface"
+        "Distance from the camera to the object, in the unit of a rig file with near lights. 0: as far as the "
+        "rig's target, or by the surface"
     ): (
         "Wie weit das Objekt von der Kamera entfernt ist, in der Einheit einer Rig-Datei mit nahen Lichtern. 0: so "
         "weit wie das Ziel des Rigs, oder nach der Oberfläche"
@@ -330,24 +330,24 @@ TIPS = {
     "How long it will still take, in words. Empty: not known yet": (
         "Wie lange es noch dauert, in Worten. Leer: noch nicht bekannt"
     ),
-    "How many faces the mesh may have; small ones where the surface bends": (
+    "How many faces the mesh may have at most; they are smaller where the surface bends": (
         "Wie viele Flächen das Mesh haben darf; kleine, wo sich die Oberfläche biegt"
     ),
     (
-        "How many half waves across the photo are taken out as bends of the material and uneven light. 0: only the "
-        "tilt of the photo"
+        "How many half waves across the photo to remove as bends of the material and uneven light. 0: only "
+        "the tilt of the photo"
     ): (
         "Wie viele halbe Wellen über das Foto als Biegungen des Materials und ungleiches Licht herausgenommen "
         "werden. 0: nur die Neigung des Fotos"
     ),
-    "How many processes work at the same time on this machine. 0: one for each processor core": (
+    "How many processes run at the same time on this machine. 0: one for each CPU core": (
         "Wie viele Prozesse auf diesem Rechner gleichzeitig arbeiten. 0: einer je Prozessorkern"
     ),
     "How many rigs stand around the object": "Wie viele Rigs um das Objekt stehen",
     "How many samples in a row show the same shape, each in another pose, light and material": (
         "Wie viele Beispiele hintereinander dieselbe Form zeigen, jedes in anderer Pose, anderem Licht und Material"
     ),
-    "How many samples the folder shall hold in the end. A larger count goes on where a smaller stopped": (
+    "How many samples the folder will hold in total. A larger count continues where a smaller one stopped": (
         "Wie viele Beispiele der Ordner am Ende enthalten soll. Eine größere Anzahl setzt fort, wo eine kleinere "
         "aufhörte"
     ),
@@ -355,7 +355,7 @@ TIPS = {
         "Wie viele Kacheln breit und hoch die Ebene ist, die das Material zeigt"
     ),
     "How much is done, as a fraction": "Wie viel getan ist, als Bruchteil",
-    "How often light goes from surface to surface at most, drawn anew for each sample. 0: none": (
+    "How many times light bounces between surfaces at most, drawn for each sample. 0: none": (
         "Wie oft Licht höchstens von Oberfläche zu Oberfläche geht, für jedes Beispiel neu gezogen. 0: gar nicht"
     ),
     (
@@ -372,7 +372,7 @@ TIPS = {
     "How the last run of each operator ended": "Wie der letzte Lauf jedes Operators endete",
     "How the material shows its relief in Blender": "Wie das Material sein Relief in Blender zeigt",
     "How the mesh is subdivided": "Wie das Mesh unterteilt wird",
-    "How the photo's values stand for light": "Wie die Werte des Fotos für Licht stehen",
+    "How the photo's values encode light": "Wie die Werte des Fotos für Licht stehen",
     "How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet": (
         "Wie das Mesh des Photogrammetrie-Programms in Blender kam, damit Mesh und Kameras zusammenpassen"
     ),
@@ -380,7 +380,7 @@ TIPS = {
     "How well the mesh fits the photo, in words. Empty: not aligned": (
         "Wie gut das Mesh zum Foto passt, in Worten. Leer: nicht ausgerichtet"
     ),
-    "It breaks where one thing stands before another; takes several times as long": (
+    "The surface breaks where one object occludes another; takes several times as long": (
         "Sie bricht, wo eines vor dem anderen steht; dauert mehrmals so lange"
     ),
     "Ju et al. 2018: three intensities from each pixel, then equation 2": (
@@ -502,8 +502,9 @@ TIPS = {
         "Keine Perspektive: jedes Pixel blickt in dieselbe Richtung"
     ),
     (
-        "Normal map (tangent space, same UVs) to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for "
-        "what each texture is of; or a .json file that lists several. Empty: those in the materials"
+        "Normal map (tangent space, same UVs) to add the detail to; <OBJECT>, <MATERIAL> and <UDIM> in its "
+        "name stand for those of each texture; or a .json file that lists several maps. Empty: those in the "
+        "materials"
     ): (
         "Normalmap (Tangentenraum, gleiche UVs), auf die das Detail kommt; <OBJECT>, <MATERIAL> und <UDIM> im Namen "
         "stehen für das, wovon jede Textur ist; oder eine .json-Datei, die mehrere auflistet. Leer: die in den "
@@ -511,13 +512,13 @@ TIPS = {
     ),
     "Normal map in camera space": "Normalmap im Kameraraum",
     (
-        "Normal map to write: .png, .tif or .exr; a folder where there are several photos: frames that it holds "
-        "already are not made again. Empty: a name of its own in the output folder"
+        "Normal map to write: .png, .tif or .exr; a folder for several photos, where frames that are already "
+        "there are skipped. Empty: a name of its own in the output folder"
     ): (
         "Zu schreibende Normalmap: .png, .tif oder .exr; ein Ordner, wo es mehrere Fotos gibt: Bilder, die er schon "
         "enthält, werden nicht noch einmal gemacht. Leer: ein eigener Name im Ausgabeordner"
     ),
-    "Nothing: flat normals": "Nichts: flache Normalen",
+    "Leave flat normals": "Nichts: flache Normalen",
     "Number in the list, from 0, of the rig that the panel shows. Change it with mps.choose_rig": (
         "Nummer des Rigs in der Liste, ab 0, das das Panel zeigt. Zu ändern mit mps.choose_rig"
     ),
@@ -535,7 +536,7 @@ TIPS = {
     "One for each object; its name goes into the file's name": (
         "Eine für jedes Objekt; dessen Name kommt in den Dateinamen"
     ),
-    "One in the pixel's middle": "Einer in der Mitte des Pixels",
+    "One, at the pixel's centre": "Einer in der Mitte des Pixels",
     "One of the rig's three lights": "Eines der drei Lichter des Rigs",
     "One surface without gaps: for one object, reliefs, cloth": (
         "Eine Oberfläche ohne Lücken: für ein Objekt, Reliefs, Stoff"
@@ -573,8 +574,8 @@ TIPS = {
         "Foto einer Spiegelkugel an der Stelle des Objekts, unter rotem, grünem und blauem Licht zugleich"
     ),
     (
-        "Photo of an even white card in the object's place, which evens out lens and lights; a folder or pattern of "
-        "several is averaged; not together with near lights"
+        "Photo of an even white card in the object's place, to correct vignetting and uneven light; several "
+        "(a folder or pattern) are averaged; not for near lights"
     ): (
         "Foto einer gleichmäßig weißen Karte an der Stelle des Objekts, das Objektiv und Lichter ausgleicht; ein "
         "Ordner oder Muster von mehreren wird gemittelt; nicht zusammen mit nahen Lichtern"
@@ -599,14 +600,14 @@ TIPS = {
         "Foto der Szene ohne das Objekt, unter denselben Lichtern"
     ),
     "Photo under red, green and blue light": "Foto unter rotem, grünem und blauem Licht",
-    "Photo with the three lights off, which is subtracted; a folder or pattern of several is averaged": (
+    "Photo with the three lights off, to subtract; several (a folder or pattern) are averaged": (
         "Foto mit ausgeschalteten Lichtern, das abgezogen wird; ein Ordner oder Muster von mehreren wird gemittelt"
     ),
-    "Picture of edges, bright, and creases, dark": "Bild der Kanten, hell, und der Falten, dunkel",
-    "Picture of how open the surface is, ambient occlusion: white where all light comes in": (
+    "Curvature map: edges are bright, creases dark": "Bild der Kanten, hell, und der Falten, dunkel",
+    "Ambient occlusion map: white where the surface is fully open to light": (
         "Bild, wie offen die Oberfläche ist, Ambient Occlusion: weiß, wo alles Licht hinkommt"
     ),
-    "Picture of the surface under a white light, shaded by the ambient occlusion where that is made": (
+    "Image of the surface under a white light, with the ambient occlusion if that is made": (
         "Bild der Oberfläche unter weißem Licht, schattiert durch die Ambient Occlusion, wo diese gemacht wird"
     ),
     "Picture that is white where the object is and black elsewhere": (
@@ -615,7 +616,7 @@ TIPS = {
     "Pixels brighter than this fraction of the photo's brightest are the object": (
         "Pixel, die heller sind als dieser Bruchteil des hellsten im Foto, sind das Objekt"
     ),
-    "Pixels by which the texture is continued beyond the borders of the UV islands": (
+    "Pixels by which the texture extends beyond the UV islands": (
         "Pixel, um die die Textur über die Ränder der UV-Inseln hinaus fortgesetzt wird"
     ),
     "Pixels to leave out at the photo's bottom": "Pixel, die unten am Foto wegfallen",
@@ -624,7 +625,7 @@ TIPS = {
     "Pixels to leave out at the photo's top": "Pixel, die oben am Foto wegfallen",
     "Place in the photo in pixels from its top left corner": "Stelle im Foto in Pixeln von seiner oberen linken Ecke",
     "Places in the photo and on the mesh that are the same": "Stellen im Foto und auf dem Mesh, die dieselben sind",
-    "Points of the surface that each pixel is the mean of; more take longer and lessen jagged edges": (
+    "Points on the surface that each pixel averages; more take longer but smooth jagged edges": (
         "Punkte der Oberfläche, deren Mittel jedes Pixel ist; mehr dauern länger und mindern Treppenstufen"
     ),
     "Radius of the ball's outline at its second place, in pixels. Needed where the first one is given": (
@@ -634,8 +635,8 @@ TIPS = {
         "Radius des Kugelumrisses in Pixeln. 0: die Kugel wird gesucht"
     ),
     (
-        "Radius of the ball, in the unit that positions are wanted in: best that of the mesh. It counts where lights "
-        "have positions, for a grey ball too"
+        "Radius of the ball, in the unit for the lights' positions, best that of the mesh. Needed where "
+        "lights have positions, for a grey ball too"
     ): (
         "Radius der Kugel in der Einheit, in der Positionen gewünscht sind: am besten der des Meshs. Er zählt, wo "
         "Lichter Positionen haben, auch für eine graue Kugel"
@@ -676,8 +677,9 @@ TIPS = {
         "Sagen, ob das Foto gut belichtet und scharf ist und was seine Lichter erreichen, bevor es benutzt wird"
     ),
     (
-        "Second photo of the same pose, under white light: the three lights turned white. It shows the colour of the "
-        "surface. A folder or pattern of one photo for each light is added up. For one still photo only"
+        "Second photo of the same pose under white light (the three lights turned white), which shows the "
+        "colour of the surface. Photos of one light each (a folder or pattern) are added up. For one still "
+        "photo only"
     ): (
         "Zweites Foto derselben Pose unter weißem Licht: die drei Lichter auf Weiß gestellt. Es zeigt die Farbe der "
         "Oberfläche. Ein Ordner oder Muster mit einem Foto je Licht wird addiert. Nur für ein Standfoto"
@@ -729,7 +731,7 @@ TIPS = {
         "Zeigen, welche Pixel des Fotos als Objekt zählen, bevor sie benutzt werden. Die Maske wird auch als Datei "
         "geschrieben"
     ),
-    "Sixteen a pixel: about sixteen times as long": "Sechzehn je Pixel: etwa sechzehnmal so lange",
+    "Sixteen per pixel: takes about sixteen times as long": "Sechzehn je Pixel: etwa sechzehnmal so lange",
     "Size, depth and seam of the material that was made": "Größe, Tiefe und Naht des gemachten Materials",
     "Slabs with a relief": "Platten mit einem Relief",
     "Some of the samples": "Einige der Beispiele",
@@ -757,8 +759,9 @@ TIPS = {
     ),
     "Take this message away; the step may be run again": "Diese Meldung ausblenden; der Schritt kann erneut laufen",
     (
-        "Texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
-        "material or object; a folder for a sequence, or for a preset's name. Empty: in the output folder"
+        "Texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for each "
+        "tile, material or object; a folder for a sequence, or to take the name from a preset. Empty: in the "
+        "output folder"
     ): (
         "Zu schreibende Textur: .png, .tif oder .exr; mit <UDIM>, <MATERIAL> oder <OBJECT> im Namen eine für jede "
         "Kachel, jedes Material oder Objekt; ein Ordner für eine Sequenz oder für den Namen der Voreinstellung. "
@@ -776,7 +779,7 @@ TIPS = {
     "The baseline, at once: a matt surface of one grey (equation 2 of the paper)": (
         "Der Vergleichsmaßstab, sofort: eine matte Oberfläche von einem Grau (Gleichung 2 der Veröffentlichung)"
     ),
-    "The camera went round; a rig file has directions along the mesh's axes, or positions in its world": (
+    "Only the camera moved; a rig file gives directions along the mesh's axes, or positions in its world": (
         "Die Kamera ging herum; eine Rig-Datei hat Richtungen entlang der Achsen des Meshs oder Positionen in seiner "
         "Welt"
     ),
@@ -791,16 +794,16 @@ TIPS = {
     "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is": (
         "Die Vorgabe: ein Netz von grob nach fein, mit Gleichung 2 darin, das sagt, wie sicher es ist"
     ),
-    "The islands are continued by the margin": "Die Inseln werden um den Rand fortgesetzt",
+    "Extend the islands by the margin": "Die Inseln werden um den Rand fortgesetzt",
     "The lamp, while it is there": "Die Lampe, solange sie da ist",
-    "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; found as well where that is 0": (
+    "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; estimated too where that is 0": (
         "Kleinbildäquivalente Brennweite des Objektivs in Millimetern. 0: die des Fotos; wo sie 0 ist, wird sie mit "
         "gefunden"
     ),
     "The lights are fixed to the camera, or the object stood on a turntable": (
         "Die Lichter sind an der Kamera befestigt, oder das Objekt stand auf einem Drehteller"
     ),
-    "The map was made of the same object": "Die Map wurde von demselben Objekt gemacht",
+    "The map was made from the same object": "Die Map wurde von demselben Objekt gemacht",
     "The map was sculpted or painted": "Die Map wurde modelliert oder gemalt",
     "The mask, drawn over the photo": "Die Maske, über das Foto gezeichnet",
     "The material, repeated": "Das Material, wiederholt",
@@ -862,7 +865,7 @@ TIPS = {
     "The surface's colour": "Die Farbe der Oberfläche",
     "The target alone": "Nur das Ziel",
     "The whole photo: a wall or cloth that fills it": "Das ganze Foto: eine Wand oder ein Tuch, das es ausfüllt",
-    "The whole texture is filled, smoothly": "Die ganze Textur wird weich gefüllt",
+    "Fill the whole texture smoothly": "Die ganze Textur wird weich gefüllt",
     "This address need not be tls://. Whoever is in its network may run code on this machine": (
         "Diese Adresse muss nicht tls:// sein. Wer in ihrem Netzwerk ist, kann Code auf diesem Rechner ausführen"
     ),
@@ -885,7 +888,7 @@ TIPS = {
     ),
     "What Blender's Asset Browser shows of the result": "Was Blenders Asset-Browser vom Ergebnis zeigt",
     (
-        "What a photogrammetry program wrote: a COLMAP folder, Metashape's .xml or Meshroom's .sfm; or a folder of "
+        "Cameras from photogrammetry: a COLMAP folder, Metashape's .xml, Meshroom's .sfm or a folder of "
         "NAME.camera.json. Empty: this scene's cameras, each with its photo as background image"
     ): (
         "Was ein Photogrammetrie-Programm geschrieben hat: ein COLMAP-Ordner, die .xml von Metashape oder die .sfm "
@@ -902,7 +905,7 @@ TIPS = {
         "Fotos"
     ),
     "What kind of lights the rig has": "Welche Art von Lichtern das Rig hat",
-    "What lies beyond the borders of the UV islands, where a texture that is made smaller reaches": (
+    "How to fill the texture beyond the UV islands, which mipmaps blend into the islands' borders": (
         "Was jenseits der Ränder der UV-Inseln liegt, wohin eine verkleinerte Textur reicht"
     ),
     "What moves the surface": "Was die Oberfläche bewegt",
@@ -923,12 +926,12 @@ TIPS = {
         "Wie viel die ganze Breite des Fotos auf dem Material misst, in der Einheit dieser Szene. 0: nach der "
         "orthografischen Kamera, mit der das Foto gerendert wurde"
     ),
-    "What the samples are drawn from: the same seed gives the same samples": (
+    "Seed of the random draws: the same seed gives the same samples": (
         "Woraus die Beispiele gezogen werden: derselbe Startwert ergibt dieselben Beispiele"
     ),
     "What the samples show": "Was die Beispiele zeigen",
     "What the texture's normals are relative to": "Worauf sich die Normalen der Textur beziehen",
-    "What turns the photo into normals: one of the models by its name, or an .onnx file": (
+    "Model that estimates the normals, by name or as an .onnx file": (
         "Was das Foto in Normalen verwandelt: eines der Modelle nach seinem Namen oder eine .onnx-Datei"
     ),
     "What was found, drawn over the photo": "Was gefunden wurde, über das Foto gezeichnet",
@@ -956,7 +959,7 @@ TIPS = {
     "Whether the mesh fits the photo too poorly to bake with": (
         "Ob das Mesh zu schlecht zum Foto passt, um damit zu backen"
     ),
-    "Whether the photos show the present map's relief as well, which is then not added again": (
+    "Whether the photos already show the present map's relief, which is then not added twice": (
         "Ob die Fotos das Relief der vorhandenen Map auch zeigen; dann wird es nicht noch einmal addiert"
     ),
     "Whether the surface may break": "Ob die Oberfläche brechen darf",
@@ -977,7 +980,7 @@ TIPS = {
     "Width and height of a sample in pixels": "Breite und Höhe eines Beispiels in Pixeln",
     "Width and height of the demo's photo in pixels": "Breite und Höhe des Demo-Fotos in Pixeln",
     "Width and height of the demo's texture in pixels": "Breite und Höhe der Demo-Textur in Pixeln",
-    "Width and height of the pictures in pixels. 0: the pixels that the photo has there": (
+    "Width and height of the textures in pixels. 0: the photo's own resolution": (
         "Breite und Höhe der Bilder in Pixeln. 0: die Pixel, die das Foto dort hat"
     ),
     (
@@ -994,14 +997,14 @@ TIPS = {
     ),
     "Work with this rig, its photo and its estimate": "Mit diesem Rig, seinem Foto und seiner Schätzung arbeiten",
     "Works everywhere": "Funktioniert überall",
-    "Write an HTML page that shows which views cover what and how far they disagree": (
+    "Write an HTML page that shows which views cover what and how much they disagree": (
         "Eine HTML-Seite schreiben, die zeigt, welche Ansichten was abdecken und wie weit sie sich widersprechen"
     ),
-    "Written as NAME_Normal.png, 8 bits a channel": "Geschrieben als NAME_Normal.png, 8 Bit je Kanal",
-    "Written as NAME_normal.png, 16 bits a channel": "Geschrieben als NAME_normal.png, 16 Bit je Kanal",
-    "Written as NAME_normal.png, 8 bits a channel": "Geschrieben als NAME_normal.png, 8 Bit je Kanal",
-    "Written as T_NAME_N.png, 16 bits a channel": "Geschrieben als T_NAME_N.png, 16 Bit je Kanal",
-    "Written as name_normal.png, 8 bits a channel": "Geschrieben als name_normal.png, 8 Bit je Kanal",
+    "Written as NAME_Normal.png, 8 bits per channel": "Geschrieben als NAME_Normal.png, 8 Bit je Kanal",
+    "Written as NAME_normal.png, 16 bits per channel": "Geschrieben als NAME_normal.png, 16 Bit je Kanal",
+    "Written as NAME_normal.png, 8 bits per channel": "Geschrieben als NAME_normal.png, 8 Bit je Kanal",
+    "Written as T_NAME_N.png, 16 bits per channel": "Geschrieben als T_NAME_N.png, 16 Bit je Kanal",
+    "Written as name_normal.png, 8 bits per channel": "Geschrieben als name_normal.png, 8 Bit je Kanal",
     "You took the photo of a real object under real lights": (
         "Das Foto eines echten Objekts unter echten Lichtern wurde aufgenommen"
     ),

@@ -1,7 +1,7 @@
 """Tooltips in Simplified Chinese, by the English ones in one line."""
 
 TIPS = {
-    "16 bits, in OpenEXR 32": "16 位，OpenEXR 为 32 位",
+    "16 bits, 32 in OpenEXR": "16 位，OpenEXR 为 32 位",
     "16-bit PNG": "16 位 PNG",
     "16-bit TIFF": "16 位 TIFF",
     "32-bit float OpenEXR": "32 位浮点 OpenEXR",
@@ -42,11 +42,13 @@ TIPS = {
     "Along +Y, as Blender's front view": "沿 +Y 方向，与 Blender 的前视图相同",
     "Along -X": "沿 -X 方向",
     "Along -Y": "沿 -Y 方向",
-    "Also write how far each normal can be trusted, a map for one photo": "同时写出每条法线的可信程度，每张照片一幅图",
+    "Also write a map of how far each normal can be trusted, for one photo": (
+        "同时写出每条法线的可信程度，每张照片一幅图"
+    ),
     "Also write the surface's colour without light and shadow on it, made from the photo under white light": (
         "同时写出没有光影的表面颜色，由白光下的照片得出"
     ),
-    "An albedo without colour, where the lights' strengths are not known": "在灯光强度未知时，使用没有颜色的反照率",
+    "Make the albedo grey, for lights of unknown strengths": "在灯光强度未知时，使用没有颜色的反照率",
     "Angle in degrees between each light and the line from the object to the camera": (
         "每盏灯与物体到摄像机连线之间的角度（度）"
     ),
@@ -72,7 +74,7 @@ TIPS = {
     "Begin another rig in this scene, with a photo and an estimate of its own; the rigs that are there stay": (
         "在此场景中新建另一个灯架，有自己的照片和估计；已有的灯架保留"
     ),
-    "Bits a channel of the texture": "纹理每通道的位数",
+    "Bits per channel of the texture": "纹理每通道的位数",
     "Blender renders the photo of an object in this scene, under a rig of lights": (
         "Blender 在灯架照明下渲染此场景中物体的照片"
     ),
@@ -106,7 +108,7 @@ TIPS = {
         "将估计的法线与真实法线比较：以颜色显示夹角，并给出平均值和中位数"
     ),
     "Compare the photos' normals with the map": "将照片的法线与贴图比较",
-    "Convention, depth, format and automatic name as a program wants them; each may be changed": (
+    "Convention, bit depth, format and automatic file name that a program expects; you can change each": (
         "按某个程序的要求设定约定、色深、格式和自动名称；每一项都可更改"
     ),
     "Copy that shows the coverage": "显示覆盖范围的副本",
@@ -155,7 +157,7 @@ TIPS = {
     "File to write; its ending decides the format. Empty: a name of its own in the output folder": (
         "要写入的文件；扩展名决定格式。留空：输出文件夹中自动命名"
     ),
-    "Fill what no view sees: it continues the relief around it smoothly, within each UV island": (
+    "Fill what no view sees, by continuing the relief around it smoothly within each UV island": (
         "填充没有视角看到的部分：在每个 UV 孤岛内平滑地延续周围的浮雕"
     ),
     "Find in the photo of a matt grey ball how the lights' colours mix, and add it to the rig file": (
@@ -181,42 +183,42 @@ TIPS = {
         "35 mm equivalent focal length of the real camera, in millimetres. 0: the camera that the photo was "
         "rendered with, else the rig's"
     ): ("真实相机的 35 毫米等效焦距（毫米）。0：渲染照片的摄像机，否则为灯架的摄像机"),
-    "Folder for each view's normals and albedo; the next run goes on from them. Empty: they are not kept": (
+    "Folder for each view's normals and albedo; the next run reuses them. Empty: they are not kept": (
         "保存每个视角的法线和反照率的文件夹；下次运行从这里继续。留空：不保留"
     ),
     "Folder for the demo's photo, normal map and texture. Empty: only the .blend file keeps them": (
         "演示的照片、法线贴图和纹理的文件夹。留空：仅保存在 .blend 文件中"
     ),
-    "Folder for the pictures. Empty: a folder of its own in the output folder": (
+    "Folder for the textures. Empty: a folder of its own in the output folder": (
         "图片的文件夹。留空：输出文件夹中的专用文件夹"
     ),
     (
-        "Folder of photos of the same poses under white light, the three lights turned white, named as the photos "
-        "(also NAME_white): the surface's colour is baked as well, to TEXTURE_albedo, matched where several views "
-        "see the same; of three folders, one for each light, the photos are added up. Empty: no albedo is baked"
+        "Folder of photos of the same poses under white light (the three lights turned white), named like the "
+        "photos or NAME_white: also bakes the surface's colour, to TEXTURE_albedo, matched where views "
+        "overlap; photos from three folders, one for each light, are added up. Empty: no albedo is baked"
     ): (
         "相同姿态在白光下（三盏灯都调为白色）的照片文件夹，名称与照片相同（也可为 NAME_white）：同时烘焙表面颜色，写"
         "入 TEXTURE_albedo，多个视角看到同一处时颜色相互匹配；若给出三个文件夹（每盏灯一个），则将照片相加。留空：不"
         "烘焙反照率"
     ),
-    "Folder of the photos of these cameras": "这些摄像机的照片所在文件夹",
+    "Folder of these cameras' photos": "这些摄像机的照片所在文件夹",
     (
-        "Folder of the samples; one that the same settings began is gone on with. Empty: a folder of its own in the "
-        "output folder"
+        "Folder for the samples; one begun with the same settings is continued. Empty: a folder of its own in "
+        "the output folder"
     ): ("样本的文件夹；由相同设置开始的文件夹会继续。留空：输出文件夹中的专用文件夹"),
-    "Folder with mesh files to take shapes from": "提供形状的网格文件所在文件夹",
+    "Folder of mesh files to take shapes from": "提供形状的网格文件所在文件夹",
     (
         "For a sequence of normals: take the target and the camera anew in each frame of the timeline, whose number "
         "is that of the normals. Off: as they stand now"
     ): ("用于法线序列：在时间线的每一帧重新读取目标和摄像机，帧号与法线的编号相同。关闭：按当前状态"),
-    "Four a pixel: about four times as long": "每像素四个点：耗时约四倍",
+    "Four per pixel: takes about four times as long": "每像素四个点：耗时约四倍",
     "Fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none": (
         "照片浮雕加到物体自身表面上的比例：1 为原样，0 为无"
     ),
-    "Fraction of the tile over which its borders are joined: more hides the seam better and leaves a smaller tile": (
+    "Fraction of the tile over which its borders blend: more hides the seam better but leaves a smaller tile": (
         "分块边缘相接部分占分块的比例：越大接缝越不明显，分块越小"
     ),
-    "Frames of a sequence or video before and behind, with which each is averaged where they show the same": (
+    "Frames of a sequence or video before and after each one to average it with, where they show the same surface": (
         "与序列或视频前后多少帧取平均（在它们显示相同内容之处）"
     ),
     "Free space around the object in the picture, as a fraction of the object's size": (
@@ -235,8 +237,8 @@ TIPS = {
     "Heights as the photo's camera sees them": "照片的摄像机所见的高度",
     "Heights on the object's UVs": "物体 UV 上的高度",
     (
-        "How broad bumps of heights on UVs may be, as a fraction of the object's size: broader ones are left to the "
-        "mesh, as errors of estimated normals are broad. 0 keeps all"
+        "Broadest bumps that heights on UVs keep, as a fraction of the object's size: broader shapes are left "
+        "to the mesh, because estimated normals err most there. 0 keeps all"
     ): ("UV 上高度起伏的最大宽度，以物体尺寸的比例计：更宽的交给网格，因为估计的法线误差变化缓慢。0 保留全部"),
     "How far the aligned mesh's point is from the place in the photo, in pixels. -1: not aligned yet": (
         "对齐后网格上的点距照片中的位置多少像素。-1：尚未对齐"
@@ -248,8 +250,8 @@ TIPS = {
         "灯光和正交摄像机离物体多远，以物体半径为单位"
     ),
     (
-        "How far the object is from the camera, in the unit of a rig file with near lights. 0: as far as the rig's "
-        "target, or by the surface"
+        "Distance from the camera to the object, in the unit of a rig file with near lights. 0: as far as the "
+        "rig's target, or by the surface"
     ): ("物体离摄像机多远，单位与近距灯光的灯架文件相同。0：与灯架目标的距离，或按表面"),
     (
         "Mean distance from the camera to the visible surface, in the unit of the heights: it sets a perspective "
@@ -265,26 +267,26 @@ TIPS = {
         "从物体看每盏灯有多大（度）。灯越大阴影越柔和"
     ),
     "How long it will still take, in words. Empty: not known yet": "还需多长时间（文字）。留空：尚未知",
-    "How many faces the mesh may have; small ones where the surface bends": (
+    "How many faces the mesh may have at most; they are smaller where the surface bends": (
         "网格最多可以有多少个面；表面弯曲处的面较小"
     ),
     (
-        "How many half waves across the photo are taken out as bends of the material and uneven light. 0: only the "
-        "tilt of the photo"
+        "How many half waves across the photo to remove as bends of the material and uneven light. 0: only "
+        "the tilt of the photo"
     ): ("跨照片多少个半波作为材质的弯曲和不均匀的光被去除。0：仅去除照片的倾斜"),
-    "How many processes work at the same time on this machine. 0: one for each processor core": (
+    "How many processes run at the same time on this machine. 0: one for each CPU core": (
         "本机同时运行多少个进程。0：每个处理器核心一个"
     ),
     "How many rigs stand around the object": "物体周围有多少个灯架",
     "How many samples in a row show the same shape, each in another pose, light and material": (
         "连续多少个样本显示同一形状，各有不同的姿态、灯光和材质"
     ),
-    "How many samples the folder shall hold in the end. A larger count goes on where a smaller stopped": (
+    "How many samples the folder will hold in total. A larger count continues where a smaller one stopped": (
         "文件夹最终应有多少个样本。更大的数量会从较小数量停止处继续"
     ),
     "How many tiles wide and high the plane is that shows the material": "显示材质的平面有多少个分块宽和高",
     "How much is done, as a fraction": "已完成的比例",
-    "How often light goes from surface to surface at most, drawn anew for each sample. 0: none": (
+    "How many times light bounces between surfaces at most, drawn for each sample. 0: none": (
         "光线在表面之间最多反弹多少次，每个样本重新抽取。0：不反弹"
     ),
     (
@@ -300,13 +302,13 @@ TIPS = {
     "How the last run of each operator ended": "每个操作项上次运行的结果",
     "How the material shows its relief in Blender": "材质在 Blender 中如何显示其浮雕",
     "How the mesh is subdivided": "网格如何细分",
-    "How the photo's values stand for light": "照片的数值如何表示光",
+    "How the photo's values encode light": "照片的数值如何表示光",
     "How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet": (
         "摄影测量程序的网格是如何导入 Blender 的，以便网格与摄像机对应"
     ),
     "How the viewport was shaded before, as JSON": "视图之前的着色方式，JSON 格式",
     "How well the mesh fits the photo, in words. Empty: not aligned": "网格与照片的吻合程度（文字）。留空：未对齐",
-    "It breaks where one thing stands before another; takes several times as long": (
+    "The surface breaks where one object occludes another; takes several times as long": (
         "在一物位于另一物之前处断开；耗时数倍"
     ),
     "Ju et al. 2018: three intensities from each pixel, then equation 2": (
@@ -396,18 +398,19 @@ TIPS = {
     "Network in an .onnx file": ".onnx 文件中的网络",
     "No perspective: every pixel looks in the same direction": "无透视：每个像素都朝同一方向看",
     (
-        "Normal map (tangent space, same UVs) to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for "
-        "what each texture is of; or a .json file that lists several. Empty: those in the materials"
+        "Normal map (tangent space, same UVs) to add the detail to; <OBJECT>, <MATERIAL> and <UDIM> in its "
+        "name stand for those of each texture; or a .json file that lists several maps. Empty: those in the "
+        "materials"
     ): (
         "要在其上叠加的法线贴图（切向空间，相同的 UV）；名称中的 <OBJECT>、<MATERIAL> 和 <UDIM> 代表各纹理所属；或列"
         "出多张贴图的 .json 文件。留空：材质中的贴图"
     ),
     "Normal map in camera space": "摄像机空间的法线贴图",
     (
-        "Normal map to write: .png, .tif or .exr; a folder where there are several photos: frames that it holds "
-        "already are not made again. Empty: a name of its own in the output folder"
+        "Normal map to write: .png, .tif or .exr; a folder for several photos, where frames that are already "
+        "there are skipped. Empty: a name of its own in the output folder"
     ): ("要写入的法线贴图：.png、.tif 或 .exr；有多张照片时为文件夹：其中已有的帧不会重做。留空：输出文件夹中自动命名"),
-    "Nothing: flat normals": "不填充：平坦的法线",
+    "Leave flat normals": "不填充：平坦的法线",
     "Number in the list, from 0, of the rig that the panel shows. Change it with mps.choose_rig": (
         "面板所显示灯架在列表中的编号，从 0 起。用 mps.choose_rig 更改"
     ),
@@ -417,7 +420,7 @@ TIPS = {
     "Number of the rig in the scene's list, from 0": "灯架在场景列表中的编号，从 0 起",
     "One for each material; its name goes into the file's name": "每个材质一张；材质名写入文件名",
     "One for each object; its name goes into the file's name": "每个物体一张；物体名写入文件名",
-    "One in the pixel's middle": "像素中心的一个点",
+    "One, at the pixel's centre": "像素中心的一个点",
     "One of the rig's three lights": "灯架三盏灯之一",
     "One surface without gaps: for one object, reliefs, cloth": "没有间隙的单一表面：用于单个物体、浮雕、布料",
     (
@@ -447,8 +450,8 @@ TIPS = {
         "放在物体位置的镜面球照片，红、绿、蓝三灯同时点亮"
     ),
     (
-        "Photo of an even white card in the object's place, which evens out lens and lights; a folder or pattern of "
-        "several is averaged; not together with near lights"
+        "Photo of an even white card in the object's place, to correct vignetting and uneven light; several "
+        "(a folder or pattern) are averaged; not for near lights"
     ): ("在物体位置的均匀白卡照片，用于校正镜头和灯光的不均；文件夹或文件名模式中的多张取平均；不能与近距灯光一起使用"),
     "Photo of the object at rest under the rig's first light alone, turned white: the red channel": (
         "静止物体仅在灯架第一盏灯下的照片，灯调为白色：红色通道"
@@ -465,30 +468,28 @@ TIPS = {
     ),
     "Photo of the scene without the object, under the same lights": "相同灯光下不含物体的场景照片",
     "Photo under red, green and blue light": "红、绿、蓝光下的照片",
-    "Photo with the three lights off, which is subtracted; a folder or pattern of several is averaged": (
+    "Photo with the three lights off, to subtract; several (a folder or pattern) are averaged": (
         "三盏灯关闭时的照片，将被减去；文件夹或文件名模式中的多张取平均"
     ),
-    "Picture of edges, bright, and creases, dark": "棱边为亮、凹痕为暗的图片",
-    "Picture of how open the surface is, ambient occlusion: white where all light comes in": (
+    "Curvature map: edges are bright, creases dark": "棱边为亮、凹痕为暗的图片",
+    "Ambient occlusion map: white where the surface is fully open to light": (
         "表示表面开阔程度的图片，即环境光遮蔽：光线全部可达处为白"
     ),
-    "Picture of the surface under a white light, shaded by the ambient occlusion where that is made": (
+    "Image of the surface under a white light, with the ambient occlusion if that is made": (
         "白光下表面的图片，若生成了环境光遮蔽则以其着色"
     ),
     "Picture that is white where the object is and black elsewhere": "物体处为白、其他处为黑的图片",
     "Pixels brighter than this fraction of the photo's brightest are the object": (
         "亮度超过照片最亮处这一比例的像素属于物体"
     ),
-    "Pixels by which the texture is continued beyond the borders of the UV islands": (
-        "纹理向 UV 孤岛边界之外延伸的像素数"
-    ),
+    "Pixels by which the texture extends beyond the UV islands": ("纹理向 UV 孤岛边界之外延伸的像素数"),
     "Pixels to leave out at the photo's bottom": "照片底部要去掉的像素数",
     "Pixels to leave out at the photo's left edge": "照片左边缘要去掉的像素数",
     "Pixels to leave out at the photo's right edge": "照片右边缘要去掉的像素数",
     "Pixels to leave out at the photo's top": "照片顶部要去掉的像素数",
     "Place in the photo in pixels from its top left corner": "照片中的位置，从左上角起的像素数",
     "Places in the photo and on the mesh that are the same": "照片中和网格上的相同位置",
-    "Points of the surface that each pixel is the mean of; more take longer and lessen jagged edges": (
+    "Points on the surface that each pixel averages; more take longer but smooth jagged edges": (
         "每个像素取表面多少个点的平均；点越多耗时越长，锯齿越少"
     ),
     "Radius of the ball's outline at its second place, in pixels. Needed where the first one is given": (
@@ -496,8 +497,8 @@ TIPS = {
     ),
     "Radius of the ball's outline in pixels. 0: the ball is looked for": "球轮廓的半径（像素）。0：自动查找球",
     (
-        "Radius of the ball, in the unit that positions are wanted in: best that of the mesh. It counts where lights "
-        "have positions, for a grey ball too"
+        "Radius of the ball, in the unit for the lights' positions, best that of the mesh. Needed where "
+        "lights have positions, for a grey ball too"
     ): ("球的半径，单位与所求位置相同：最好是网格的单位。灯光有位置时才起作用，对灰球也一样"),
     "Remove the chosen rig with its lights and its camera; its photo and normals stay as files and images": (
         "移除所选灯架及其灯光和摄像机；其照片和法线作为文件和图像保留"
@@ -527,8 +528,9 @@ TIPS = {
         "在使用之前说明照片的曝光和对焦是否良好，以及灯光照到了哪里"
     ),
     (
-        "Second photo of the same pose, under white light: the three lights turned white. It shows the colour of the "
-        "surface. A folder or pattern of one photo for each light is added up. For one still photo only"
+        "Second photo of the same pose under white light (the three lights turned white), which shows the "
+        "colour of the surface. Photos of one light each (a folder or pattern) are added up. For one still "
+        "photo only"
     ): (
         "相同姿态在白光下的第二张照片：三盏灯都调为白色。它显示表面的颜色。文件夹或文件名模式中每盏灯一张的照片会相加"
         "。仅用于单张静态照片"
@@ -572,7 +574,7 @@ TIPS = {
     "Show which pixels of the photo count as the object, before they are used. The mask is written as a file, too": (
         "在使用之前显示照片的哪些像素算作物体。遮罩也会写为文件"
     ),
-    "Sixteen a pixel: about sixteen times as long": "每像素十六个点：耗时约十六倍",
+    "Sixteen per pixel: takes about sixteen times as long": "每像素十六个点：耗时约十六倍",
     "Size, depth and seam of the material that was made": "所制材质的尺寸、深度和接缝",
     "Slabs with a relief": "带浮雕的板",
     "Some of the samples": "部分样本",
@@ -592,8 +594,9 @@ TIPS = {
     ),
     "Take this message away; the step may be run again": "关闭此消息；该步骤可以再次运行",
     (
-        "Texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
-        "material or object; a folder for a sequence, or for a preset's name. Empty: in the output folder"
+        "Texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for each "
+        "tile, material or object; a folder for a sequence, or to take the name from a preset. Empty: in the "
+        "output folder"
     ): (
         "要写入的纹理：.png、.tif 或 .exr；名称中含 <UDIM>、<MATERIAL> 或 <OBJECT> 时，每个分块、材质或物体一张；序列"
         "或使用预设名称时为文件夹。留空：写入输出文件夹"
@@ -607,7 +610,7 @@ TIPS = {
     "The baseline, at once: a matt surface of one grey (equation 2 of the paper)": (
         "基线，即时完成：单一灰度的哑光表面（论文公式 2）"
     ),
-    "The camera went round; a rig file has directions along the mesh's axes, or positions in its world": (
+    "Only the camera moved; a rig file gives directions along the mesh's axes, or positions in its world": (
         "摄像机绕行；灯架文件中的方向沿网格的坐标轴，或位置在其世界中"
     ),
     "The cluster's address need not be tls://. Whoever is in its network may run code on this machine": (
@@ -618,13 +621,13 @@ TIPS = {
     "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is": (
         "默认：一个由粗到细的网络，内含公式 2，并给出其把握程度"
     ),
-    "The islands are continued by the margin": "将孤岛向外延伸边距的宽度",
+    "Extend the islands by the margin": "将孤岛向外延伸边距的宽度",
     "The lamp, while it is there": "存在期间的灯",
-    "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; found as well where that is 0": (
+    "35 mm equivalent focal length of the lens, in millimetres. 0: that of the photo; estimated too where that is 0": (
         "镜头的 35 毫米等效焦距（毫米）。0：照片的焦距；若其也为 0，则一并求出"
     ),
     "The lights are fixed to the camera, or the object stood on a turntable": "灯光固定在摄像机上，或物体放在转台上",
-    "The map was made of the same object": "贴图由同一物体制成",
+    "The map was made from the same object": "贴图由同一物体制成",
     "The map was sculpted or painted": "贴图是雕刻或绘制的",
     "The mask, drawn over the photo": "绘制在照片上的遮罩",
     "The material, repeated": "重复排列的材质",
@@ -674,7 +677,7 @@ TIPS = {
     "The surface's colour": "表面的颜色",
     "The target alone": "仅目标",
     "The whole photo: a wall or cloth that fills it": "整张照片：充满画面的墙或布",
-    "The whole texture is filled, smoothly": "平滑地填满整张纹理",
+    "Fill the whole texture smoothly": "平滑地填满整张纹理",
     "This address need not be tls://. Whoever is in its network may run code on this machine": (
         "此地址不必是 tls://。其网络中的任何人都可能在本机运行代码"
     ),
@@ -695,7 +698,7 @@ TIPS = {
     "Views all around the mesh are tried; the best one counts": "尝试网格周围的各个视角，取最好的一个",
     "What Blender's Asset Browser shows of the result": "Blender 的资产浏览器显示结果中的什么",
     (
-        "What a photogrammetry program wrote: a COLMAP folder, Metashape's .xml or Meshroom's .sfm; or a folder of "
+        "Cameras from photogrammetry: a COLMAP folder, Metashape's .xml, Meshroom's .sfm or a folder of "
         "NAME.camera.json. Empty: this scene's cameras, each with its photo as background image"
     ): (
         "摄影测量程序写出的内容：COLMAP 文件夹、Metashape 的 .xml 或 Meshroom 的 .sfm；或含 NAME.camera.json 的文件夹"
@@ -710,7 +713,7 @@ TIPS = {
         "小于物体尺寸这一比例约两倍的是细节，取自照片"
     ),
     "What kind of lights the rig has": "灯架使用哪种灯光",
-    "What lies beyond the borders of the UV islands, where a texture that is made smaller reaches": (
+    "How to fill the texture beyond the UV islands, which mipmaps blend into the islands' borders": (
         "UV 孤岛边界之外的内容，缩小后的纹理会用到"
     ),
     "What moves the surface": "用什么移动表面",
@@ -726,12 +729,10 @@ TIPS = {
         "What the photo's whole width measures on the material, in this scene's unit. 0: by the orthographic camera "
         "that the photo was rendered with"
     ): ("照片的整个宽度在材质上有多宽，以此场景的单位计。0：按渲染照片的正交摄像机"),
-    "What the samples are drawn from: the same seed gives the same samples": (
-        "抽取样本的依据：相同的随机种得到相同的样本"
-    ),
+    "Seed of the random draws: the same seed gives the same samples": ("抽取样本的依据：相同的随机种得到相同的样本"),
     "What the samples show": "样本显示什么",
     "What the texture's normals are relative to": "纹理中的法线相对于什么",
-    "What turns the photo into normals: one of the models by its name, or an .onnx file": (
+    "Model that estimates the normals, by name or as an .onnx file": (
         "用什么把照片变成法线：按名称选择模型，或 .onnx 文件"
     ),
     "What was found, drawn over the photo": "查找结果，绘制在照片上",
@@ -749,7 +750,7 @@ TIPS = {
     "Where the photo is brighter than a threshold": "照片比阈值更亮之处",
     "Where the photo is opaque": "照片不透明之处",
     "Whether the mesh fits the photo too poorly to bake with": "网格与照片是否吻合太差而不能烘焙",
-    "Whether the photos show the present map's relief as well, which is then not added again": (
+    "Whether the photos already show the present map's relief, which is then not added twice": (
         "照片是否也显示了现有贴图的浮雕；若是，则不再重复叠加"
     ),
     "Whether the surface may break": "表面是否可以断开",
@@ -766,7 +767,7 @@ TIPS = {
     "Width and height of a sample in pixels": "样本的宽度和高度（像素）",
     "Width and height of the demo's photo in pixels": "演示照片的宽度和高度（像素）",
     "Width and height of the demo's texture in pixels": "演示纹理的宽度和高度（像素）",
-    "Width and height of the pictures in pixels. 0: the pixels that the photo has there": (
+    "Width and height of the textures in pixels. 0: the photo's own resolution": (
         "图片的宽度和高度（像素）。0：照片在该处的像素数"
     ),
     (
@@ -778,13 +779,13 @@ TIPS = {
     "With forward Y and up Z, as Blender's importer of PLY does": "Y 向前、Z 向上，与 Blender 的 PLY 导入器相同",
     "Work with this rig, its photo and its estimate": "使用此灯架及其照片和估计",
     "Works everywhere": "到处可用",
-    "Write an HTML page that shows which views cover what and how far they disagree": (
+    "Write an HTML page that shows which views cover what and how much they disagree": (
         "写一个 HTML 页面，显示各视角覆盖了什么以及相互差异有多大"
     ),
-    "Written as NAME_Normal.png, 8 bits a channel": "写为 NAME_Normal.png，每通道 8 位",
-    "Written as NAME_normal.png, 16 bits a channel": "写为 NAME_normal.png，每通道 16 位",
-    "Written as NAME_normal.png, 8 bits a channel": "写为 NAME_normal.png，每通道 8 位",
-    "Written as T_NAME_N.png, 16 bits a channel": "写为 T_NAME_N.png，每通道 16 位",
-    "Written as name_normal.png, 8 bits a channel": "写为 name_normal.png，每通道 8 位",
+    "Written as NAME_Normal.png, 8 bits per channel": "写为 NAME_Normal.png，每通道 8 位",
+    "Written as NAME_normal.png, 16 bits per channel": "写为 NAME_normal.png，每通道 16 位",
+    "Written as NAME_normal.png, 8 bits per channel": "写为 NAME_normal.png，每通道 8 位",
+    "Written as T_NAME_N.png, 16 bits per channel": "写为 T_NAME_N.png，每通道 16 位",
+    "Written as name_normal.png, 8 bits per channel": "写为 name_normal.png，每通道 8 位",
     "You took the photo of a real object under real lights": "你在真实灯光下拍摄了真实物体的照片",
 }

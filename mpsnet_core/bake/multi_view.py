@@ -207,8 +207,8 @@ class KeptView:
         for file in self.files:
             if file.exists() and not is_result(file, "normals"):
                 raise FileError(
-                    f"the result would overwrite {file}, which is no file of views --keep; keep the normals in another "
-                    "folder"
+                    f"the result would overwrite {file}, which was not written by views --keep; keep the "
+                    "normals in another folder"
                 )
 
     def write(self, capture: Capture, normals: NormalMap, source: str) -> None:

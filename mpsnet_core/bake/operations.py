@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mpsnet_core.scene.view_photos import ViewPhoto
 
 LEVEL = (
-    "take large shapes from the mesh, and only detail, smaller than about twice SCALE (a fraction of the mesh's size; "
-    f"on: {LEVEL_SCALE:g}), from the photos"
+    "take large shapes from the mesh, and from the photos only detail smaller than about twice SCALE (a "
+    f"fraction of the mesh's size; on means {LEVEL_SCALE:g})"
 )
 
 
@@ -39,7 +39,7 @@ class MakesTextures(Operation):
     heading: ClassVar[str] = "the textures"
 
     mesh: tuple[str, ...] = option(
-        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
+        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several meshes occlude one another",
         provenance="none",  # recorded per texture
     )
     size: int = option(
@@ -64,43 +64,43 @@ class MakesTextures(Operation):
         default=1,
         metavar="N",
         choices={
-            1: "one in the pixel's middle",
-            2: "four a pixel: about four times as long",
-            4: "sixteen a pixel: about sixteen times as long",
+            1: "one, at the pixel's centre",
+            2: "four per pixel: takes about four times as long",
+            4: "sixteen per pixel: takes about sixteen times as long",
         },
-        help="points of the surface that each pixel is the mean of; more take longer and lessen jagged edges",
+        help="points on the surface that each pixel averages; more take longer but smooth jagged edges",
     )
     padding: Literal["nearest", "push-pull", "none"] = option(
         default="nearest",
         choices={
-            "nearest": "the islands are continued by the margin",
-            "push-pull": "the whole texture is filled, smoothly",
-            "none": "nothing: flat normals",
+            "nearest": "extend the islands by the margin",
+            "push-pull": "fill the whole texture smoothly",
+            "none": "leave flat normals",
         },
-        help="what lies beyond the borders of the UV islands, where a texture that is made smaller reaches",
+        help="how to fill the texture beyond the UV islands, which mipmaps blend into the islands' borders",
     )
     margin: int | None = option(
         default=None,
         low=0,
         high=MAX_TEXTURE_SIZE,
-        help="pixels by which the texture is continued beyond the borders of the UV islands",
+        help="pixels by which the texture extends beyond the UV islands",
         unset=f"{MARGIN}",
     )
     bits: int | None = option(
         default=None,
         choices={8: "PNG and TIFF", 16: "all formats", 32: "TIFF and OpenEXR"},
-        help="bits a channel of the texture",
-        unset="16 bits, in OpenEXR 32; or the preset's",
+        help="bits per channel of the texture",
+        unset="16 bits, 32 in OpenEXR; or the preset's",
         provenance="none",  # their value with the preset is recorded
     )
     preset: str | None = option(
         default=None,
         metavar="NAME",
         choices={
-            name: f"written as {preset.stem('NAME')}{preset.suffix}, {preset.bits} bits a channel"
+            name: f"written as {preset.stem('NAME')}{preset.suffix}, {preset.bits} bits per channel"
             for name, preset in PRESETS.items()
         },
-        help="convention, depth, format and automatic name as a program wants them; each may be changed",
+        help="convention, bit depth, format and automatic file name that a program expects; you can change each",
         provenance="none",
     )
 
@@ -113,13 +113,13 @@ class MakesTextures(Operation):
 class LaysOnto(MakesTextures):
     """How the photos' detail is used: its strength, and a normal map that it goes on top of."""
 
-    heading: ClassVar[str] = "what of the photos' detail goes into the textures"
+    heading: ClassVar[str] = "the photos' detail"
 
     level: str | None = option(
         default=None,
         metavar="on|off|SCALE",
         help=LEVEL,
-        unset="off; on with a present map",
+        unset="off, or on with a present map",
         provenance="none",  # the parsed scale is recorded
     )
     strength: float = option(
@@ -130,20 +130,21 @@ class LaysOnto(MakesTextures):
     )
     fill: bool = option(
         default=False,
-        help="fill what no view sees: it continues the relief around it smoothly, within each UV island",
+        help="fill what no view sees, by continuing the relief around it smoothly within each UV island",
     )
     coverage: str | None = option(
         default=None,
         metavar="FOLDER",
-        help="folder for maps of what the views saw, named as the textures: white there, grey where filled, else black",
+        help="folder for maps of what the views saw, named like the textures: white where seen, grey where filled, "
+        "else black",
         path="folder",
         provenance="none",
     )
     onto: str | None = option(
         default=None,
         metavar="MAP",
-        help="normal map (tangent space, same UVs) to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand "
-        "for what each texture is of; or a .json file that lists several",
+        help="normal map (tangent space, same UVs) to add the detail to; <OBJECT>, <MATERIAL> and <UDIM> in "
+        "its name stand for those of each texture; or a .json file that lists several maps",
         path="file",
         provenance="files",
     )
@@ -154,10 +155,10 @@ class LaysOnto(MakesTextures):
         default="auto",
         choices={
             "auto": "compare the photos' normals with the map",
-            "yes": "the map was made of the same object",
+            "yes": "the map was made from the same object",
             "no": "the map was sculpted or painted",
         },
-        help="whether the photos show the present map's relief as well, which is then not added again",
+        help="whether the photos already show the present map's relief, which is then not added twice",
     )
 
     def check_onto(self) -> None:
@@ -250,7 +251,7 @@ class FramesBaked(Result):
 
 @dataclass(frozen=True)
 class Bake(LaysOnto):
-    """Normal maps to a texture on a mesh's UVs."""
+    """Bake normal maps into a texture on a mesh's UVs."""
 
     command: ClassVar[str] = "bake"
 
@@ -265,21 +266,21 @@ class Bake(LaysOnto):
         help="which way the green channel of the normal maps that are read points",
     )
     confidence: tuple[str, ...] = option(
-        default=(), metavar="FILE", help="confidence map of a view, in the views' order", provenance="none"
+        default=(), metavar="FILE", help="confidence map of each view, in the order of the views", provenance="none"
     )
     albedo: tuple[str, ...] = option(
         default=(),
         metavar="FILE",
-        help="albedo of a view (of estimate --albedo), in the views' order: baked as well, to TEXTURE_albedo, with the "
-        "colours matched where several views see the same",
+        help="albedo of each view (from estimate --albedo), in the order of the views: also baked, to "
+        "TEXTURE_albedo, with colours matched where views overlap",
         provenance="none",
     )
     format: str | None = option(
-        default=None, help="png, tif or exr, where the output is a folder", unset="png", provenance="none"
+        default=None, help="png, tif or exr, if the output is a folder", unset="png", provenance="none"
     )
     output: str = option(
-        help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
-        "material or object; a folder for a sequence, or for a preset's name",
+        help="texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for "
+        "each tile, material or object; a folder for a sequence, or to take the name from a preset",
         path="file",
         provenance="none",
     )
@@ -420,15 +421,15 @@ class Bake(LaysOnto):
 
         if len(self.mesh) > 1 or split_by(target.output):
             raise SettingsError(
-                "a sequence is baked onto one mesh and into one texture a frame; give one --mesh, and leave <UDIM>, "
-                "<MATERIAL> and <OBJECT> out of --output"
+                "a sequence is baked onto one mesh and into one texture per frame; give one --mesh, and leave "
+                "<UDIM>, <MATERIAL> and <OBJECT> out of --output"
             )
         if self.confidence:
-            raise SettingsError("--confidence takes one normal map a view; leave it out for a sequence")
+            raise SettingsError("--confidence takes one normal map per view; leave it out for a sequence")
         if self.albedo:
-            raise SettingsError("--albedo is of one still photo a view; leave it out for a sequence")
+            raise SettingsError("--albedo takes one still photo per view; leave it out for a sequence")
         if self.coverage:
-            raise SettingsError("--coverage is of one pose; leave it out for a sequence")
+            raise SettingsError("--coverage is for a single pose; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
@@ -454,49 +455,51 @@ class ViewsBaked(TexturesBaked):
 
 @dataclass(frozen=True)
 class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
-    """Posed photos from all around to one texture."""
+    """Bake posed photos from all around into one texture."""
 
     command: ClassVar[str] = "views"
 
     cameras: str = option(
-        help="what a photogrammetry program wrote: a COLMAP folder, Metashape's .xml or Meshroom's .sfm; or a folder "
-        "of NAME.camera.json",
+        help="cameras from photogrammetry: a COLMAP folder, Metashape's .xml, Meshroom's .sfm or a folder of "
+        "NAME.camera.json",
         path="file",
     )
     photos: str | None = option(
         default=None,
         metavar="FOLDER",
-        help="folder of the photos of these cameras",
-        unset="those that the cameras name, which only the add-on's file does",
+        help="folder of these cameras' photos",
+        unset="the photos that the add-on's file of cameras names",
         path="folder",
     )
-    rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)", provenance="content")
+    rig: str = option(help="rig file (.json, or .lp with three lights that move with the camera)", provenance="content")
     lights_in: Literal["camera", "world"] = option(
         default="camera",
         choices={
             "camera": "the lights are fixed to the camera, or the object stood on a turntable",
-            "world": "the camera went round; a rig file has directions along the mesh's axes, or positions in its "
-            "world",
+            "world": "only the camera moved; a rig file gives directions along the mesh's axes, or positions "
+            "in its world",
         },
         help="whether the lights moved with the camera or stood still in the world",
     )
     mask: str = option(
-        default="mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"
+        default="mesh",
+        help="mesh (where the camera sees it), a folder of masks named like the photos, or as for `mpsnet estimate`",
     )
     white: tuple[str, ...] = option(
         default=(),
         metavar="FOLDER",
-        help="folder of photos of the same poses under white light, the three lights turned white, named as the photos "
-        "(also NAME_white): the surface's colour is baked as well, to TEXTURE_albedo, matched where several views see "
-        "the same; of three folders, one for each light, the photos are added up",
+        help="folder of photos of the same poses under white light (the three lights turned white), named "
+        "like the photos or NAME_white: also bakes the surface's colour, to TEXTURE_albedo, matched where "
+        "views overlap; photos from three folders, one for each light, are added up",
         path="folder",
         provenance="none",  # recorded per view
     )
     passes: Literal[1, 3] | None = option(
         default=None,
         choices={
-            1: "a sixth to half of the time",
-            3: "the mean of its answers on the scene turned and mirrored, and a second estimate without the albedo",
+            1: "takes a sixth to half of the time",
+            3: "averages the results for the scene rotated and mirrored, and estimates a second time without the "
+            "albedo",
         },
         help="passes of the network over each photo",
         unset="3 for the default model",
@@ -506,7 +509,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     keep: str | None = option(
         default=None,
         metavar="FOLDER",
-        help="folder for each view's normals and albedo; the next run goes on from them",
+        help="folder for each view's normals and albedo; the next run reuses them",
         unset="they are not kept",
         path="folder",
         provenance="none",
@@ -514,13 +517,13 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     report: str | None = option(
         default=None,
         metavar="FILE",
-        help="write an HTML page that shows which views cover what and how far they disagree",
+        help="write an HTML page that shows which views cover what and how much they disagree",
         provenance="none",
     )
     json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON", provenance="none")
     output: str = option(
-        help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
-        "material or object; a folder for a preset's name",
+        help="texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for "
+        "each tile, material or object; a folder to take the name from a preset",
         path="file",
         provenance="none",
     )

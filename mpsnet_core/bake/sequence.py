@@ -74,7 +74,7 @@ def bake_sequence(
             if not made:
                 raise
             done = f"{made} texture{'s were' if made > 1 else ' was'} made"
-            raise type(error)(f"{error}; {done}, and the same command goes on from there") from None
+            raise type(error)(f"{error}; {done}; run the same command again to continue") from None
         write_texture(output, texture, convention=target.convention, bits=target.bits, description=line)
         made += 1
         seen += texture.seen_fraction

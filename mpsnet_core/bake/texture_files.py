@@ -73,7 +73,7 @@ def texture_target(
         if len(meshes) > 1 and (folder or Path(output).is_dir()):
             raise SettingsError(
                 f"a preset names a texture after its mesh, and {len(meshes)} share this one; give its file "
-                f"with --output, as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
+                f"with --output, such as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
             )
         target = preset_output(wanted, output, Path(meshes[0]).stem, suffix)
         if folder:

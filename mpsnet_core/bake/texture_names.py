@@ -109,7 +109,7 @@ def _named(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]
         for token, what in TOKENS.items():
             value = getattr(texture_set, what)
             if what in parted and value is None:
-                raise SettingsError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
+                raise SettingsError(f"{pattern} has {token}, but the textures are not split that way; leave it out")
             name = name.replace(token, tile if what == "tile" else names[what].get(value, ""))
         files.append(path.with_name(name))
     return files

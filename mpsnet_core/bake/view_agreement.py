@@ -121,8 +121,8 @@ def note_doubts(views: Sequence[ViewAgreement]) -> None:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
             apart = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
             log.warning(
-                "view %s %swas levelled by %.0f°: do rig, camera and mesh belong together, and is --lights-in right? "
-                "[views-apart]",
+                "view %s %swas levelled by %.0f°: check that rig, camera and mesh belong together, and "
+                "check --lights-in [views-apart]",
                 view.name,
                 apart,
                 view.level,

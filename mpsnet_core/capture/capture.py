@@ -373,7 +373,7 @@ def _depth_within(
     """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights."""
     if rig.near is None:
         if depth is not None:
-            log.info("the rig's lights are distant, so how far the object is does not count")
+            log.info("the rig's lights are distant, so the object's distance is not used")
         return None
     if depth is None:
         depth = -float(rig.near.target[2])
@@ -443,9 +443,9 @@ def note_doubts(capture: Capture, name: str = "") -> None:
     angles = channel_angles(means, products, pixels)
     if angles is not None and angles.max() <= ALIKE:
         log.warning(
-            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which has "
-            "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does "
-            "[channels-alike]",
+            "%sthe photo's three channels are nearly the same: it looks like a photo under white light, which "
+            "does not show normals; if you have three photos, each under one white light, combine them with "
+            "mpsnet superpose --channels [channels-alike]",
             which,
         )
     for channel, mean in zip(CHANNELS, means, strict=True):
@@ -454,13 +454,17 @@ def note_doubts(capture: Capture, name: str = "") -> None:
     if spoilt > 0.05 * pixels:
         share = 100 * spoilt / pixels
         log.info(
-            "%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter [clipped-photo]", which, share
+            "%s%.0f%% of the object's pixels are saturated and therefore wrong; use a shorter exposure [clipped-photo]",
+            which,
+            share,
         )
     if capture.white_clipped is not None:
         spoilt = int(capture.white_clipped[capture.mask].any(axis=1).sum())
         if spoilt > 0.05 * pixels:
             log.info(
-                "%s%.0f%% of the white photo's pixels are saturated; expose it shorter", which, 100 * spoilt / pixels
+                "%s%.0f%% of the white photo's pixels are saturated; use a shorter exposure",
+                which,
+                100 * spoilt / pixels,
             )
     # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))

@@ -90,7 +90,7 @@ def read_correction(
         level, unusable, exposure_time = _mean_frame(dark, encoding, layer)
         if unusable.mean() > BAD_SHARE:
             raise FormatError(
-                f"{dark} is no dark frame: it is overexposed; switch the three lights off, or expose less"
+                f"{dark} is not a dark frame: it is overexposed; switch the three lights off, or expose less"
             )
     if flat is not None:
         field, clipped, _ = _mean_frame(flat, encoding, layer)

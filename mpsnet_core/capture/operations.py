@@ -29,19 +29,19 @@ class ReadsPhotos(ReadsPictures):
     layer: str | None = option(default=None, help="layer of a multi-layer EXR")
     dark: str | None = option(
         default=None,
-        help="photo with the three lights off, which is subtracted; a folder or pattern of several is averaged",
+        help="photo with the three lights off, to subtract; several (a folder or pattern) are averaged",
         path="file",
         provenance="files",
     )
     flat: str | None = option(
         default=None,
-        help="photo of an even white card in the object's place, which evens out lens and lights; a folder or pattern "
-        "of several is averaged; not together with near lights",
+        help="photo of an even white card in the object's place, to correct vignetting and uneven light; "
+        "several (a folder or pattern) are averaged; not for near lights",
         path="file",
         provenance="files",
     )
     flat_smooth: int = option(
-        default=0, metavar="PIXELS", help="smooth away the card's grain, finer than so many pixels"
+        default=0, metavar="PIXELS", help="smooth out the card's grain where it is finer than this many pixels"
     )
 
     def reading(self) -> "Reading":
@@ -88,12 +88,12 @@ class ReadsPhotos(ReadsPictures):
 class HasLens(Operation):
     """The camera or lens of a photo."""
 
-    heading: ClassVar[str] = "where the photo was taken from"
+    heading: ClassVar[str] = "the photo's camera"
 
     camera: str | None = option(
         default=None,
-        help="camera file: for perspective, and where the rig's lights are near; without it, and without a focal "
-        "length, the camera counts as far away",
+        help="camera file, for perspective and for near lights; without it or a focal length, the camera is "
+        "assumed far away",
         provenance="content",
     )
     focal: float | None = option(
@@ -120,15 +120,15 @@ class HasLens(Operation):
 class HasViewpoint(HasLens):
     """The viewpoint of a photo: camera or lens, and the distance of the object."""
 
-    heading: ClassVar[str] = "where the photo was taken from"
+    heading: ClassVar[str] = "the photo's camera"
 
     mesh: str | None = option(
         default=None,
-        help="the object's mesh in the camera's world: how far each pixel is from near lights",
+        help="the object's mesh in the camera's world, for the distance of each pixel from near lights",
         provenance="content",
     )
     distance: float | None = option(
-        default=None, help="how far the object is from the camera, in the unit of a rig file with near lights"
+        default=None, help="distance from the camera to the object, in the unit of a rig file with near lights"
     )
 
     def viewpoint(self) -> "tuple[Camera | float | None, NDArray[np.float32] | float | None]":
@@ -168,11 +168,11 @@ class Superpose(ReadsPictures):
 
     command: ClassVar[str] = "superpose"
 
-    image: tuple[str, ...] = option(positional=True, help="photos of a thing that did not move, one for each light")
+    image: tuple[str, ...] = option(positional=True, help="photos of an object that did not move, one for each light")
     channels: bool = option(
         default=False,
-        help="of three photos, each under one white light, make the red, green and blue channel: in the order given, "
-        "which is the rig's, and those of a folder or pattern by their numbers",
+        help="make the red, green and blue channels from three photos, each under one white light, in the "
+        "rig's order; photos of a folder or pattern are sorted by number",
     )
     output: str = option(
         help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)",
@@ -228,9 +228,9 @@ class FindMask(ReadsPhotos):
     image: str = option(positional=True, help="photo")
     mask: str = option(
         default=MASK,
-        help="how to find the object: alpha, auto (before a dark or plain background), alpha-or-auto (alpha, else what "
-        "stands out clearly, else the whole photo), background:FILE (a photo without the object), threshold:0.05, or a "
-        "mask file to look at",
+        help="how to find the object: alpha, auto (in front of a dark or plain background), alpha-or-auto "
+        "(alpha, else what stands out clearly, else the whole photo), background:FILE (a photo without the "
+        "object), threshold:0.05, or a mask file to show",
     )
     overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
     output: str = option(help="mask file, white on the object: .png, .tif or .exr")
@@ -296,7 +296,7 @@ class Check(ReadsPhotos):
     rig: str | None = option(
         default=None,
         help="rig file (.json, or .lp with three lights)",
-        unset="nothing is said of the lights",
+        unset="the lights are not checked",
         path="file",
         provenance="content",
     )

@@ -144,10 +144,10 @@ def _encoding(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> Finding:
     figures: Figures = {"linear_rather": round(rather, 3)}
     level = _level(rather, (CLOSE, DECIDED))
     if level == "good":
-        words = "the file does not say how its values are meant; nothing speaks against sRGB"
+        words = "the file does not state its colour encoding; nothing contradicts sRGB"
         return Finding("encoding", level, words, figures)
     likely = "must" if level == "bad" else "may well"
-    words = f"the file does not say how its values are meant, and by its shading they {likely} be linear; then set the "
+    words = f"the file does not state its colour encoding, and by its shading it {likely} be linear; if so, set the "
     return Finding("encoding", level, words + "encoding to linear (--encoding linear) [transfer-curve]", figures)
 
 
@@ -185,7 +185,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
     level = _level(float(shares[worst_one]), CLIPPED)
     words = f"{shares[worst_one]:.1%} of the object is clipped in {CHANNELS[worst_one]}"
     if level == "good":
-        words = "next to nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
+        words = "almost nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
     else:
         words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
@@ -198,7 +198,7 @@ def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
     if angles is not None:
         figures["angles_deg"] = _listed(np.degrees(angles))
         if angles.max() <= ALIKE:
-            words = "the three channels are all but the same, as under white light; switch the lights to red, green "
+            words = "the three channels are nearly the same, as under white light; switch the lights to red, green "
             return Finding("channels", "bad", words + "and blue, or superpose three photos [channels-alike]", figures)
         if angles.min() <= CLOSE_CHANNELS[0]:
             first, second = (("red", "green"), ("red", "blue"), ("green", "blue"))[int(angles.argmin())]
@@ -242,7 +242,7 @@ def _lights(rig: LightRig) -> Finding:
 
 
 def _mixing() -> Finding:
-    words = "the rig says nothing of how the lights' colours mix; calibrate the mixing by a photo of a grey ball"
+    words = "the rig does not state how the lights' colours mix; calibrate the mixing with a photo of a grey ball"
     return Finding("mixing", "watch", f"{words} [unknown-mixing]", {})
 
 

@@ -40,8 +40,9 @@ def is_taken_as_linear(name: str, image: Image, mask: NDArray[np.bool_], rig: Li
     rather = _evidence(image, mask, rig)
     if rather > DECIDED:
         log.warning(
-            "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
-            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb) [transfer-curve]",
+            "%s does not state its colour encoding and was READ AS LINEAR, because read as sRGB its normals "
+            "would fit no single surface; if it is sRGB, set the encoding to srgb (--encoding srgb) "
+            "[transfer-curve]",
             name,
         )
         return True
@@ -61,8 +62,9 @@ def _evidence(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> float:
 def _note(name: str, rather: float) -> None:
     if rather > CLOSE:
         log.warning(
-            "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
-            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more [transfer-curve]",
+            "%s does not state its colour encoding and was read as sRGB, but MAY BE LINEAR; if so, set the "
+            "encoding to linear (--encoding linear): the wrong curve turns normals by ten degrees and more "
+            "[transfer-curve]",
             name,
         )
 

@@ -9,7 +9,7 @@ from mpsnet_core.operation import Operation, Setting, settings
 
 # Commands of two words, by the first word: its help, and the placeholder for the second word.
 GROUPS = {
-    "calibrate": ("where the lights are and how their colours mix, by photos of balls", "WHAT"),
+    "calibrate": ("find where the lights are and how their colours mix, from photos of balls", "WHAT"),
     "evaluate": ("measure models against known normals", "TEST"),
 }
 

@@ -74,7 +74,7 @@ class Estimator:
         else:
             unused = [f"provider {provider}"] * (provider != "cpu") + [f"{passes} passes"] * ((passes or 1) > 1)
             if unused:
-                log.info("%s is no network and runs without %s", self.name, " and ".join(unused))
+                log.info("%s is not a network and runs without %s", self.name, " and ".join(unused))
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Estimate the normals of `capture`, in camera space. Raises Cancelled if `progress` does."""
@@ -82,8 +82,8 @@ class Estimator:
         capture = painted_grey(photo)
         if photo.white is not None and capture.white is None:
             log.warning(
-                "the white photo is NOT USED: a channel of it is black, or it is clipped nearly everywhere; take it "
-                "once more [white-photo-unused]"
+                "the white photo is NOT USED: a channel of it is black, or it is clipped nearly everywhere; "
+                "take it again [white-photo-unused]"
             )
         if self._network is None:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)

@@ -44,17 +44,17 @@ class RunsModel(Operation):
 
     model: str = option(
         default=DEFAULT_MODEL,
-        help="what turns the photo into normals: one of the models by its name, or an .onnx file",
+        help="model that estimates the normals, by name or as an .onnx file",
         provenance="none",
     )
     provider: str = option(
         default="cpu",
         choices={"cpu": "", "cuda": "NVIDIA", "directml": "Windows", "coreml": "Apple"},
-        help="what runs networks",
+        help="where networks run",
         provenance="none",
     )
     threads: int = option(default=0, help="CPU threads for networks, 0 for all", provenance="none")
-    tile: int = option(default=DEFAULT_TILE, help="tile side in pixels for networks")
+    tile: int = option(default=DEFAULT_TILE, help="side of the tiles that networks work on, in pixels")
 
     def model_facts(self, passes: Literal[1, 3] | None = None) -> dict[str, str]:
         """Facts of the model for :func:`mpsnet_core.io.provenance.operation_facts`: a network's file may change.
@@ -113,7 +113,7 @@ class FramesMade(Result):
 
 @dataclass(frozen=True)
 class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
-    """Photo to camera-space normal map."""
+    """Estimate a camera-space normal map from a photo."""
 
     command: ClassVar[str] = "estimate"
 
@@ -125,25 +125,27 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     mask: str = option(
         default=MASK,
-        help="where the object is: a mask file, alpha, none, auto, alpha-or-auto, background:FILE or threshold:0.05, "
-        "as `mpsnet mask` explains and shows; for frames also a folder or pattern of masks",
+        help="where the object is: a mask file, alpha, none, auto, alpha-or-auto, background:FILE or "
+        "threshold:0.05, see `mpsnet mask`; for frames also a folder or pattern of masks",
         provenance="none",  # in each frame's own line
     )
     passes: Literal[1, 3] | None = option(
         default=None,
         choices={
             1: "",
-            3: "the mean of its answers on the scene turned and mirrored, and a second estimate without the albedo",
+            3: "averages the results for the scene rotated and mirrored, and estimates a second time without the "
+            "albedo",
         },
         help="passes of the network",
-        unset="for the default model 3 of one photo and 1 of each of several or of a video",
+        unset="with the default model 3 for one photo, 1 for several photos or a video",
         provenance="none",
     )
     white: tuple[str, ...] = option(
         default=(),
         metavar="PHOTO",
-        help="second photo of the same pose, under white light: the three lights turned white. It shows the colour of "
-        "the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
+        help="second photo of the same pose under white light (the three lights turned white), which shows "
+        "the colour of the surface. Photos of one light each (a folder or pattern) are added up. For one still "
+        "photo only",
         path="file",
         provenance="none",
     )
@@ -166,20 +168,21 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     confidence: str | None = option(
         default=None,
         metavar="FILE",
-        help="also write how far each normal can be trusted, a map for one photo",
+        help="also write a map of how far each normal can be trusted, for one photo",
         provenance="none",
     )
-    format: str | None = option(default=None, help="png, tif or exr, where the output is a folder", unset="png")
+    format: str | None = option(default=None, help="png, tif or exr, if the output is a folder", unset="png")
     smooth: int = option(
         default=0,
         metavar="N",
         low=0,
         high=MAX_SMOOTHING,
-        help="frames of a sequence or video before and behind, with which each is averaged where they show the same",
+        help="frames of a sequence or video before and after each one to average it with, where they show the same "
+        "surface",
     )
     output: str = option(
-        help="normal map to write: .png, .tif or .exr; a folder where there are several photos: frames that it holds "
-        "already are not made again",
+        help="normal map to write: .png, .tif or .exr; a folder for several photos, where frames that are "
+        "already there are skipped",
         path="file",
         provenance="none",
     )
@@ -420,7 +423,7 @@ class ListModels(Operation):
 
     command: ClassVar[str] = "models"
 
-    model: str | None = option(default=None, positional=True, help="name or .onnx file of a network, to read its card")
+    model: str | None = option(default=None, positional=True, help="name or .onnx file of a network, to show its card")
 
     def run(self, progress: Progress = silent) -> ModelsListed:
         """List the models, or read one's card."""

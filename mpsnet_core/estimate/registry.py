@@ -141,7 +141,7 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
     for entry in known_models():
         if entry.name == name:
             if entry.file is None:
-                raise SettingsError(f"{name} is no network and has no file; name a network")
+                raise SettingsError(f"{name} is not a network and has no file; name a network")
             if not entry.installed:
                 raise FileError(f"the network {name}, to compare with, is not installed: {entry.how_to_install}")
             return NetworkFile(entry.file, entry.passes)

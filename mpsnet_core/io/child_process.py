@@ -119,7 +119,7 @@ class ChildProcess:
         code = self.wait()
         # Codes of Windows, such as 0xC0000005 for a crash, are known in hexadecimal.
         how = f"signal {-code}" if code < 0 else f"exit code {f'0x{code:X}' if code >> 31 else code}"
-        raise ChildEnded(f"{how}{self._last_words() or '; it said nothing'}", code)
+        raise ChildEnded(f"{how}{self._last_words() or '; it printed nothing'}", code)
 
     def close(self) -> None:
         """End an idle child by closing its stdin."""

@@ -246,7 +246,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     if file.exists() and not file.is_file():
         raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
     if not _can_be_created(file):
-        raise FileError(f"cannot write {path}: the folder {file.parent} takes no files; choose another folder")
+        raise FileError(f"cannot write {path}: the folder {file.parent} cannot be written to; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
     return path
@@ -256,7 +256,9 @@ def check_no_link(path: Path) -> None:
     """Raise FileError if a file would be written through a link: one in an untrusted folder may lead to a file of the
     user's."""
     if path.is_symlink():
-        raise FileError(f"{path} is a link to {path.readlink()}, through which nothing is written; remove the link")
+        raise FileError(
+            f"{path} is a link to {path.readlink()}, and files are not written through links; remove the link"
+        )
 
 
 def _behind_link(path: Path) -> Path:
@@ -288,7 +290,7 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
         return choices[0]
     if bits not in choices:
         allowed = " or ".join(map(str, sorted(choices)))
-        reason = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
+        reason = f"{path.suffix} files hold {allowed} bits per channel, not {bits}"
         raise SettingsError(f"cannot write {path}: {reason}; change the format or the bits")
     return bits
 
@@ -367,7 +369,9 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
     if not _can_be_created(folder / "file"):
-        raise FileError(f"cannot put the {what} into {path}: the folder {folder} takes no files; choose another folder")
+        raise FileError(
+            f"cannot put the {what} into {path}: the folder {folder} cannot be written to; choose another folder"
+        )
     return path
 
 

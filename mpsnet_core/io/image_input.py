@@ -91,7 +91,7 @@ def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
                 raise FormatError(f"{path} claims to be {width} x {height}, more than this program reads ({most})")
             return
         file.seek(max(length - 2, 0), os.SEEK_CUR)
-    raise FormatError(f"{path} is damaged: its size stands nowhere before its pixels; export it again")
+    raise FormatError(f"{path} is damaged: its header does not state its size; export it again")
 
 
 @contextmanager

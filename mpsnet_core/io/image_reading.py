@@ -71,7 +71,7 @@ def read_image(
         return _read_raw(path, encoding, layer)
     values, names, spec = read_layer(path, layer)
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
-        raise FormatError(f"{path} is in Lab colours, which are no light; export it as RGB")
+        raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)
     _note_pixel_aspect(path, spec)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None

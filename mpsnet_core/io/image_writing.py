@@ -52,7 +52,7 @@ def write_image(
     pixels = np.asarray(pixels)
     if pixels.ndim not in (2, 3) or not pixels.size or pixels.shape[2:] > (4,):
         raise SettingsError(
-            f"{path}: an array of shape {pixels.shape} is no image; give rows and columns, and one to four channels"
+            f"{path}: an array of shape {pixels.shape} is not an image; give rows and columns, and one to four channels"
         )
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
     height, width, channels = pixels.shape

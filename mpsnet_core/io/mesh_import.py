@@ -48,7 +48,7 @@ def read_scene(path: Path) -> Iterator[Any]:
         """Replaces the resolver that opens the files next to the mesh that it refers to."""
 
         def get(self, name: str) -> bytes:
-            raise InputError(f"it names the file {name[:99]!r}, and is read alone; export it with all in one file")
+            raise InputError(f"it refers to the file {name[:99]!r}, which is not read; export everything into one file")
 
     try:
         with path.open("rb") as file:  # given a path, trimesh would open the files next to it
@@ -120,7 +120,9 @@ def _check_size(header: dict[str, Any], most: int) -> None:
     needed = sum(arrays) + sum(abs(view["byteLength"]) for view in header.get("bufferViews", ()))
     needed += sum(arrays[number] for number in named if number is not None)
     if not needed <= most:
-        raise FormatError(f"it unpacks to {needed / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+        raise FormatError(
+            f"it unpacks to {needed / (1 << 20):.0f} MiB, more than the limit of {most >> 20}; reduce it first"
+        )
 
 
 def _check_parts(header: dict[str, Any]) -> None:
@@ -134,7 +136,7 @@ def _check_parts(header: dict[str, Any]) -> None:
         inner = (nodes[child] for node in level for child in node.get("children", ()))
         level = list(islice(inner, MAX_PARTS))
     if parts > MAX_PARTS:
-        raise FormatError("it has too many objects, or too many in one another; join them first")
+        raise FormatError("it has too many objects, or nests them too deeply; join them first")
 
 
 def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
@@ -143,8 +145,8 @@ def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
         texture = material.get("normalTexture", {})
         if texture.get("texCoord", 0) or TRANSFORM in texture.get("extensions", {}):
             log.warning(
-                "%s: the normal map of material %r lies on other UVs than the first, or is moved on them; textures are "
-                "baked onto the first UVs as they are",
+                "%s: the normal map of material %r uses other UVs than the first, or transforms them; "
+                "textures are baked onto the first UVs as they are",
                 path,
                 str(material.get("name", ""))[:99],
             )
@@ -155,10 +157,10 @@ def _check_plain(header: dict[str, Any]) -> None:
     triangles or instances in one that it ignores."""
     packed = PACKED & set(header.get("extensionsRequired", ()))
     if any(INSTANCES in node.get("extensions", {}) for node in header.get("nodes", ())):
-        raise FormatError("it holds GPU instances, which are not read here; export it without them")
+        raise FormatError("it holds GPU instances, which are not supported; export it without them")
     for one in (one for mesh in header.get("meshes", ()) for one in mesh["primitives"]):
         if one.get("mode") == FAN:
-            raise FormatError("it holds triangle fans, which are not read here; export it with plain triangles")
+            raise FormatError("it holds triangle fans, which are not supported; export it with plain triangles")
         numbers = one["attributes"] | ({"indices": one["indices"]} if one.get("indices") is not None else {})
         for name in PLAIN & set(numbers):
             accessor = header["accessors"][numbers[name]]

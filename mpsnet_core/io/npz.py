@@ -52,7 +52,9 @@ def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
     except _UNREADABLE as error:
         raise FormatError(f"it cannot be read ({error}); export it again") from None
     if size > most:
-        raise FormatError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+        raise FormatError(
+            f"it unpacks to {size / (1 << 20):.0f} MiB, more than the limit of {most >> 20}; reduce it first"
+        )
     return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 

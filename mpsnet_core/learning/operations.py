@@ -38,7 +38,7 @@ class Train(Operation):
 
     command: ClassVar[str] = "train"
 
-    recipe: str = option(help="recipe by its name, as multiscale or multiscale-fine-tune, or a .toml file of your own")
+    recipe: str = option(help="recipe: a name, such as multiscale or multiscale-fine-tune, or your own .toml file")
     samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to train on")
     validation: tuple[str, ...] = option(
         default=(), metavar="DIR", help="folder of held-out samples, to measure the network on at the end"
@@ -46,34 +46,41 @@ class Train(Operation):
     checkpoint: str | None = option(
         default=None,
         metavar="FILE",
-        help="checkpoint to write on the way, from which --resume goes on",
+        help="checkpoint to write during training, for --resume",
         unset="beside the output",
         provenance="none",
     )
     resume: str | None = option(
-        default=None, metavar="FILE", help="checkpoint to go on from, or network to train further: a name or .onnx file"
+        default=None,
+        metavar="FILE",
+        help="checkpoint to resume from, or network to train further: a name or .onnx file",
     )
     logs: str | None = option(default=None, metavar="DIR", help="folder of logs for TensorBoard", provenance="none")
     stop_after: int = option(
         default=0,
         low=0,
         metavar="STEPS",
-        help="stop after so many steps, those before --resume counted, and leave a checkpoint; 0: at the recipe's end",
+        help="stop after this many steps, including those before --resume, and leave a checkpoint; 0: at the "
+        "recipe's end",
     )
     minutes: float = option(
-        default=0.0, low=0, high=1e6, help="stop after so many minutes, and leave a checkpoint; 0: at the recipe's end"
+        default=0.0,
+        low=0,
+        high=1e6,
+        help="stop after this many minutes, and leave a checkpoint; 0: at the recipe's end",
     )
     anneal: int = option(
         default=0,
         low=0,
         metavar="STEPS",
-        help="finish what --resume names: lower its learning rate to zero over so many steps; the checkpoint stays",
+        help="finish the training that --resume names: lower its learning rate to zero over this many steps; the "
+        "checkpoint is kept",
     )
-    threads: int = option(default=0, low=0, help="threads of the processor, 0 for all cores")
+    threads: int = option(default=0, low=0, help="CPU threads, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
         default="auto",
-        choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
-        help="numbers that the layers compute with",
+        choices={"auto": "bfloat16 where the CPU or GPU supports it", "float32": "", "bfloat16": ""},
+        help="number format that the layers compute in",
     )
     output: str = option(metavar="MODEL", help="the .onnx file", provenance="none")
 
@@ -134,7 +141,7 @@ class ModelQuantized(Result):
 
 @dataclass(frozen=True)
 class Quantize(Operation):
-    """Make a model's int8 version: smaller and quicker."""
+    """Quantize a model to int8: smaller and faster."""
 
     command: ClassVar[str] = "quantize"
 

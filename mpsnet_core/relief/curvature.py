@@ -94,7 +94,7 @@ def _averaged(
 def check_curvature(radius: int, limit: float | None = None) -> None:
     """Raise SettingsError if the radius, or the limit of an image, is out of range."""
     if radius < 0:
-        raise SettingsError(f"a radius of {radius} pixels is none; give 0 or more")
+        raise SettingsError(f"a radius of {radius} pixels cannot be used; give 0 or more")
     if limit is not None and not 0 < limit < np.inf:
         raise SettingsError(f"a curvature's range must be a number above 0, not {limit:g}")
 

@@ -92,7 +92,7 @@ def ambient_occlusion(
 def check_reach(reach: int | None) -> None:
     """Raise SettingsError if the reach is out of range."""
     if reach is not None and reach < 1:
-        raise SettingsError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
+        raise SettingsError(f"ambient occlusion cannot reach over {reach} pixels; give 1 or more")
 
 
 def _extent(mask: NDArray[np.bool_]) -> int:

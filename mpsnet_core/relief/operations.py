@@ -77,7 +77,7 @@ class SurfaceMade(Result):
 class HasScale(Operation):
     """A photo's camera and unit."""
 
-    heading: ClassVar[str] = "what the photo was taken with"
+    heading: ClassVar[str] = "the photo's camera, and the unit"
 
     camera: str | None = option(default=None, help="camera file of the photo", provenance="content")
     focal: float | None = option(
@@ -88,7 +88,7 @@ class HasScale(Operation):
         help="35 mm equivalent focal length in millimetres, in place of a camera file",
     )
     pixel_size: float | None = option(
-        default=None, metavar="S", help="size of a pixel, seen from afar, in place of a camera file", unset="1"
+        default=None, metavar="S", help="size of a pixel in an orthographic view, in place of a camera file", unset="1"
     )
     distance: float | None = option(
         default=None,
@@ -96,19 +96,20 @@ class HasScale(Operation):
         "camera's scale, and where an orthographic camera's mesh stands",
         unset="1 for a perspective camera",
     )
-    unit: str | None = option(default=None, help="name of the unit of all these, such as mm")
+    unit: str | None = option(default=None, help="name of the unit of these lengths, such as mm")
 
 
 @dataclass(frozen=True)
 class MakesProducts(Operation):
     """The products of a photo's normals."""
 
-    heading: ClassVar[str] = "what to make, at least one of these"
+    heading: ClassVar[str] = "what to make, at least one"
 
     height: str | None = option(
         default=None,
         metavar="FILE",
-        help=".exr with float heights, or .png or .tif with 16 bits; FILE.json says what black and white mean",
+        help="height map: .exr with float heights, or .png or .tif with 16 bits; FILE.json holds the heights of "
+        "black and white",
         provenance="none",
     )
     height_bits: int | None = option(default=None, metavar="BITS", help="32 writes float heights into .tif")
@@ -122,48 +123,56 @@ class MakesProducts(Operation):
         default=FACES,
         low=1,
         high=MAX_FACES,
-        help="how many faces the mesh may have; small ones where the surface bends",
+        help="how many faces the mesh may have at most; they are smaller where the surface bends",
     )
     open: float | None = option(
-        default=None, metavar="ANGLE", help="leave out faces that are steeper than this to the line of sight, as 85"
+        default=None,
+        metavar="ANGLE",
+        help="leave out faces whose normals are further than this from the line of sight, such as 85",
     )
     up: Literal["y", "z"] | None = option(
         default=None,
         choices={"y": "", "z": ""},
-        help="what points up in the camera's world, for .glb and .obj",
+        help="axis that points up in the camera's world, for .glb and .obj",
         unset="z with a camera file, else y",
     )
     curvature: str | None = option(
         default=None,
         metavar="FILE",
-        help="picture of edges, bright, and creases, dark",
+        help="curvature map: edges are bright, creases dark",
         provenance="none",
     )
-    curvature_radius: int = option(default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows")
+    curvature_radius: int = option(
+        default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
+    )
     curvature_range: float | None = option(
-        default=None, metavar="C", help="curvature, per unit, that is white; .exr holds the sum of both"
+        default=None,
+        metavar="C",
+        help="curvature per unit that is white; .exr holds the sum of both principal curvatures",
     )
     occlusion: str | None = option(
         default=None,
         metavar="FILE",
-        help="picture of how open the surface is, ambient occlusion: white where all light comes in",
+        help="ambient occlusion map: white where the surface is fully open to light",
         provenance="none",
     )
-    occlusion_reach: int | None = option(default=None, metavar="PIXELS", help="how far it looks", unset="everywhere")
+    occlusion_reach: int | None = option(
+        default=None, metavar="PIXELS", help="how far the ambient occlusion reaches", unset="everywhere"
+    )
     relit: str | None = option(
         default=None,
         metavar="FILE",
-        help="picture of the surface under a white light, shaded by the ambient occlusion where that is made",
+        help="image of the surface under a white light, with the ambient occlusion if that is made",
         provenance="none",
     )
-    light: str = option(default="45,135", metavar="SLANT,TILT", help="where that light is, in degrees")
+    light: str = option(default="45,135", metavar="SLANT,TILT", help="direction of that light, in degrees")
     albedo: str | None = option(
-        default=None, metavar="PHOTO", help="the surface's colour in it", unset="light grey", provenance="files"
+        default=None, metavar="PHOTO", help="the surface's colour for --relit", unset="light grey", provenance="files"
     )
     turntable: int | None = option(
         default=None,
         metavar="N",
-        help="move the light around in N steps: on one sheet, or as frames where FILE has ####",
+        help="move the light around in N steps: on one sheet, or as frames if FILE has ####",
     )
 
 
@@ -187,7 +196,7 @@ class DisplacesMesh(Operation):
     base: str | None = option(
         default=None,
         metavar="MESH",
-        help="mesh that will be displaced, where it is the same one subdivided",
+        help="mesh to displace, if it is the same one subdivided",
         provenance="content",
     )
     object_space: str | None = option(
@@ -201,21 +210,21 @@ class DisplacesMesh(Operation):
         default=0.0,
         low=0,
         high=MAX_BUMPS,
-        help="how broad bumps of heights on UVs may be, as a fraction of the object's size: broader ones are left to "
-        "the mesh, as errors of estimated normals are broad. 0 keeps all",
+        help="broadest bumps that heights on UVs keep, as a fraction of the object's size: broader shapes are "
+        "left to the mesh, because estimated normals err most there. 0 keeps all",
     )
     mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
     margin: int = option(
         default=MARGIN,
         low=0,
         high=MAX_TEXTURE_SIZE,
-        help="pixels by which the heights are continued beyond the borders of the UV islands",
+        help="pixels by which the heights extend beyond the UV islands",
     )
 
 
 @dataclass(frozen=True)
 class Integrate(DisplacesMesh, MakesProducts, HasScale):
-    """Normal map to heights, a mesh, curvature and more."""
+    """Make heights, a mesh, curvature and more from a normal map."""
 
     command: ClassVar[str] = "integrate"
 
@@ -231,7 +240,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         default="fast",
         choices={
             "fast": "one surface without gaps: for one object, reliefs, cloth",
-            "bilateral": "it breaks where one thing stands before another; takes several times as long",
+            "bilateral": "the surface breaks where one object occludes another; takes several times as long",
         },
         help="whether the surface may break",
     )
@@ -310,7 +319,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             wanted = ", ".join(f"--{name}" for name in PRODUCTS)
             raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
         if is_several(self.normals):
-            raise SettingsError(f"{self.normals} means several normal maps; integrate them one by one")
+            raise SettingsError(f"{self.normals} matches several normal maps; integrate them one by one")
         taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
         for product in requested.values():
             files = product.files()
@@ -360,7 +369,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         given = self._camera(height, width)
         camera = given or pixel_camera(width, height)
         if self.distance is not None and not 0 < self.distance < float("inf"):
-            raise SettingsError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
+            raise SettingsError(f"--distance {self.distance:g} cannot be used; give a number above 0")
         if self.distance is not None and not (self.camera or self.focal or self.mesh):
             raise SettingsError("--distance goes with --camera, --focal or --mesh; give one, or leave it out")
         albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
@@ -407,7 +416,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             return camera_of_lens(self.focal, width, height)
         if self.pixel_size is not None:
             if not (np.isfinite(self.pixel_size) and self.pixel_size > 0):
-                raise SettingsError(f"--pixel-size {self.pixel_size:g} is no size; give a number above 0")
+                raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")
             return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
         return None
 
@@ -431,7 +440,7 @@ class MaterialMade(Result):
 class MeasuresPhoto(Operation):
     """The scale of the photo."""
 
-    heading: ClassVar[str] = "how large it is, one of these"
+    heading: ClassVar[str] = "its size, one of these"
 
     width: str | None = option(
         default=None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in"
@@ -442,7 +451,7 @@ class MeasuresPhoto(Operation):
     ruler: str | None = option(
         default=None,
         metavar="X1,Y1,X2,Y2=LENGTH",
-        help="in place of --width, what two places measure, in pixels: 120,80,1620,95=50mm",
+        help="in place of --width, the distance between two places in pixels: 120,80,1620,95=50mm",
     )
 
     def _scale(self) -> tuple[float, float | None]:
@@ -450,7 +459,7 @@ class MeasuresPhoto(Operation):
         from mpsnet_core.relief.material.scale import millimetres, parse_ruler
 
         if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
-            raise SettingsError(f"several options state how large it is; {_ONE_SCALE}")
+            raise SettingsError(f"several options state the material's size; {_ONE_SCALE}")
         if self.width is not None:
             return millimetres(self.width), None
         if self.pixel_size is not None:
@@ -458,24 +467,24 @@ class MeasuresPhoto(Operation):
         if self.ruler is not None:
             ruler = parse_ruler(self.ruler)
             return ruler.length_mm, ruler.pixels
-        raise SettingsError(f"nothing states how large it is; {_ONE_SCALE}")
+        raise SettingsError(f"no option states the material's size; {_ONE_SCALE}")
 
 
 @dataclass(frozen=True)
 class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
-    """Photo of cloth, leather or bark to textures that repeat without a seam."""
+    """Make seamless textures from a photo of cloth, leather or bark."""
 
     command: ClassVar[str] = "material"
 
     image: str = option(
-        positional=True, help="photo of something flat that fills it, or its --crop", provenance="files"
+        positional=True, help="photo of a flat material that fills the photo, or its --crop", provenance="files"
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     # On cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks trained on whole
     # objects.
     model: str = option(
         default=LAMBERTIAN_GREY_WORLD,
-        help="what turns the photo into normals: one of the models by its name, or an .onnx file",
+        help="model that estimates the normals, by name or as an .onnx file",
     )
     crop: str | None = option(
         default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner"
@@ -484,29 +493,28 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         default=None,
         low=MIN_MATERIAL_SIZE,
         high=MAX_MATERIAL_SIZE,
-        help="width and height of the pictures in pixels",
-        unset="the pixels that the photo has there",
+        help="width and height of the textures in pixels",
+        unset="the photo's own resolution",
     )
     overlap: float = option(
         default=OVERLAP,
         low=MIN_OVERLAP,
         high=MAX_OVERLAP,
-        help="fraction of the tile over which its borders are joined: more hides the seam better and leaves a smaller "
-        "tile",
+        help="fraction of the tile over which its borders blend: more hides the seam better but leaves a smaller tile",
     )
     bend: int = option(
         default=BEND,
         low=0,
         high=MAX_BEND,
-        help="how many half waves across the photo are taken out as bends of the material and uneven light. 0: only "
-        "the tilt of the photo",
+        help="how many half waves across the photo to remove as bends of the material and uneven light. 0: "
+        "only the tilt of the photo",
     )
-    grey: bool = option(default=False, help="an albedo without colour, where the lights' strengths are not known")
+    grey: bool = option(default=False, help="make the albedo grey, for lights of unknown strengths")
     convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
     )
-    name: str | None = option(default=None, help="what the files' names begin with", unset="as the photo's")
-    output: str = option(metavar="FOLDER", help="folder for the pictures", path="folder", provenance="none")
+    name: str | None = option(default=None, help="prefix of the file names", unset="the photo's name")
+    output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
@@ -560,9 +568,9 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
         name = Path(self.image).stem if self.name is None else self.name
         if Path(name).name != name:
-            raise SettingsError(f"--name {name} is not a file's name; give the folder with -o")
+            raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
         if Path(self.output).suffix.lower() in IMAGE_SUFFIXES:
-            raise SettingsError(f"--output {self.output} ends like a picture; give the folder for all of them")
+            raise SettingsError(f"--output {self.output} looks like an image file; give a folder for all of them")
         return name
 
     def _capture(

@@ -178,7 +178,7 @@ def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -
     if array.shape != shape or not np.isfinite(array).all():
         raise GeometryError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
     if (np.abs(array) > most).any():
-        raise GeometryError(f"the camera's {what} holds a number beyond {most:g}; mend it")
+        raise GeometryError(f"the camera's {what} holds a number beyond {most:g}; correct it")
     return array
 
 

@@ -156,9 +156,9 @@ class Mesh:
 
 def _check_finite(name: str, values: NDArray[Any]) -> None:
     if not np.isfinite(values).all():
-        raise GeometryError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
+        raise GeometryError(f"the mesh's {name} hold a value that is not finite; repair the mesh")
     if name != "uvs" and (np.abs(values) > MOST).any():
-        raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
+        raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; repair the mesh")
 
 
 def _scales(pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -211,8 +211,9 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
         mesh = reader(path, shape_only)
     if not shape_only and _is_inside_out(mesh):
         log.warning(
-            "mesh file %s: most of its faces turn their back to where its normals point, as in a PLY of a mirrored "
-            "object, whose green would be upside down; apply the object's scale or flip the faces, and export it again",
+            "mesh file %s: most of its faces point the opposite way from its normals, as in a PLY of a "
+            "mirrored object, which would bake an inverted green channel; apply the object's scale or flip the "
+            "faces, and export it again",
             path,
         )
     return mesh
@@ -234,7 +235,7 @@ def _labels_of_arrays(arrays: dict[str, NDArray[Any]]) -> dict[str, Labels]:
             raise FormatError(f'it has only one of "{names}" and "{numbers}"; export it again')
         if names in arrays:
             if arrays[names].dtype.kind != "U" or arrays[names].ndim != 1:
-                raise FormatError(f'its "{names}" are no names; export it again')
+                raise FormatError(f'its "{names}" are not names; export it again')
             found[names] = Labels(tuple(arrays[names].tolist()), arrays[numbers])
     return found
 

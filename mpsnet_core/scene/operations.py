@@ -29,13 +29,13 @@ class ReadsPictures(Operation):
     heading: ClassVar[str] = "how photos are read"
 
     encoding: Literal["auto", "linear", "srgb"] = option(
-        default="auto", choices=ENCODINGS, help="how the photo's values stand for light"
+        default="auto", choices=ENCODINGS, help="how the photo's values encode light"
     )
 
 
 @dataclass(frozen=True)
 class WriteCameras(ReadsPictures):
-    """Cameras of photogrammetry as camera files, and photos without their lens's distortion."""
+    """Convert cameras from photogrammetry to camera files, and undistort their photos."""
 
     command: ClassVar[str] = "cameras"
 
@@ -45,7 +45,7 @@ class WriteCameras(ReadsPictures):
     photos: str = option(metavar="FOLDER", help="the photos, one for each camera", provenance="files")
     output: str = option(
         metavar="FOLDER",
-        help="folder for NAME.camera.json, and, where the lens distorts the picture, NAME.exr undistorted",
+        help="folder for NAME.camera.json and, where the lens distorts, the undistorted photo NAME.exr",
         provenance="none",
     )
 
@@ -121,18 +121,18 @@ class NormalsCompared(Result):
 
 @dataclass(frozen=True)
 class CompareNormals(Operation):
-    """Normals against true ones of the same view: the angle between them, and a picture of it."""
+    """Compare normals with the true ones of the same view, and write an image of the angles between them."""
 
     command: ClassVar[str] = "compare"
 
     normals: str = option(positional=True, help="estimated normal map, in camera space")
     truth: str = option(
-        help="true normal map of the same view; with --camera an OpenEXR of Blender's passes Normal and Combined"
+        help="true normal map of the same view; with --camera, Blender's OpenEXR with the passes Normal and Combined"
     )
     camera: str | None = option(
         default=None,
-        help="camera file of the view: the true normals are in the world's axes",
-        unset="they are in the camera's",
+        help="camera file of the view, if the true normals are in world space",
+        unset="they are in camera space",
     )
     convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
@@ -141,7 +141,7 @@ class CompareNormals(Operation):
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the true normal map points"
     )
     output: str | None = option(
-        default=None, metavar="FILE", help="picture of the errors with its scale: .png, .tif or .exr"
+        default=None, metavar="FILE", help="image of the errors with a scale: .png, .tif or .exr"
     )
 
     def run(self, progress: Progress = silent) -> NormalsCompared:

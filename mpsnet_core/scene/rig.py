@@ -375,7 +375,9 @@ def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64
                 'not an .lp file: the first line is the count, then a line "name x y z" a light'
             ) from None
         if len(directions) != count:
-            raise FormatError(f"the first line states {count} lights but {len(lines) - 1} lines follow; mend the count")
+            raise FormatError(
+                f"the first line states {count} lights but {len(lines) - 1} lines follow; correct the count"
+            )
     return [" ".join(words[:-3]) for words in lines[1:]], directions
 
 

@@ -46,8 +46,8 @@ class Visibility:
         # Rays of an orthographic camera start behind its plane, at `distance`.
         if seen.any() and depth[seen].max() + distance < -self.offset:
             log.warning(
-                "an orthographic camera looks away from the mesh: all that it sees of it lies behind it, and is baked "
-                "as if it stood before it; is the camera's pose given in the right axes (it looks along -z, y is up)?"
+                "an orthographic camera looks away from the mesh: the mesh lies behind it, but is baked as if "
+                "it were in front; check the axes of the camera's pose (it looks along -z, y is up)"
             )
         self.footprint = float(np.median(pixel[seen])) if seen.any() else 1.0
         padded = np.pad(depth, 1, constant_values=np.inf)

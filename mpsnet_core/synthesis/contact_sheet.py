@@ -140,7 +140,7 @@ def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> 
     rows += [contact_sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
     pictures = [row for row in rows if row is not None]
     if not pictures:
-        raise FileError(f"{samples[0].parent} holds no whole sample; make some anew")
+        raise FileError(f"{samples[0].parent} holds no whole sample; make some again")
     width = max(picture.shape[1] for picture in pictures)
     edges = [((0, 0), (0, width - picture.shape[1]), (0, 0)) for picture in pictures]
     return np.concatenate(

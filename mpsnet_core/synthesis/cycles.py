@@ -57,7 +57,7 @@ def sample_from_cycles(
             if all(f"{name}.{channel}" in planes for channel in channels):
                 values = np.stack([planes[f"{name}.{channel}"] for channel in channels], axis=-1)
                 return _checked(values, f"{name} pass", camera, path)
-        raise FormatError(f"{path} has no {name} pass; it is no render of a sample, make the sample again")
+        raise FormatError(f"{path} has no {name} pass; it is not a render of a sample, make the sample again")
 
     alpha = np.clip(layer("Combined", "A")[..., 0], 0, 1)
     covered = alpha > 0
@@ -88,7 +88,7 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     source = image_input(path)
     if source is None:
         reason = complaint(oiio)
-        raise FormatError(f"{path} is no render, or cut short ({reason}); make the sample again")
+        raise FormatError(f"{path} is not a render, or cut short ({reason}); make the sample again")
     planes: dict[str, NDArray[np.float32]] = {}
     try:
         part = 0

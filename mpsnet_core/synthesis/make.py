@@ -20,7 +20,7 @@ def make_sample(job: SampleJob, number: int, path: Path) -> None:
     cannot be written.
     """
     if job.renderer != "synthesis":
-        raise SettingsError(f"the job in {path.parent} is for Blender; go on with it by mpsnet make")
+        raise SettingsError(f"the job in {path.parent} is for Blender; continue it with mpsnet make")
     recipe = draw_recipe(job, number)
     shape = _shape(json.dumps(recipe.shape, sort_keys=True), job.meshes)
     reflectances = [load_reflectance(material, job.merl) for material in recipe.materials]

@@ -35,13 +35,13 @@ class SamplesMade(Result):
 class RunsWorkers(Operation):
     """The workers that make samples: processes on this machine, or a cluster."""
 
-    heading: ClassVar[str] = "who makes the samples"
+    heading: ClassVar[str] = "the workers that make the samples"
 
     processes: int = option(
         default=0,
         low=0,
         high=MAX_PROCESSES,
-        help="how many processes work at the same time on this machine. 0: one for each processor core",
+        help="how many processes run at the same time on this machine. 0: one for each CPU core",
         provenance="none",
     )
     cluster: str = option(
@@ -89,33 +89,34 @@ class Synthesize(RunsWorkers):
     command: ClassVar[str] = "synthesize"
 
     count: int = job_number(
-        "count", "how many samples the folder shall hold in the end. A larger count goes on where a smaller stopped"
+        "count", "how many samples the folder will hold in total. A larger count continues where a smaller one stopped"
     )
-    seed: int = job_number("seed", "what the samples are drawn from: the same seed gives the same samples")
+    seed: int = job_number("seed", "seed of the random draws: the same seed gives the same samples")
     size: int = job_number("size", "width and height of a sample in pixels")
     shapes: str | None = option(
         default=None,
         metavar="KIND,...",
-        help="of blobs, drapery, reliefs, groups, meshes; meshes where --meshes is given, else all others",
+        help="kinds of shapes: blobs, drapery, reliefs, groups, meshes; if not given, meshes with --meshes, "
+        "else all others",
     )
-    meshes: str = option(default="", metavar="FOLDER", help="folder with mesh files to take shapes from", path="folder")
+    meshes: str = option(default="", metavar="FOLDER", help="folder of mesh files to take shapes from", path="folder")
     merl: str = option(
         default="", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits"
     )
     merl_part: Literal["all", "training", "validation"] = option(
         default=SampleJob.merl_part,
         metavar="PART",
-        choices={"all": "", "training": "four in five", "validation": "the fifth that was left out"},
+        choices={"all": "", "training": "four in five", "validation": "the remaining fifth"},
         help="which of the measured materials",
     )
     style: Literal["photographs", "paper", "paper-one-rig"] = option(
         default=SampleJob.style,
         choices={
-            "photographs": "what users photograph",
-            "paper": "as the MPS-Net paper: its rigs, measured materials only",
-            "paper-one-rig": "the same, under its own rig alone, as for its table 1",
+            "photographs": "scenes that users photograph",
+            "paper": "as in the MPS-Net paper: its rigs, measured materials only",
+            "paper-one-rig": "the same, with its own rig alone, as for its table 1",
         },
-        help="what the samples are like",
+        help="style of the samples",
     )
     views: int = job_number(
         "views", "how many samples in a row show the same shape, each in another pose, light and material"
@@ -124,12 +125,12 @@ class Synthesize(RunsWorkers):
         default=SampleJob.bounces,
         low=0,
         high=MAX_BOUNCES,
-        help="how often light goes from surface to surface at most, drawn anew for each sample. 0: none",
+        help="how many times light bounces between surfaces at most, drawn for each sample. 0: none",
     )
     supersampling: int = job_number("supersampling", "rays along a pixel's side")
     output: str = option(
         metavar="FOLDER",
-        help="folder of the samples; one that the same settings began is gone on with",
+        help="folder for the samples; one begun with the same settings is continued",
         path="folder",
         provenance="none",
     )
@@ -178,8 +179,10 @@ class MakeSamples(RunsWorkers):
 
     command: ClassVar[str] = "make"
 
-    folder: str = option(positional=True, help="folder that a job of samples was begun in", provenance="none")
-    blender: str = option(default="", metavar="PROGRAM", help="Blender that renders", unset="this Python's bpy")
+    folder: str = option(positional=True, help="folder in which a job of samples was begun", provenance="none")
+    blender: str = option(
+        default="", metavar="PROGRAM", help="Blender executable that renders", unset="this Python's bpy"
+    )
     addon: str = option(
         default="", metavar="MODULE", help="module of the extension in that Blender", unset="one that is always enabled"
     )
@@ -199,7 +202,7 @@ class Work(Operation):
     command: ClassVar[str] = "work"
     listed: ClassVar[bool] = False
 
-    folder: str = option(positional=True, help="folder that a job of samples was begun in", provenance="none")
+    folder: str = option(positional=True, help="folder in which a job of samples was begun", provenance="none")
 
     def run(self, progress: Progress = silent) -> Result:
         """Make samples until stdin ends."""
@@ -229,9 +232,9 @@ class ShowSamples(Operation):
     command: ClassVar[str] = "show"
 
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
-    count: int = option(default=8, low=1, help="how many of a folder's samples, evenly spread")
+    count: int = option(default=8, low=1, help="how many of a folder's samples to show, evenly spread")
     output: str | None = option(
-        default=None, help="picture: .png or .tif", unset="beside what it shows", provenance="none"
+        default=None, help="picture: .png or .tif", unset="beside the samples or photo", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:

@@ -170,9 +170,9 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
     except InputError:
         raise
     except KeyError as error:
-        raise FormatError(f"it holds no recipe that this program knows: it lacks {error}; make it anew") from None
+        raise FormatError(f"its recipe is not known to this program: it lacks {error}; make it again") from None
     except (TypeError, ValueError, AttributeError, OverflowError):
-        raise FormatError("it holds no recipe that this program knows; make it anew") from None
+        raise FormatError("its recipe is not known to this program; make it again") from None
 
 
 def _dataclass_of(kind: type, data: dict[str, Any]) -> Any:

@@ -95,7 +95,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     """
     path = Path(path)
     if not all(np.isfinite(values).all() for values in (sample.lights, sample.normals, sample.depth, sample.lit)):
-        raise InputError(f"cannot write {path}: the picture holds values that are not finite; render it anew")
+        raise InputError(f"cannot write {path}: the picture holds values that are not finite; render it again")
     planes = [
         *np.minimum(sample.lights, _HALF_MAX).transpose(0, 3, 1, 2).reshape(9, *sample.alpha.shape),
         *sample.normals.transpose(2, 0, 1),
@@ -207,13 +207,14 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     source = image_input(path)
     if source is None:
         complaint(oiio)  # clear OpenImageIO's error, or the next file reports it again
-        raise FormatError(f"{path} is no sample, or cut short within its head; delete it and make it again")
+        raise FormatError(f"{path} is not a sample, or its header is cut short; delete it and make it again")
     try:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
         if source.format_name() != "openexr" or sorted(spec.channelnames) != sorted(_CHANNELS) or not placed:
             raise FormatError(
-                f"{path} is no sample: it has not a sample's layers; give a file that mpsnet synthesize or Blender made"
+                f"{path} is not a sample: it does not have a sample's layers; give a file that mpsnet synthesize or "
+                "Blender made"
             )
         if max(spec.width, spec.height, spec.tile_width, spec.tile_height) > MAX_SIDE or spec.depth > 1:
             raise FormatError(
@@ -230,7 +231,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_TEXT_BYTES:
         raise FormatError(
-            f"{path} is no sample: it has no description; give a file that mpsnet synthesize or Blender made"
+            f"{path} is not a sample: it has no description; give a file that mpsnet synthesize or Blender made"
         )
     try:
         data = json.loads(text)

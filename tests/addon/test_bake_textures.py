@@ -329,7 +329,7 @@ def test_what_cannot_be_baked_in_one_go_is_refused(spheres, scene, tmp_path):
     with pytest.raises(RuntimeError, match="no mesh object is selected to bake onto"):
         bpy.ops.mps.bake(objects="SELECTED", output=output)
     scene.mps.estimate.image.source = "SEQUENCE"
-    with pytest.raises(RuntimeError, match="a sequence is baked onto the target alone and into one texture a frame"):
+    with pytest.raises(RuntimeError, match="a sequence is baked onto the target alone and into one texture per frame"):
         bpy.ops.mps.bake(objects="ACTIVE", tiles=True, output=str(tmp_path))
 
 

@@ -406,7 +406,7 @@ def test_a_file_that_is_no_render_of_the_recipe(layers, tmp_path):
     other = tmp_path / "other.exr"
     image = oiio.ImageBuf(oiio.ImageSpec(SIZE, SIZE, 4, "float"))
     image.write(str(other))
-    with pytest.raises(InputError, match=r"other.exr has no Combined pass; it is no render of a sample"):
+    with pytest.raises(InputError, match=r"other.exr has no Combined pass; it is not a render of a sample"):
         read(other)
     with pytest.raises(InputError, match=r"layers.exr has no weights6 pass"):
         read(layers, recipe(materials=(WHITE,) * 7))

@@ -160,7 +160,7 @@ def test_a_cluster_elsewhere_is_reached_online_alone_and_where_it_proves_who_it_
     assert not (tmp_path / "samples").exists()
     online(True)
     with pytest.raises(
-        RuntimeError, match=r"whoever answers at tcp://10.0.0.1:8786 could run anything here; give a tls"
+        RuntimeError, match=r"anyone who answers at tcp://10.0.0.1:8786 could run code here; give a tls"
     ):
         bpy.ops.mps.render_samples(**settings)
 

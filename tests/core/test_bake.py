@@ -347,8 +347,8 @@ test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.bake("--convention", "vulkan"),
             "convention 'vulkan' is not known; choose opengl or directx",
         ),
-        ("8-bit EXR", lambda b: b.bake("--bits", "8", output="t.exr"), "t.exr…hold 16 or 32 bits a channel, not 8"),
-        ("32-bit PNG", lambda b: b.bake("--bits", "32"), "texture.png…hold 8 or 16 bits a channel, not 32"),
+        ("8-bit EXR", lambda b: b.bake("--bits", "8", output="t.exr"), "t.exr…hold 16 or 32 bits per channel, not 8"),
+        ("32-bit PNG", lambda b: b.bake("--bits", "32"), "texture.png…hold 8 or 16 bits per channel, not 32"),
         ("over the normals", lambda b: b.bake(output="normals.png"), "overwrite…normals.png…choose another output"),
         (
             "a photo for normals",
@@ -378,7 +378,7 @@ test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
                 ),
                 bits=12,
             ),
-            "t.tif…hold 8 or 16 or 32 bits a channel, not 12",
+            "t.tif…hold 8 or 16 or 32 bits per channel, not 12",
         ),
     ]
 )

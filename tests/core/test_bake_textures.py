@@ -167,8 +167,8 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         (bench / f"{number}.json").write_text(text)
     needs = 'each of its "maps" has a "file"'
     for given, output, said in [
-        ("m.<UDIM>.png", "s.png", "has <UDIM>, by which the textures are not parted"),
-        ("m.<OBJECT>.png", "s.<UDIM>.png", "has <OBJECT>, by which the textures are not parted"),
+        ("m.<UDIM>.png", "s.png", "has <UDIM>, but the textures are not split that way"),
+        ("m.<OBJECT>.png", "s.<UDIM>.png", "has <OBJECT>, but the textures are not split that way"),
         ("x.<UDIM>.png", "s.<UDIM>.png", "there is no present map for any of the textures; check the path"),
         ("m.<UDIM>.png", "s.<UDIM>.png", "m.1002.png"),
         ("m.1001.png", "m.<UDIM>.png", "would overwrite"),
@@ -228,7 +228,7 @@ def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
     view = f"{bench / 'camera.json'}={bench / 'f_#.png'}"
     two = ("--mesh", bench / "mesh.npz", "--mesh", bench / "mesh.npz")
     for arguments, output in (((), "s.<UDIM>"), (two, "frames")):
-        assert "a sequence is baked onto one mesh and into one texture a frame" in bench.refused(
+        assert "a sequence is baked onto one mesh and into one texture per frame" in bench.refused(
             *arguments, output=output, view=view
         )
     said = bench.refused("--onto", "maps.json", "--space", "tangent", output="frames", view=view)

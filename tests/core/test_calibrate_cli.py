@@ -178,7 +178,7 @@ def test_three_photos_are_red_green_and_blue_as_they_are_given_to_calibrate_and_
     np.testing.assert_allclose(read_image(photo).pixels, np.stack(alone, axis=-1), atol=1e-3)
     assert [line.partition(" (")[2].partition(")")[0] for line in calibrated.out.splitlines()[1:4]] == names
     assert superposed.out == f"{photo}: red is {names[0]}, green {names[1]}, blue {names[2]}\n"
-    warned = "in the order in which a shell sorts them; for another one name the photos one by one"
+    warned = "the order in which a shell sorts them; for another order name the photos one by one"
     assert [warned in said.err for said in (calibrated, superposed)] == [numbers == (10, 11, 9)] * 2
 
 
@@ -340,7 +340,7 @@ MIXING_CASES: dict[str, tuple[list[str], str]] = {
         [*GREY, "--card", "--mask", "mask.png", "--normal", "0,-1,0"],
         "does not reach the card",
     ),
-    "a ball's normal": (["grey.exr", "--normal", "0,0,1"], "--normal is a card's"),
+    "a ball's normal": (["grey.exr", "--normal", "0,0,1"], "--normal is for a card"),
     "a normal of two": ([*GREY, "--card", "--mask", "mask.png", "--normal", "0,1"], "--normal 0,1 … three numbers"),
     "no ball": (["flat.exr"], "no ball was found"),
     "a black ball": (["black.exr", "--circle", CIRCLE], "black … lights on"),
@@ -428,7 +428,7 @@ def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path)
     for told in (True, False):
         with contextlib.redirect_stderr(io.StringIO()) as said:
             assert main(["calibrate", "lights", str(photos / "ball.exr"), "-o", str(rig)]) == 0
-        assert ("the mixing that rig.json held is gone" in said.getvalue()) == told
+        assert ("the mixing that rig.json held belonged to its old lights" in said.getvalue()) == told
 
 
 @pytest.mark.parametrize(
@@ -442,7 +442,7 @@ def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path)
             ("mixing", "grey.exr", "--rig", "rig.json", "--circle", "9,9,4", "--circle", "8,8,4"),
             "a photo for the mixing shows one ball; give one --circle",
         ),
-        (("mixing", "grey.exr", "--rig", "rig.json", "--normal", "-.2,.1,1"), "--normal is a card's; add --card"),
+        (("mixing", "grey.exr", "--rig", "rig.json", "--normal", "-.2,.1,1"), "--normal is for a card; add --card"),
         (("mixing", "grey.exr", "--rig", "rig.json", "-o", "rig.lp"), "a rig with its mixing is a .json file"),
     ],
 )

@@ -167,7 +167,7 @@ def test_a_port_where_something_else_answers_is_reported(
 
 @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "127.0.0.1.evil.example:8786", "wss://10.0.0.1:8786"])
 def test_nobody_elsewhere_is_listened_to_who_cannot_prove_who_it_is(tmp_path: Path, address: str) -> None:
-    with pytest.raises(InputError, match=f"^whoever answers at {address} could run anything here; give a tls:// .*ted"):
+    with pytest.raises(InputError, match=f"^anyone who answers at {address} could run code here; give a tls:// .*ted"):
         make_samples(tmp_path, job(3), COMMAND, cluster=address)
 
 

@@ -137,8 +137,8 @@ POSE = "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n"
         ("3 SIMPLE_RADIAL 640 480 500 320 240 inf", POSE, "cameras.txt: line 1: the lens has a coefficient"),
         ("", POSE, "its camera 3 is not in the file of cameras"),
         (TEXT_CAMERAS, POSE.replace("a.jpg", ""), "not IMAGE_ID QW QX QY QZ"),
-        (TEXT_CAMERAS, POSE.replace("0.8", "nan"), "no rotation"),
-        (TEXT_CAMERAS, POSE.replace("0.8", "1.8"), "no rotation"),
+        (TEXT_CAMERAS, POSE.replace("0.8", "nan"), "not a rotation"),
+        (TEXT_CAMERAS, POSE.replace("0.8", "1.8"), "not a rotation"),
         (TEXT_CAMERAS, POSE.replace("6 3", "inf 3"), "not finite"),
         (TEXT_CAMERAS, POSE.replace(" 3 a", " 9 a"), "its camera 9 is not in the file of cameras"),
         (TEXT_CAMERAS, "1.5 2.5 -1\n", "not IMAGE_ID QW QX QY QZ"),
@@ -191,7 +191,7 @@ def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
     (tmp_path / "points3D.bin").write_bytes(b"")
     assert "is not a file of a COLMAP model" in refusal(lambda: read_cameras(tmp_path / "points3D.bin"))
     (tmp_path / "scene.abc").write_bytes(b"")
-    assert "no file of cameras" in refusal(lambda: read_cameras(tmp_path / "scene.abc"))
+    assert "not a supported file of cameras" in refusal(lambda: read_cameras(tmp_path / "scene.abc"))
     write_binary(tmp_path)
     (tmp_path / "images.bin").unlink()
     assert "images.bin does not exist" in refusal(lambda: read_cameras(tmp_path))

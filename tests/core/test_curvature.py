@@ -86,5 +86,5 @@ def test_what_does_not_fit_is_said() -> None:
         curvature(surface.normals, NEAR)
     with pytest.raises(InputError, match="the camera is 4 x 4 but the normal map is 300 x 320"):
         curvature(surface.normals, orthographic(4, 4))
-    with pytest.raises(InputError, match="a radius of -1 pixels is none"):
+    with pytest.raises(InputError, match="a radius of -1 pixels cannot be used"):
         of(surface, radius=-1)

@@ -185,7 +185,7 @@ test_a_bad_diligent_folder_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a light out of range",
             lambda b: b.evaluate("--lights", "1,2,97"),
-            "ballPNG has lights 1 to 4, not 97; mend --lights",
+            "ballPNG has lights 1 to 4, not 97; correct --lights",
         ),
         (
             "light 0",

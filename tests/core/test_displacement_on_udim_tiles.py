@@ -88,7 +88,7 @@ def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.Cap
         ("c_<UDIM>.exr", "h_<UDIM>.exr", "c_1001.exr does not exist"),
         ("b_<UDIM>.exr", "b_<UDIM>.exr", "would overwrite b_1001.exr"),
         ("b_<UDIM>.exr", "no/h_<UDIM>.exr", "the folder no does not exist"),
-        ("b_<UDIM>.exr", "h_<UDIM>_<OBJECT>.exr", "has <OBJECT>, by which the textures are not parted"),
+        ("b_<UDIM>.exr", "h_<UDIM>_<OBJECT>.exr", "has <OBJECT>, but the textures are not split that way"),
     ],
 )
 def test_bad_input_is_one_sentence(

@@ -44,7 +44,7 @@ def test_recipes_survive_json():
 def test_what_is_no_recipe_is_said():
     data = RECIPES[0].data()
     for broken in ({**data, "materials": [{"kind": "principled", "colour": 3}]}, {**data, "rotation": [1, 2]}, {}):
-        with pytest.raises(InputError, match="no recipe that this program knows"):
+        with pytest.raises(InputError, match="recipe is not known to this program"):
             recipe_from_data(broken)
     with pytest.raises(InputError, match="version 99"):
         recipe_from_data({**data, "version": 99})

@@ -127,7 +127,7 @@ def test_a_sample_that_every_worker_dies_of_is_given_up(tmp_path: Path) -> None:
     ("command", "words"),
     [
         ([THIS_PYTHON, "-c", "import sys; print('hello'); sys.exit('no extension here')"], "exit code 1.*no extension"),
-        ([THIS_PYTHON, "-c", "pass"], "exit code 0; it said nothing"),
+        ([THIS_PYTHON, "-c", "pass"], "exit code 0; it printed nothing"),
         ([THIS_PYTHON, "-c", """print('{"error": "no bpy here; install it"}')"""], "^no bpy here; install it$"),
         (["no-such-blender", "-b"], "cannot run no-such-blender .*; check the path"),
     ],

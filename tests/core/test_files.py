@@ -136,9 +136,9 @@ def test_a_signal_at_any_time_leaves_all_files_old_or_all_new_and_no_litter(tmp_
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")
 @pytest.mark.parametrize("place", [writable_path, lambda path: makeable_folder(path, "pictures")])
 def test_a_folder_that_takes_no_files_is_reported_before_the_work(place: Callable[[str], Path], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="takes no files; choose another folder"):
+    with pytest.raises(InputError, match="cannot be written to; choose another folder"):
         place("/proc/new")
-    with pytest.raises(InputError, match=r"^cannot put the pictures into /proc: the folder /proc takes no files"):
+    with pytest.raises(InputError, match=r"^cannot put the pictures into /proc: the folder /proc cannot be written to"):
         makeable_folder("/proc", "pictures")
     assert place(str(tmp_path / "new")) == tmp_path / "new"
     assert listing(tmp_path) == []

@@ -137,4 +137,4 @@ def test_the_command_reports_what_it_filled(tmp_path: Path, capsys: pytest.Captu
     code, _, said = bake("--coverage", str(tmp_path))
     assert code == 2 and "would overwrite" in said
     code, _, said = bake("--coverage", "seen", normals="n_#.png", output="frames")
-    assert code == 2 and "--coverage is of one pose" in said
+    assert code == 2 and "--coverage is for a single pose" in said

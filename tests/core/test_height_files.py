@@ -121,7 +121,7 @@ def test_a_foreign_json_file_is_kept(tmp_path: Path) -> None:
     [
         ("h.png", 8, "heights in 8 bits show steps"),
         ("h.exr", 16, "heights in 16 bits show steps"),
-        ("h.png", 32, "hold 8 or 16 bits a channel, not 32"),
+        ("h.png", 32, "hold 8 or 16 bits per channel, not 32"),
         ("h.jpg", None, ".jpg is not a supported image format"),
         ("no/h.png", None, "does not exist; create it first"),
     ],

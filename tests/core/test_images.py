@@ -383,7 +383,9 @@ class TestWriting:
     @pytest.mark.parametrize("shape", [(), (4,), (2, 2, 2, 2), (0, 4), (4, 0, 3), (2, 2, 0), (2, 2, 5)])
     @pytest.mark.parametrize("suffix", [".png", ".tif", ".exr"])
     def test_what_is_no_image_is_refused(self, tmp_path: Path, shape: tuple[int, ...], suffix: str) -> None:
-        with pytest.raises(SettingsError, match=rf"a{suffix}: an array of shape {re.escape(str(shape))} is no image"):
+        with pytest.raises(
+            SettingsError, match=rf"a{suffix}: an array of shape {re.escape(str(shape))} is not an image"
+        ):
             write_image(tmp_path / f"a{suffix}", np.zeros(shape))
         assert not any(tmp_path.iterdir())
 

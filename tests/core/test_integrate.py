@@ -271,7 +271,7 @@ def test_heights_that_are_off_are_reported(monkeypatch: pytest.MonkeyPatch, capl
         found(surface, "fast")
         assert not caplog.messages
         found(surface.masked(strip(128, 3)), "fast")
-    assert "a mask without these strips, or a smaller picture, mends it" in " ".join(caplog.messages)
+    assert "use a mask without these strips, or a smaller image" in " ".join(caplog.messages)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

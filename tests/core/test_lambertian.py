@@ -92,7 +92,7 @@ def test_what_equation_2_does_not_use_is_reported(caplog: pytest.LogCaptureFixtu
     Estimator("lambertian", passes=1)
     assert not caplog.text
     Estimator("lambertian", passes=3, provider="cuda")
-    assert "lambertian is no network and runs without provider cuda and 3 passes" in caplog.text
+    assert "lambertian is not a network and runs without provider cuda and 3 passes" in caplog.text
 
 
 def spoiled(sphere: Sphere, what: str) -> Capture:

@@ -324,8 +324,8 @@ def test_directx_turns_green_and_nothing_else(photo, tmp_path):
 
 
 BAD = {
-    "no scale": ([], "nothing states how large it is; give one of --width, --pixel-size or --ruler"),
-    "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options state how large it is"),
+    "no scale": ([], "no option states the material's size; give one of --width, --pixel-size or --ruler"),
+    "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options state the material's size"),
     "no unit": (["--width", "120"], "'120' is not a length; give a number and its unit"),
     "ruler without length": (["--ruler", "1,2,3,4"], "'' is not a length"),
     "ruler of three": (["--ruler", "1,2,3=5mm"], "--ruler 1,2,3=5mm is not x1,y1,x2,y2=50mm"),
@@ -347,7 +347,7 @@ BAD = {
         "borders that overlap by 0.05 of the tile are joined over 3 pixels, and need 5; choose a larger overlap",
     ),
     "bend too fine": (["--width", "1m", "--bend", "13"], "bend 13 is out of range; choose 0 to 12"),
-    "name with a folder": (["--width", "1m", "--name", "a/b"], "--name a/b is not a file's name; give the folder"),
+    "name with a folder": (["--width", "1m", "--name", "a/b"], "--name a/b is not a file name; give the folder"),
     "unknown convention": (["--width", "1m", "--convention", "vulkan"], "convention 'vulkan' is not known"),
     "unknown model": (["--width", "1m", "--model", "resnet"], "resnet"),
 }
@@ -380,7 +380,7 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
 
 def test_a_picture_is_no_folder_for_a_material(photo, tmp_path, capfd):
     assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "f.png") == 2
-    assert "f.png ends like a picture; give the folder for all of them" in capfd.readouterr().err
+    assert "f.png looks like an image file; give a folder for all of them" in capfd.readouterr().err
     assert not (tmp_path / "f.png").exists()
 
 

@@ -116,13 +116,13 @@ def test_materials_are_listed_and_loaded_by_name(file: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "other.npz"
     path.write_bytes(b"PK\x03\x04 cut short")
-    with pytest.raises(InputError, match="is no file of fits"):
+    with pytest.raises(InputError, match="is not a file of fits"):
         read_fits(path)
     good = networks(["a", "b"])
     for change, message in (
         ({"b3": None}, "b3"),
         ({"names": np.array(["a", "a"])}, "distinct names"),
-        ({"names": np.array(["a", {}], object)}, "is no file of fits"),
+        ({"names": np.array(["a", {}], object)}, "is not a file of fits"),
         ({"fc2": good["fc2"][:1]}, r'"fc2" is \(1, 21, 21\), expected 2 by 21 by 21'),
         ({"fc3": good["fc3"] * np.nan}, "not finite"),
     ):

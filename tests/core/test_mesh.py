@@ -177,8 +177,8 @@ def test_obj_corners_without_a_normal_get_the_smooth_one(tmp_path: Path) -> None
         ("f 1/1 2/2 3/x", "line 19 cannot be read"),
         ("v 1 2\nf 1/1 2/2 3/3", "line 19 cannot be read"),
         ("f 1/1 2/2", "it has no faces"),
-        ("v nan 0 0\nf 1/1 2/2 3/3", "not finite; mend the mesh"),
-        ("v 1e200 0 0\nf 1/1 2/2 3/3", r"vertices hold a value beyond 1e\+12; mend the mesh"),
+        ("v nan 0 0\nf 1/1 2/2 3/3", "not finite; repair the mesh"),
+        ("v 1e200 0 0\nf 1/1 2/2 3/3", r"vertices hold a value beyond 1e\+12; repair the mesh"),
     ],
 )
 def test_obj_that_cannot_be_meant(tmp_path: Path, faces: str, said: str) -> None:
@@ -444,7 +444,9 @@ def test_faces_that_turn_their_back_to_the_normals_are_reported(
     read_mesh(path, shape_only=True)
     assert not caplog.records
     read_mesh(path)
-    assert re.search(r"b\.obj: most of its faces turn their back .*flip the faces, and export it again", caplog.text)
+    assert re.search(
+        r"b\.obj: most of its faces point the opposite way .*flip the faces, and export it again", caplog.text
+    )
 
 
 def test_smooth_normals_are_the_same_in_any_unit() -> None:
@@ -676,13 +678,13 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a GLB of more numbers than it holds",
             lambda b: read_mesh(glb_of(b, accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
-            "mesh.glb: it unpacks to…MiB, and may to 64; reduce it first",
+            "mesh.glb: it unpacks to…MiB, more than the limit of 64; reduce it first",
         ),
         *(
             (
                 f"a GLB of {words}",
                 lambda b, nodes=nodes: read_mesh(glb_of(b, nodes=nodes)),
-                "mesh.glb: it has too many objects, or too many in one another; join them first",
+                "mesh.glb: it has too many objects, or nests them too deeply; join them first",
             )
             for words, nodes in (
                 ("100,000 nodes", [{"mesh": 0}] * 100_000),
@@ -696,12 +698,12 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a GLB whose numbers are in another file",
             lambda b: read_mesh(glb_beside_a_pipe(b)),
-            "mesh.glb: it names the file 'pipe', and is read alone",
+            "mesh.glb: it refers to the file 'pipe', which is not read",
         ),
         (
             "an .npz that unpacks to far more",
             lambda b: read_mesh(bomb(b)),
-            "mesh.npz: it unpacks to 288 MiB, and may to 8",
+            "mesh.npz: it unpacks to 288 MiB, more than the limit of 8",
         ),
         ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb…export it again"),
         ("npz cut short", lambda b: read_mesh(cut(b.mesh())), "mesh.npz…cannot be read…export it again"),

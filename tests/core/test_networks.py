@@ -358,7 +358,7 @@ def test_answers_are_unit_vectors_and_of_the_picture_s_size(name: str) -> None:
     ("name", "options", "words"),
     [
         ("resnet", {}, "there is no network 'resnet'; choose demultiplexer"),
-        ("mpsnet", {"widht": 1}, "unexpected keyword argument 'widht'; mend the recipe"),
+        ("mpsnet", {"widht": 1}, "unexpected keyword argument 'widht'; correct the recipe"),
         ("mpsnet", {"patch": 4}, "patch 4 is not an odd number from 1 to 15"),
         ("mpsnet", {"patch": 5.0}, "patch 5.0 is not an odd number"),
         ("mpsnet", {"width": "wide"}, "width 'wide' is not a number above 0 and up to 4"),

@@ -153,7 +153,7 @@ def test_one_pixel_is_open() -> None:
 
 def test_what_does_not_fit_is_said() -> None:
     surface = ball(FAR, (0, 0, -4), 1)
-    with pytest.raises(InputError, match="over 0 pixels is none"):
+    with pytest.raises(InputError, match="cannot reach over 0 pixels"):
         of(surface, reach=0)
     with pytest.raises(InputError, match="the height map is 10 x 10 but the normal map is 200 x 180"):
         ambient_occlusion(plane(orthographic(10, 10), (0, 0, 1), -1).heights, surface.normals)

@@ -125,12 +125,12 @@ def test_an_ending_that_contradicts_the_preset_is_refused(output: str, said: str
     [
         (["--preset", "cryengine"], "preset 'cryengine' is not known; choose blender, unreal"),
         (["--preset", "gltf", "-o", "texture.exr"], "the preset for glTF writes .png, but texture.exr ends in .exr"),
-        (["--preset", "unity", "--bits", "32"], "hold 8 or 16 bits a channel, not 32"),
+        (["--preset", "unity", "--bits", "32"], "hold 8 or 16 bits per channel, not 32"),
         (["--preset", "unity", "--convention", "metal"], "convention 'metal' is not known"),
         (["-o", "{folder}"], "it is a folder; give a file name"),
         (
             ["--preset", "unity", "--mesh", "b.obj", "-o", "{folder}/"],
-            "2 share this one; give its file with --output, as",
+            "2 share this one; give its file with --output, such as",
         ),
         (["--padding", "none", "--margin", "4"], "--margin goes with --padding nearest, not with none; leave it out"),
         (["--padding", "push-pull", "--margin", "0"], "--margin goes with --padding nearest, not with push-pull"),

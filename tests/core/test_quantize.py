@@ -160,7 +160,7 @@ def test_what_has_no_int8_version_is_reported(
     made: tuple[Path, QuantizationErrors], model: Path, samples: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "twin.onnx"
-    with pytest.raises(InputError, match="in eight bits already; give the one that it was made from"):
+    with pytest.raises(InputError, match="quantized to int8 already; give the model that it was made from"):
         quantise(made[0], [samples], out)
     with pytest.raises(InputError, match="works patch by patch; only those that do not have int8 versions"):
         quantise(exported("mpsnet", tmp_path / "mpsnet.onnx"), [samples], out)
@@ -171,7 +171,7 @@ def test_what_has_no_int8_version_is_reported(
     weights.external_data.add(key="location", value="/dev/zero")
     (tmp_path / "elsewhere.onnx").write_bytes(elsewhere.SerializeToString())
     with pytest.raises(
-        InputError, match=r"elsewhere.onnx has weights elsewhere \(.*/dev/zero\); give one that has them"
+        InputError, match=r"elsewhere.onnx keeps weights in another file \(.*/dev/zero\); give one that holds them"
     ):
         quantise(tmp_path / "elsewhere.onnx", [samples], out)
     assert listing(tmp_path) == ["elsewhere.onnx", "mpsnet.onnx"]

@@ -217,7 +217,7 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             ".lp with a wrong count",
             lambda b: read_rig(b.text("r.lp", "3\n" + "a 0 0 1\n" * 2)),
-            "r.lp…states 3 lights but 2 lines follow; mend the count",
+            "r.lp…states 3 lights but 2 lines follow; correct the count",
         ),
         (".lp with no light", lambda b: read_rig(b.text("r.lp", "0\n")), "r.lp…holds 0 lights, a rig has three"),
         (".lp with two numbers a line", lambda b: read_rig(b.text("r.lp", "3\n" + "0 1\n" * 3)), "r.lp…name x y z"),

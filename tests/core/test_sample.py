@@ -238,9 +238,9 @@ def channel(name: str, value: float) -> Callable[[dict[str, np.ndarray], dict[st
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (drop_channel, "no sample: it has not a sample's layers"),
-        (drop_description, "no sample: it has no description"),
-        (huge_description, "no sample: it has no description"),
+        (drop_channel, "not a sample: it does not have a sample's layers"),
+        (drop_description, "not a sample: it has no description"),
+        (huge_description, "not a sample: it has no description"),
         (break_description, "its description cannot be read"),
         (nest_description, "its description cannot be read"),
         (describe_a_list, "its description cannot be read"),
@@ -249,8 +249,8 @@ def channel(name: str, value: float) -> Callable[[dict[str, np.ndarray], dict[st
         (description(lit_fractions=[0, 1]), "its description cannot be read"),
         (description(lit_fractions=[0, 0, 2, 0]), "its description cannot be read"),
         (description(lit_fractions=[0, 0, 0, 10**400]), "its description cannot be read"),
-        (recipe(shape=3), "no recipe that this program knows"),
-        (recipe(materials=[{"gloss": 1}]), "no recipe that this program knows"),
+        (recipe(shape=3), "recipe is not known to this program"),
+        (recipe(materials=[{"gloss": 1}]), "recipe is not known to this program"),
         (recipe(light_directions=[[0, 0, 1]] * 3), "lie .nearly. in one plane"),
         (recipe(light_directions=[[1, 0, 1], [0, 1, 1], [-1, 0, 1]]), "its recipe does not fit it"),
         (recipe(rotation=[[float("nan")] * 3] * 3), "its recipe does not fit it"),
@@ -291,9 +291,9 @@ def test_other_files_are_reported(tmp_path: Path, sample: Sample) -> None:
     for path, words in (
         (tmp_path / "none.exr", "does not exist"),
         (tmp_path, "is a folder"),
-        (photo, "no sample: it has not a sample's layers"),
-        (disguised, "no sample"),
-        (text, "no sample, or cut short"),
+        (photo, "not a sample: it does not have a sample's layers"),
+        (disguised, "not a sample"),
+        (text, "not a sample, or its header is cut short"),
         (huge, "10000 x 48, more than 8192 pixels a side"),
     ):
         for read in (read_sample, read_sample_data):
@@ -314,7 +314,7 @@ def huge_header(sample: Sample, folder: Path) -> bytes:
 def test_a_picture_that_is_not_finite_is_not_written(tmp_path: Path, sample: Sample) -> None:
     lights = sample.lights.copy()
     lights[1, 2, 3] = np.nan
-    with pytest.raises(InputError, match="not finite; render it anew"):
+    with pytest.raises(InputError, match="not finite; render it again"):
         write_sample(tmp_path / "s.exr", replace(sample, lights=lights))
     assert listing(tmp_path) == []
 

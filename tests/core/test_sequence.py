@@ -237,7 +237,7 @@ def test_a_broken_frame_is_named_and_what_was_made_is_kept(tmp_path: Path) -> No
     photos = shots(tmp_path / "shots", range(1, 9))
     whole = photos[5].read_bytes()
     photos[5].write_bytes(whole[: len(whole) // 2])
-    words = r"frame_0006\.png is damaged or cut short.*; 5 frames were made, and the same command goes on from there"
+    words = r"frame_0006\.png is damaged or cut short.*; 5 frames were made; run the same command again to continue"
     with pytest.raises(InputError, match=words):
         run(photos, tmp_path / "out")
     assert listing(tmp_path / "out") == [f"frame_{number:04d}_normals.png" for number in range(1, 6)]

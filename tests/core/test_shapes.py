@@ -350,7 +350,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float
         ("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
         ("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no faces with an area"),
         ("far.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 9\n", "lacks|cannot be read"),
-        ("photo.png", "x", "no format that is read"),
+        ("photo.png", "x", "not in a supported format"),
     ],
 )
 def test_hopeless_meshes_are_named(tmp_path: Path, name: str, text: str, words: str) -> None:

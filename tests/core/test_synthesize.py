@@ -112,7 +112,7 @@ def test_a_terminated_run_leaves_whole_samples(tmp_path: Path) -> None:
 
 
 def test_a_job_for_blender_is_not_synthesised(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is for Blender; go on with it by mpsnet make"):
+    with pytest.raises(InputError, match="is for Blender; continue it with mpsnet make"):
         make_sample(SampleJob(renderer="cycles", count=1), 0, tmp_path / "sample_000000.exr")
     assert not listing(tmp_path)
 

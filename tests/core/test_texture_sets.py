@@ -138,7 +138,7 @@ def test_names_are_made_fit_for_files_and_stay_apart() -> None:
         ("a.<TILE>.png", "<TILE> stands for nothing; use <UDIM>, <MATERIAL> or <OBJECT>"),
         ("a.<udim>.png", "in capital letters"),
         ("<OBJECT>/a.png", "stands in a folder's name; put it into the file's name"),
-        ("a_<OBJECT>.png", "has <OBJECT>, by which the textures are not parted"),
+        ("a_<OBJECT>.png", "has <OBJECT>, but the textures are not split that way"),
         ("a.png", "several textures would be called a.png"),
     ],
 )
@@ -211,7 +211,7 @@ def test_npz_gives_back_the_names(tmp_path: Path) -> None:
     ("changes", "said"),
     [
         ({"materials": np.array(["a", "a"])}, "two labels have the same name"),
-        ({"materials": np.array([1, 2])}, '"materials" are no names'),
+        ({"materials": np.array([1, 2])}, '"materials" are not names'),
         ({"triangle_material": np.array([0, 0, 0, 5])}, "numbered up to 5, but have 2 names"),
         ({"triangle_material": np.array([0, 0, 0, -1])}, "labels are numbered"),
         ({"triangle_material": np.array([0.5, 0, 0, 1])}, "one whole number for each triangle"),

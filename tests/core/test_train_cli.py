@@ -218,11 +218,11 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, network="resnet"),
                 "there is no network 'resnet'; choose demultiplexer",
             ),
-            ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; mend the recipe"),
+            ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; correct the recipe"),
             (
                 "width of nothing",
                 lambda b: train(b, **{"options.width": 0}),
-                "width 0 is not a number above 0…mend the recipe",
+                "width 0 is not a number above 0…correct the recipe",
             ),
             (
                 "gradients of patches",
@@ -303,7 +303,7 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
             (
                 "8-bit network to train further",
                 lambda b: train(b, "--resume", "multiscale-int8"),
-                "multiscale-int8.onnx is in 8-bit numbers; resume from the one that it was made from",
+                "multiscale-int8.onnx is quantized to int8; resume from the model that it was made from",
             ),
             (
                 "text as a network to train further",

@@ -201,7 +201,7 @@ def test_training_lowers_the_error_on_what_is_seen_again_and_again(
 def test_an_earlier_runs_checkpoint_is_not_overwritten(ball: Path, tmp_path: Path) -> None:
     run(recipe("demultiplexer", steps=2, crop=16), ball, tmp_path / "c")
     before = (tmp_path / "c").read_bytes()
-    with pytest.raises(InputError, match="of an earlier run; go on from it with --resume"):
+    with pytest.raises(InputError, match="from an earlier run; continue it with --resume"):
         run(recipe("demultiplexer", steps=2, crop=16), ball, tmp_path / "c")
     assert (tmp_path / "c").read_bytes() == before
 
@@ -245,7 +245,7 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     record = OnnxModel(tmp_path / "further.onnx").record
     assert record is not None and record["continues"]["steps"] == 4
     before = checkpoint.read_bytes()
-    with pytest.raises(InputError, match="of an earlier run; go on from it with --resume"):
+    with pytest.raises(InputError, match="from an earlier run; continue it with --resume"):
         run(further, samples, checkpoint, resume=exported)
     assert checkpoint.read_bytes() == before
     with pytest.raises(InputError, match=r"model\.onnx has had 4 steps already, which --stop-after counts too"):

@@ -223,7 +223,7 @@ def test_pixels_that_are_not_square_are_noted(tmp_path: Path, caplog: pytest.Log
 def test_half_size_colour_is_noted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     read_video_header(clip(tmp_path / "a.mkv", noise(1), kind="yuv420p"))
-    assert "the video holds colour at half its size (yuv420p)" in caplog.text
+    assert "the video stores colour at half its resolution (yuv420p)" in caplog.text
     caplog.clear()
     read_video_header(clip(tmp_path / "b.mkv", noise(1)))
     assert "half" not in caplog.text and "video read as sRGB" in caplog.text

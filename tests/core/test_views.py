@@ -223,7 +223,7 @@ def test_a_kept_file_that_is_not_ours_is_not_overwritten(table: Table) -> None:
     write_normals(retouched, read_normals(retouched))
     before = retouched.read_bytes()
     with pytest.raises(
-        InputError, match=r"would overwrite .*side1_normals.png, which is no file of views --keep; keep"
+        InputError, match=r"would overwrite .*side1_normals.png, which was not written by views --keep; keep"
     ):
         table.run(*keep)
     assert retouched.read_bytes() == before
@@ -322,7 +322,8 @@ def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
     notes = json.loads(table.run("--progress", "json").splitlines()[-1])["result"]["notes"]
     (saturated,) = [note for note in notes if "are saturated" in note]
     assert re.fullmatch(
-        r"view side2: \d\d% of the object's pixels are saturated, and wrong; expose shorter \[clipped-photo\]",
+        r"view side2: \d\d% of the object's pixels are saturated and therefore wrong; "
+        r"use a shorter exposure \[clipped-photo\]",
         saturated,
     )
 
@@ -334,7 +335,7 @@ def test_a_photo_whose_shading_is_that_of_linear_values_is_reported(table: Table
         pixels = read_image(photo).pixels
         photo.unlink()
         write_file(photo.with_suffix(".tif"), np.clip(pixels, 0, 1), "uint16")
-    assert "side0.tif does not say how its values are meant" in table.notes()
+    assert "side0.tif does not state its colour encoding" in table.notes()
     assert "does not say" not in table.notes("--encoding", "linear")
 
 

@@ -34,7 +34,7 @@ class _Worker:
 
     def make(self, job: SampleJob, number: int, path: Path) -> None:
         if job.renderer != "cycles":
-            raise InputError(f"the job in {path.parent} is not for Blender; go on with it by mpsnet make")
+            raise InputError(f"the job in {path.parent} is not for Blender; continue it with mpsnet make")
         recipe = draw_recipe(job, number)
         shown = self._shown(recipe, job, path.parent)
         write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))

@@ -411,7 +411,7 @@ def _checked(found: MixingFound) -> MixingFound:
     orders = itertools.permutations(range(3))
     if max(orders, key=lambda order: float(mixing[range(3), order].prod())) != (0, 1, 2):
         raise GeometryError(
-            "the lights stand where the rig has other ones; does the rig belong to this photo, with its lights in the "
+            "the lights are not where the rig says; does the rig belong to this photo, with its lights in the "
             "order red, green, blue? [light-order]"
         )
     if found.residual > POOR:

@@ -36,26 +36,26 @@ MOST_NAMED = 16
 class LooksAtBall(ReadsPhotos, HasLens):
     """The ball in the photo, the camera, and outputs besides the rig."""
 
-    heading: ClassVar[str] = "the ball, and what else is written"
+    heading: ClassVar[str] = "the ball, and extra output files"
 
     circle: tuple[str, ...] = option(
         default=(),
         metavar="X,Y,R",
-        help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
-        "in the balls' order",
-        unset="it is looked for",
+        help="the ball's outline, set by hand: centre from the photo's top left corner, and radius, in "
+        "pixels; one for each ball, in order",
+        unset="detected in the photo",
     )
     mask: str | None = option(default=None, help="mask file, white on the ball or the card", provenance="files")
     radius: float | None = option(
         default=None,
-        help="radius of the ball, in the unit that positions are wanted in: best that of the mesh. It counts where "
+        help="radius of the ball, in the unit for the lights' positions, best that of the mesh. Needed where "
         "lights have positions, for a grey ball too",
-        unset="positions count in radii",
+        unset="positions are in radii of the ball",
     )
     overlay: str | None = option(
-        default=None, metavar="PNG", help="write a picture of what was found, drawn over the photo", provenance="none"
+        default=None, metavar="PNG", help="write an image of the results, drawn over the photo", provenance="none"
     )
-    json: str | None = option(default=None, metavar="FILE", help="write what was found as JSON", provenance="none")
+    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
 
     def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
         """The photos, after checking that the results can be written and overwrite no input."""
@@ -83,7 +83,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         from mpsnet_core.capture.calibrate.photos import BallPhotos
 
         if self.circle and self.mask:
-            raise SettingsError("--circle and --mask both define where it is; give one of them")
+            raise SettingsError("--circle and --mask both define where the ball or card is; give one of them")
         return BallPhotos(
             files,
             [Circle(*_numbers(text, "--circle")) for text in self.circle],
@@ -135,34 +135,34 @@ class _Chosen:
 
 @dataclass(frozen=True)
 class CalibrateLights(LooksAtBall):
-    """The lights' directions or positions, from a mirror ball."""
+    """Find the lights' directions or positions from photos of a mirror ball."""
 
     command: ClassVar[str] = "calibrate lights"
 
     ball: tuple[str, ...] = option(
         positional=True,
-        help="photo(s) of a mirror ball under the red, green and blue light at once, one for each place of the ball, "
-        "or an .lp file, of which --lights chooses three",
+        help="photo(s) of a mirror ball under the red, green and blue light at once, one for each place of "
+        "the ball, or an .lp file, from which --lights chooses three",
         provenance="files",
     )
     per_light: bool = option(
         default=False,
-        help="the photos show one light each: three in the order red, green, blue, more of them by their numbers (any "
-        "number of lights for an .lp file)",
+        help="each photo shows one light: three photos in the order red, green, blue, more in the order of "
+        "their numbers (an .lp file takes any number of lights)",
     )
     places: int = option(
         default=1,
         low=1,
-        help="with --per-light: at how many places the ball stood, first all photos of the first place",
+        help="with --per-light: number of places where the ball stood; give all photos of the first place first",
     )
     balls: int = option(default=1, low=1, help="how many mirror balls each photo shows")
     lights: str | None = option(
         default=None,
         metavar="R,G,B",
-        help="with --per-light or an .lp file: which of the lights, counted from 1 in the order of the table, are the "
-        "rig's red, green and blue one",
+        help="with --per-light or an .lp file: numbers of the rig's red, green and blue light, counted from 1 "
+        "in the order of the table",
     )
-    distant: bool = option(default=False, help="write directions, though positions could be found")
+    distant: bool = option(default=False, help="write directions even where positions could be found")
     output: str = option(
         metavar="RIG",
         help="rig file (.json), or .lp with any number of directions",
@@ -351,7 +351,7 @@ class MixingCalibrated(Result):
 
 @dataclass(frozen=True)
 class CalibrateMixing(LooksAtBall):
-    """The mixing matrix, from a grey ball or card."""
+    """Find the mixing matrix from photos of a grey ball or card."""
 
     command: ClassVar[str] = "calibrate mixing"
 
@@ -361,9 +361,9 @@ class CalibrateMixing(LooksAtBall):
         provenance="files",
     )
     rig: str = option(help="rig file with the lights' directions or positions", provenance="content")
-    card: bool = option(default=False, help="the photos show a flat grey card: one photo a light")
+    card: bool = option(default=False, help="the photos show a flat grey card, one photo per light")
     normal: str | None = option(
-        default=None, metavar="X,Y,Z", help="where the card faces, in camera space", unset="towards the camera"
+        default=None, metavar="X,Y,Z", help="direction that the card faces, in camera space", unset="towards the camera"
     )
     output: str = option(metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 
@@ -411,7 +411,7 @@ class CalibrateMixing(LooksAtBall):
                 f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one --circle"
             )
         if self.normal and not self.card:
-            raise SettingsError("--normal is a card's; add --card, or leave it out")
+            raise SettingsError("--normal is for a card; add --card, or leave it out")
         if len(files) not in ((3,) if self.card else (1, 3)):
             wanted = "a card takes three photos, one" if self.card else "give one photo of a grey ball, or three, one"
             raise SettingsError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
@@ -493,7 +493,7 @@ def _numbers(text: str, option: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != 3:
-        raise SettingsError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
+        raise SettingsError(f"{option} {text} is not three numbers separated by commas, such as 250,148,119")
     return numbers
 
 
@@ -538,4 +538,6 @@ def _note_replaced(file: Path) -> None:
 
     with contextlib.suppress(InputError):
         if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
-            log.info("the mixing that %s held is gone with its lights; find it again", file.name)
+            log.info(
+                "the mixing that %s held belonged to its old lights and was dropped; calibrate it again", file.name
+            )

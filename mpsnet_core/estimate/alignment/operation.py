@@ -83,7 +83,7 @@ class Align(RunsModel, ReadsPhotos):
 
     image: str = option(positional=True, help="the photo", path="file", provenance="files")
     mesh: str = option(
-        help="the mesh of what the photo shows, in the unit and axes that the camera is wanted in",
+        help="mesh of the object in the photo, whose unit and axes the camera file will use",
         path="file",
         provenance="content",
     )
@@ -92,7 +92,7 @@ class Align(RunsModel, ReadsPhotos):
     points: str | None = option(
         default=None,
         metavar="FILE",
-        help="pairs of places in the photo and on the mesh, 4 or more: "
+        help="JSON file of 4 or more pairs of points in the photo and on the mesh: "
         '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}, in pixels from the top left corner and the mesh '
         "file's own axes",
         path="file",
@@ -101,7 +101,7 @@ class Align(RunsModel, ReadsPhotos):
     start: str | None = option(
         default=None,
         metavar="FILE",
-        help="camera file of a rough start, which looks at the object from some 10 degrees off at most",
+        help="camera file of a rough start, within about 10 degrees of the photo's view",
         unset="without pairs, views all around the mesh are tried",
         path="file",
         provenance="content",
@@ -112,22 +112,22 @@ class Align(RunsModel, ReadsPhotos):
         low=LEAST_FOCAL,
         high=MOST_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
-        unset="found as well",
+        unset="estimated too",
     )
     lens: str | None = option(
         default=None,
         metavar="CAMERA",
-        help="camera file of the lens, in place of --focal: its focal length and principal point stay, its pose does "
-        "not count; of a photo of the same shape, in any size",
-        unset="the principal point is the photo's middle, or that of the start",
+        help="camera file of the lens, in place of --focal: sets the focal length and principal point, not "
+        "the pose; its photo must have the same aspect ratio, at any size",
+        unset="the principal point is the photo's centre, or that of the start",
         path="file",
         provenance="content",
     )
     overlay: str | None = option(
         default=None,
         metavar="FILE",
-        help="also write a picture of the photo around the object with the outlines of mask (orange) and mesh (green), "
-        "and the pairs",
+        help="also write the photo cropped to the object, with the outlines of mask (orange) and mesh (green) "
+        "and the pairs drawn over it",
         path="file",
         provenance="none",
     )

@@ -53,5 +53,5 @@ def _numbers(path: os.PathLike[str], number: int, pair: dict[str, object], key: 
     values = pair[key]
     right = isinstance(values, list) and len(values) == count
     if not right or not all(type(value) in (int, float) and abs(value) <= FARTHEST for value in values):  # type: ignore[attr-defined]
-        raise FormatError(f'{path}: the "{key}" of pair {number} is not {count} numbers up to {FARTHEST:g}; mend it')
+        raise FormatError(f'{path}: the "{key}" of pair {number} is not {count} numbers up to {FARTHEST:g}; correct it')
     return [float(value) for value in values]  # type: ignore[attr-defined]

@@ -132,7 +132,7 @@ class _Run:
             if not outcome.made:
                 raise
             made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
-            raise type(error)(f"{error}; {made}, and the same command goes on from there") from None
+            raise type(error)(f"{error}; {made}; run the same command again to continue") from None
         if self.nothing is not None and not outcome.made + outcome.there:
             raise self.nothing  # the mask is wrong, for example: keep the normal maps of an earlier run
         for output in self.stale:

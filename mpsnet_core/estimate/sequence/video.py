@@ -88,8 +88,8 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         log.info("video read as %s%s", curve, ", as requested" if encoding != "auto" else "")
         if codec.pix_fmt and ("420" in codec.pix_fmt or "422" in codec.pix_fmt or codec.pix_fmt in ("nv12", "p010le")):
             log.info(
-                "the video holds colour at half its size (%s), and each light lives in a colour: its normals are as "
-                "coarse; record 4:4:4 or frames where you can",
+                "the video stores colour at half its resolution (%s), and each light is one colour, so the "
+                "normals are as coarse; record 4:4:4 video or frames if you can",
                 codec.pix_fmt,
             )
         aspect = stream.sample_aspect_ratio
@@ -228,7 +228,7 @@ def _opened(path: Path) -> "InputContainer":
             raise FormatError(f"{path} holds no pictures, only sound or text; choose another")
         codec = container.streams.video[0].codec_context
         if codec is None:
-            raise FormatError(f"{path} is by a codec that this FFmpeg does not have; convert it, to H.264 for instance")
+            raise FormatError(f"{path} uses a codec that this FFmpeg does not have; convert it, to H.264 for instance")
         _check_size(path, codec.width, codec.height)
         codec.options = {"max_pixels": str(MAX_PIXELS)}  # a frame's own header may state another size
     except InputError:

@@ -58,7 +58,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str,
     count = min(len(directions), len(intensities), len(names))
     for light in lights:
         if not 1 <= light <= count:
-            raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
+            raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; correct --lights")
     # The 16-bit values of the photographs are linear, whatever the metadata of the files says.
     photos = [read_data(folder / names[light - 1])[0] / intensities[light - 1] for light in lights]
     weights = PROTOCOLS[protocol]

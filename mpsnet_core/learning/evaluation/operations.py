@@ -44,7 +44,7 @@ def mesh_view_count() -> Any:
 class MeasuresModels(Operation):
     """The models that a test measures, and its outputs."""
 
-    heading: ClassVar[str] = "the models, and where the answer goes"
+    heading: ClassVar[str] = "the models, and output files"
 
     model: tuple[str, ...] = option(
         default=(DEFAULT_MODEL,), metavar="MODEL", help="model by its name or .onnx file, or all"
@@ -90,7 +90,9 @@ class PhotographsSynthetic(MeasuresModels):
 
     heading: ClassVar[str] = "the photographs"
 
-    protocol: tuple[str, ...] = option(default=("published",), choices=PROTOCOLS, help="how a channel weighs colours")
+    protocol: tuple[str, ...] = option(
+        default=("published",), choices=PROTOCOLS, help="how much each channel sees of each colour"
+    )
     size: int = picture_size(256)
 
 
@@ -100,17 +102,15 @@ class EvaluateDiligent(Magnifies):
 
     command: ClassVar[str] = "evaluate diligent"
 
-    folder: str = option(
-        positional=True, help="DiLiGenT's pmsData folder; objects that are absent are named and skipped"
-    )
+    folder: str = option(positional=True, help="DiLiGenT's pmsData folder; missing objects are reported and skipped")
     object: tuple[str, ...] = option(
-        default=(), metavar="NAME", choices=dict.fromkeys(OBJECTS, ""), help="object of the set", unset="all ten"
+        default=(), metavar="NAME", choices=dict.fromkeys(OBJECTS, ""), help="object of DiLiGenT", unset="all ten"
     )
     lights: tuple[str, ...] = option(
         default=(), metavar="R,G,B", help="numbers of the lights that give red, green and blue"
     )
     protocol: tuple[str, ...] = option(
-        default=(), choices=PROTOCOLS, help="how a channel weighs colours", unset="all three"
+        default=(), choices=PROTOCOLS, help="how much each channel sees of each colour", unset="all three"
     )
     white: bool = white_beside()
 
@@ -180,9 +180,7 @@ class EvaluateStatues(Magnifies):
         metavar="DEGREES",
         help="tilt of the first light, from which the others stand 120° apart",
     )
-    bounces: int = option(
-        default=0, low=0, high=MAX_BOUNCES, help="how often light goes from surface to surface: 0 to 3"
-    )
+    bounces: int = option(default=0, low=0, high=MAX_BOUNCES, help="number of light bounces between surfaces: 0 to 3")
     size: int = picture_size(640)
 
     def evaluation(self) -> "Evaluation":
@@ -220,8 +218,8 @@ class EvaluateSamples(Magnifies):
 
     command: ClassVar[str] = "evaluate samples"
 
-    folder: tuple[str, ...] = option(positional=True, help="folders of samples that training does not see")
-    count: int = option(default=0, low=0, help="how many of the samples, evenly spread; 0 for all")
+    folder: tuple[str, ...] = option(positional=True, help="folders of held-out samples")
+    count: int = option(default=0, low=0, help="how many samples to use, evenly spread; 0 for all")
     white: bool = white_beside()
 
     def evaluation(self) -> "Evaluation":
@@ -239,10 +237,10 @@ class EvaluatePatchSizes(Operation):
     samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to train on")
     validation: tuple[str, ...] = option(metavar="DIR", help="folder of held-out samples")
     runs: str = option(
-        metavar="DIR", help="folder of checkpoints, from which a cancelled run goes on", provenance="none"
+        metavar="DIR", help="folder of checkpoints, from which a cancelled run resumes", provenance="none"
     )
-    width: float = option(default=0.125, help="share of the published numbers of maps")
-    steps: int = option(default=600, help="steps of each of the ten trainings, of 512 patches")
+    width: float = option(default=0.125, help="fraction of the published numbers of feature maps")
+    steps: int = option(default=600, help="steps of each of the ten trainings, 512 patches each")
     patches: int = option(default=500_000, low=1, help="how many patches to measure on")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(

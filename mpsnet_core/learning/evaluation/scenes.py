@@ -80,7 +80,7 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
     seen = image.max(axis=-1)[sample.mask]
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
-        raise GeometryError("no pixel shows the object wholly, or no light reaches it; take another sample")
+        raise GeometryError("no pixel shows the object completely, or no light reaches it; take another sample")
     rig = LightRig(sample.recipe.light_directions, exact=True)
     beside = np.stack([channel(k, sample.lights.sum(axis=0)) for k in range(3)], axis=-1) if white else None
     return Capture(image * np.float32(1 / bright), sample.mask, rig, white=beside)

@@ -54,7 +54,7 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
     try:
         model = onnx.load(str(path), load_external_data=False)
         if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
-            raise FormatError(f"model {path} is in 8-bit numbers; resume from the one that it was made from")
+            raise FormatError(f"model {path} is quantized to int8; resume from the model that it was made from")
         record = json.loads({entry.key: entry.value for entry in model.metadata_props}[TRAINING_KEY])
         values = {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}
         nodes = [node for node in model.graph.node if node.op_type in ("Conv", "ConvTranspose")]

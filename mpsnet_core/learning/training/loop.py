@@ -197,7 +197,7 @@ def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
                 raise
             reason = " ".join(str(error).split())[:200]
             raise InputError(
-                f"another of the {count} processes ended ({reason}); go on from the last checkpoint"
+                f"another of the {count} processes ended ({reason}); resume from the last checkpoint"
             ) from None
 
 
@@ -211,7 +211,7 @@ def _check_places(places: Places, anneal: int) -> None:
     if anneal or checkpoint is None or not checkpoint.exists():
         return
     if resume is None or not resume.exists() or not checkpoint.samefile(resume):
-        raise FileError(f"{checkpoint} is of an earlier run; go on from it with --resume, or remove it to begin anew")
+        raise FileError(f"{checkpoint} is from an earlier run; continue it with --resume, or remove it to start again")
 
 
 def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
@@ -255,7 +255,7 @@ class _Run:
     ) -> None:
         if recipe.batch % processes.count:
             raise SettingsError(
-                f"a batch of {recipe.batch} cannot be shared by {processes.count} processes; mend the recipe"
+                f"a batch of {recipe.batch} cannot be shared by {processes.count} processes; correct the recipe"
             )
         device, self.recipe, self.processes = processes.device, recipe, processes
         torch.manual_seed(recipe.seed)
@@ -312,7 +312,7 @@ class _Run:
         for what, value in (("loss", loss.total), ("gradients", gradients)):
             if not torch.isfinite(value):
                 raise SettingsError(
-                    f"{what} of step {self.step} not finite; begin anew with a lower learning rate, or with "
+                    f"{what} of step {self.step} not finite; start again with a lower learning rate, or with "
                     "--precision float32"
                 )
         for optimiser in self.optimisers:

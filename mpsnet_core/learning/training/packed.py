@@ -128,7 +128,9 @@ def _record(path: Path) -> NDArray[np.void]:
     """The fields of :class:`Packed` as one record. Raises FormatError if the sample is damaged or dark."""
     sample = read_sample(path)
     if not (sample.lights[:, sample.mask] > 0).any():
-        raise FormatError(f"sample {path} shows no pixel of its object wholly, or no light reaches it; make it again")
+        raise FormatError(
+            f"sample {path} shows no pixel of its object completely, or no light reaches it; make it again"
+        )
     box = bounding_box(sample.mask, MARGIN)
     mask = sample.mask[box]
     lights = sample.lights[:, *box].transpose(0, 3, 1, 2).reshape(9, *mask.shape)

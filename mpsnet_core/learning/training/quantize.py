@@ -80,10 +80,12 @@ def quantise(
         graph = onnx.load(str(source.path))
     except onnx.checker.ValidationError as error:
         raise FormatError(
-            f"model file {source.path} has weights elsewhere ({error}); give one that has them all"
+            f"model file {source.path} keeps weights in another file ({error}); give one that holds them all"
         ) from None
     if any(node.op_type == "QuantizeLinear" for node in graph.graph.node):
-        raise FormatError(f"model file {source.path} is in eight bits already; give the one that it was made from")
+        raise FormatError(
+            f"model file {source.path} is quantized to int8 already; give the model that it was made from"
+        )
     inner = _inner_nodes(graph, card)
     if not inner:
         raise FormatError(f"model file {source.path} has no layer between its first and its last; leave it as it is")

@@ -83,8 +83,8 @@ def solved(
     else:
         if by_default and remaining > REPORTED:
             log.info(
-                "the heights may be off by a few pixels where the surface hangs together by thin strips alone; "
-                "a mask without these strips, or a smaller picture, mends it"
+                "the heights may be wrong by a few pixels where only thin strips connect the surface; use a "
+                "mask without these strips, or a smaller image"
             )
     return u
 

@@ -192,8 +192,8 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
         )
     if min(left, top) < 0 or left + width > columns or top + height > rows:
         raise SettingsError(
-            f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
-            f"photo, which is {columns} x {rows}; give places that it has"
+            f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within "
+            f"the photo, which is {columns} x {rows}; choose a crop within it"
         )
     if min(width, height) < MIN_MATERIAL_SIZE:
         raise GeometryError(

@@ -63,8 +63,8 @@ def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     reader = read_colmap if path.is_dir() else _READERS.get(path.suffix.lower())
     if reader is None:
         raise FormatError(
-            f"{path} is no file of cameras that is read here: name a COLMAP folder, a Metashape .xml "
-            "(File > Export > Export Cameras) or Meshroom's cameras.sfm"
+            f"{path} is not a supported file of cameras: name a COLMAP folder, a Metashape .xml (File > Export "
+            "> Export Cameras) or Meshroom's cameras.sfm"
         )
     photos = sorted(reader(path), key=lambda posed: posed.photo)
     if not photos:

@@ -120,8 +120,8 @@ def _lens(intrinsic: dict[str, Any]) -> Lens:
     for name, read in ((kind, ("pinhole", *_OLD_TYPES)), (bend, _DISTORTIONS), (straightened, ("none",))):
         if name not in read:
             raise FormatError(
-                f"camera type {name!r} is not read here (pinhole, radial1, radial3 and brown are); choose one of these "
-                "in Meshroom's CameraInit node"
+                f"camera type {name!r} is not supported (pinhole, radial1, radial3 and brown are); choose one "
+                "of these in Meshroom's CameraInit node"
             )
     values = _numbers(intrinsic, "distortionParams", _DISTORTIONS[bend]).tolist() if _DISTORTIONS[bend] else []
     return Lens(radial=tuple(values[:3]), tangential=(values[4], values[3]) if bend == "brown" else (0.0, 0.0))
@@ -147,7 +147,7 @@ def _records(scene: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
 def _part(record: dict[str, Any], key: str) -> dict[str, Any]:
     part = record.get(key)
     if not isinstance(part, dict):
-        raise FormatError(f'it lacks "{key}", or that is no object; save the scene again')
+        raise FormatError(f'it lacks "{key}", or it is not an object; save the scene again')
     return part
 
 

@@ -140,7 +140,7 @@ def _trimmed(*coefficients: float) -> tuple[float, ...]:
 def _known_model(model: str) -> str:
     if model not in _PARAMETERS:
         raise FormatError(
-            f"camera model {model} is not read here ({', '.join(_PARAMETERS)} are); undistort the photos with "
+            f"camera model {model} is not supported ({', '.join(_PARAMETERS)} are); undistort the photos with "
             "COLMAP (image_undistorter) and use its model and photos"
         )
     return model
@@ -150,7 +150,7 @@ def _posed(name: str, inside: _Intrinsics, pose: NDArray[np.float64]) -> PosedPh
     """pose: quaternion w, x, y, z and translation, world to camera."""
     length = math.hypot(*pose[:4])
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:
-        raise FormatError("its quaternion is no rotation, or its translation not finite; export the model again")
+        raise FormatError("its quaternion is not a rotation, or its translation not finite; export the model again")
     w, x, y, z = pose[:4] / length
     camera_from_world = rotation(quaternion_matrix(w, x, y, z), "the photo")
     turn = camera_from_world.T

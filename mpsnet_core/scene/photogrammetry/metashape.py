@@ -52,7 +52,7 @@ def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     """
     file = existing_file(path, "camera file")
     if file.stat().st_size > MAX_FILE_BYTES:
-        raise FormatError(f"{file} is larger than 64 MiB and so no file of cameras; {EXPORT}")
+        raise FormatError(f"{file} is larger than 64 MiB and so not a file of cameras; {EXPORT}")
     with located(file):
         try:
             text = file.read_text(encoding="utf-8-sig")
@@ -147,7 +147,7 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
         raise FormatError(f"its sensor's calibration lacks the focal length f{old}; {EXPORT} with a newer version")
     for name in ("p3", "p4"):
         if values.get(name):
-            raise FormatError(f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4")
+            raise FormatError(f"its sensor has the distortion {name}, which is not supported; calibrate without p3, p4")
     return width, height, values
 
 

@@ -16,6 +16,6 @@ def check_address(address: str, *, trusted: bool) -> None:
     """Raise SettingsError if the address is not authenticated and the network is not trusted."""
     if not (trusted or is_loopback(address) or address.startswith("tls://")):
         raise SettingsError(
-            f"whoever answers at {address} could run anything here; give a tls:// address, whose certificates prove "
-            "who it is, or say that all of the network is trusted (--cluster-trusted)"
+            f"anyone who answers at {address} could run code here; give a tls:// address, whose certificates "
+            "prove who it is, or say that all of the network is trusted (--cluster-trusted)"
         )

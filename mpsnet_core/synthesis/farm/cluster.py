@@ -103,7 +103,7 @@ def _answer(task: Future, number: int, address: str) -> Answer | None:
     if isinstance(error, InputError):
         raise error
     reason = f" ({error})" if error is not None else ""
-    raise InputError(f"the cluster at {address} was lost{reason}; run again to go on")
+    raise InputError(f"the cluster at {address} was lost{reason}; run again to continue")
 
 
 async def _reach(address: str, security: Security) -> None:

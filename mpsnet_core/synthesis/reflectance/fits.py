@@ -68,15 +68,17 @@ def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
         arrays = read_arrays(path, _MAX_BYTES)
         names, layers = arrays["names"], [arrays[key] for key in _LAYERS]
     except InputError as error:
-        raise FormatError(f"{path} is no file of fits to MERL: {error}") from None
+        raise FormatError(f"{path} is not a file of fits to MERL: {error}") from None
     except KeyError as error:
-        raise FormatError(f"{path} is no file of fits to MERL: it lacks {error}; choose an .npz of them") from None
+        raise FormatError(f"{path} is not a file of fits to MERL: it lacks {error}; choose an .npz of them") from None
     if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) != len(names) or not len(names):
-        raise FormatError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')
+        raise FormatError(f'{path} is not a file of fits to MERL: its "names" are not a list of distinct names')
     for (key, shape), layer in zip(_LAYERS.items(), layers, strict=True):
         if layer.shape != (len(names), *shape):
             expected = " by ".join(map(str, (len(names), *shape)))
-            raise FormatError(f'{path} is no file of fits to MERL: its "{key}" is {layer.shape}, expected {expected}')
+            raise FormatError(
+                f'{path} is not a file of fits to MERL: its "{key}" is {layer.shape}, expected {expected}'
+            )
         if layer.dtype.kind != "f" or not np.isfinite(layer).all():
             raise FormatError(f'{path} is damaged: its "{key}" holds values that are not finite; fetch it again')
     layers = [layer.astype(np.float32) for layer in layers]

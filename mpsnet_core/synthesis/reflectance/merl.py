@@ -80,7 +80,7 @@ def read_merl(path: str | os.PathLike[str]) -> MerlTable:
     with path.open("rb") as file:
         bins = tuple(int(count) for count in np.frombuffer(file.read(_HEADER_BYTES), "<i4"))
         if bins != BINS:
-            raise FormatError(f"{path} is no MERL .binary file: it begins with {bins}, not {BINS}; choose another")
+            raise FormatError(f"{path} is not a MERL .binary file: it begins with {bins}, not {BINS}; choose another")
         values = np.empty((*BINS, 3), np.float32)
         for channel in range(3):
             plane = np.frombuffer(file.read((_FILE_BYTES - _HEADER_BYTES) // 3), "<f8").reshape(BINS)

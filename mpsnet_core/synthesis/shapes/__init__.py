@@ -125,7 +125,7 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
     except InputError:
         raise
     except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"{description!r} describes no shape that this program knows ({error!r})") from None
+        raise FormatError(f"{description!r} does not describe a shape that this program knows ({error!r})") from None
 
 
 def _deformed(shape: Shape, rng: np.random.Generator) -> Shape:

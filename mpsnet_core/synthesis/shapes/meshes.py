@@ -74,7 +74,7 @@ def load_mesh(path: str) -> Shape:
     """
     file = existing_file(path, "mesh file")
     if file.suffix.lower() not in FORMATS:
-        raise FormatError(f"mesh file {file} is of no format that is read; use {', '.join(FORMATS)}")
+        raise FormatError(f"mesh file {file} is not in a supported format; use {', '.join(FORMATS)}")
     if file.stat().st_size > MAX_BYTES:
         raise FormatError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
     vertices, faces = _read(file)

@@ -46,4 +46,4 @@ def build_network(name: str, options: dict[str, Any] | None = None) -> Network:
     try:
         return NETWORKS[name](**(options or {}))
     except (TypeError, ValueError) as error:
-        raise SettingsError(f"network {name} cannot be built with {options}: {error}; mend the recipe") from None
+        raise SettingsError(f"network {name} cannot be built with {options}: {error}; correct the recipe") from None
