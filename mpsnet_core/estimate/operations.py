@@ -296,7 +296,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
-        outcome = self._sequence(frames, len(photos), progress, numbered.step if numbered else 1)
+        outcome = self._sequence(frames, len(photos), progress, numbered.step if numbered else None)
         numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
         made = {
             number: output for number, output in zip(numbers, outputs, strict=True) if number not in outcome.left_out
@@ -324,12 +324,13 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         check_apart(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
         frames = video_frames(video, outputs, masks=frame_masks(self.mask), reach=self.smooth, encoding=self.encoding)
-        outcome = self._sequence(frames, video.count, progress)
+        outcome = self._sequence(frames, video.count, progress, 1)
         total = outcome.made + outcome.there + len(outcome.left_out)
         made = [number for number in range(1, total + 1) if number not in outcome.left_out]
         return self._made(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
 
-    def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int = 1) -> "Outcome":
+    def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None) -> "Outcome":
+        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence."""
         from mpsnet_core.capture.capture import capture_from
         from mpsnet_core.capture.transfer_curve import note_doubtful_curve
         from mpsnet_core.estimate.sequence.run import estimate_sequence
@@ -347,11 +348,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             has_alpha = image.alpha is not None
             # Report on the first photo with alpha and on the first without; the others look alike.
             notes: Notes = "none" if has_alpha in noted else "doubts"
-            # Once an object was found it is looked for in every frame: none of them becomes a whole photo in between.
+            # Once a sequence's object was found, every frame is searched for it: none is taken whole in between.
             mask = "auto" if found and not has_alpha else frame.mask
             with located(frame.name):
                 capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
-            found = found or (frame.mask == MASK and not has_alpha and not capture.mask.all())
+            found = found or (step is not None and frame.mask == MASK and not has_alpha and not capture.mask.all())
             if notes != "none":
                 note_doubtful_curve(frame.name, image, capture.mask, rig)
             noted.add(has_alpha)
@@ -365,7 +366,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             self.estimator(passes),
             recipe=operation_facts(self, **self.model_facts(passes)),
             smooth=self.smooth,
-            step=step,
+            step=step or 1,
             convention=self.convention,
             count=count,
             progress=progress,

@@ -332,9 +332,12 @@ def test_an_object_that_was_found_is_looked_for_in_every_frame(tmp_path: Path, m
     assert [output.exists() for output in outputs] == [True, True, False]
     assert [read_normals(one).mask.mean() < 0.4 for one in outputs[:2]] == [True, True]
     assert any("frame_3.png: no object stands out" in note for note in told["notes"])
-    alone = tmp_path / "alone.png"
-    mpsnet(*[command[0], tmp_path / "frame_2.png", *command[2:], "-o", alone])
-    assert read_normals(alone).mask.all()
+    # Photos that are no sequence are each on their own.
+    for number in (1, 2):
+        (tmp_path / f"frame_{number}.png").rename(tmp_path / f"{'ab'[number - 1]}.png")
+    mpsnet(command[0], tmp_path / "a.png", tmp_path / "b.png", *command[2:], "-o", tmp_path / "apart")
+    masks = [read_normals(tmp_path / "apart" / f"{name}_normals.png").mask for name in "ab"]
+    assert masks[0].mean() < 0.4 and masks[1].all()
 
 
 def test_the_first_photo_without_alpha_is_warned_of_where_others_have_it(
