@@ -284,7 +284,8 @@ class TestCommand:
             assert done.returncode == 0, done.stderr
             shown.append(read_image(files / name).pixels)
         assert oiio.ImageInput.open(str(files / "overlay.png")).spec().format == oiio.UINT8
-        np.testing.assert_allclose(*shown, atol=0.01)
+        # On the mean: outlines of two searches may differ by a fraction of a pixel. With the wrong curve it is 0.058.
+        assert np.abs(np.subtract(*shown)).mean() < 0.003
 
     def test_a_large_photo_under_near_lights_is_made_smaller(self, mpsnet, files, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("mpsnet_core.estimate.alignment.operation.LONGEST", 240)
