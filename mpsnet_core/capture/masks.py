@@ -268,6 +268,12 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
             f"the mask meets {100 * touching:.0f}% of the photo's border: is the object wholly in the picture, before "
             "a dark or plain background?"
         )
+    holes = filled(mask, mask.size).mean() / share - 1
+    if holes > SHADOW:
+        yield (
+            f"the mask has holes of {100 * holes:.0f}% of its area, where the photo looks like the background: if they "
+            "belong to the object, give a mask file or none"
+        )
     if not SMALL_SHARE <= share <= LARGE_SHARE:
         size = "small" if share < SMALL_SHARE else "large"
         yield f"the mask is {size} for an object: look at it before you use it"

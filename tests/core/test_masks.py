@@ -201,6 +201,15 @@ def test_what_hardly_differs_is_reported_of(caplog: pytest.LogCaptureFixture) ->
     assert "hardly differ" in caplog.text
 
 
+def test_large_holes_are_reported_of(caplog: pytest.LogCaptureFixture) -> None:
+    """A relief whose ground looks like the table has holes there that are none."""
+    image, mask = ball()
+    y, x = np.mgrid[:SIDE, :SIDE]
+    hole = (x - 100) ** 2 + (y - 100) ** 2 < 20**2
+    found = auto_mask(noisy(before(image, wall(level=0.2), mask & ~hole)))
+    assert f"holes of {100 * (hole & ~found).sum() / found.sum():.0f}% of its area" in caplog.text
+
+
 @pytest.mark.parametrize(("radius", "word"), [(0.08, "small"), (0.98, "large")])
 def test_masks_of_an_unlikely_size_are_reported_of(radius: float, word: str, caplog: pytest.LogCaptureFixture) -> None:
     image, mask = ball(radius=radius)
