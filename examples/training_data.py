@@ -14,7 +14,8 @@ from pathlib import Path
 
 import bpy
 
-from mpsnet_core.synthesis.contact_sheet import sheet_of_samples, write_sheet
+from mpsnet_core.io.image_writing import write_picture
+from mpsnet_core.synthesis.contact_sheet import sheet_of_samples
 from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_path
 
@@ -38,5 +39,5 @@ if outcome.failed:
 print(f"synthesised: {synthesised} ({time.monotonic() - started:.0f} s)")
 
 pairs = [sample_path(folder, number) for number in range(COUNT) for folder in (rendered, synthesised)]
-write_sheet(OUTPUT / "training_data.png", sheet_of_samples(pairs, len(pairs)))
+write_picture(OUTPUT / "training_data.png", sheet_of_samples(pairs, len(pairs)))
 print(f"the contact sheet is {OUTPUT / 'training_data.png'}")

@@ -3,15 +3,19 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 
 def bilinear(
-    image: NDArray[np.floating[Any]], x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]]
+    image: NDArray[Any],
+    x: NDArray[np.floating[Any]],
+    y: NDArray[np.floating[Any]],
+    dtype: DTypeLike = np.float64,
 ) -> NDArray[np.floating[Any]]:
     """Values of an image (H, W) or (H, W, C) at pixel coordinates `x` to the right and `y` down, in their shape.
 
     Pixel centres are at index + 0.5. Beyond the outermost centres, values are clamped to the border.
+    They are computed and returned as `dtype`.
 
     >>> bilinear(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([0.5, 1.0, 9.0]), np.array([0.5, 1.0, 0.0])).tolist()
     [0.0, 1.5, 1.0]
@@ -20,8 +24,15 @@ def bilinear(
     x, y = np.clip(x - 0.5, 0, width - 1), np.clip(y - 0.5, 0, height - 1)
     left, top = x.astype(np.int64), y.astype(np.int64)
     right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    across, down = ((part - part.astype(np.int64)).reshape(*part.shape, *(1,) * (image.ndim - 2)) for part in (x, y))
-    upper = image[top, left] * (1 - across) + image[top, right] * across
-    lower = image[below, left] * (1 - across) + image[below, right] * across
-    values: NDArray[np.floating[Any]] = upper * (1 - down) + lower * down
-    return values
+    alone = (1,) * (image.ndim - 2)
+    across, down = (part.astype(dtype).reshape(*part.shape, *alone) for part in (x - left, y - top))
+    pixels = image.reshape(height * width, *image.shape[2:])
+    upper, upper_right, lower, lower_right = (
+        pixels.take(row * width + column, axis=0).astype(dtype, copy=False)
+        for row in (top, below)
+        for column in (left, right)
+    )
+    upper += (upper_right - upper) * across
+    lower += (lower_right - lower) * across
+    upper += (lower - upper) * down
+    return upper

@@ -12,7 +12,7 @@ ROWS = 256
 
 
 def bands(height: int, rows: int = ROWS) -> list[slice]:
-    """Slices of `rows` rows that cover an image of `height` rows from top to bottom."""
+    """Slices of `rows` rows that cover an image of `height` rows from top to bottom; also blocks of other items."""
     return [slice(top, min(top + rows, height)) for top in range(0, height, rows)]
 
 

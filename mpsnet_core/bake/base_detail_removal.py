@@ -156,17 +156,9 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: B
     """(H, W) the mask, limited to the bounding rectangle in the image of the triangles that the map applies to."""
     if base_map.triangles is None:
         return mask
-    points = mesh.world_vertices[np.unique(mesh.triangles[base_map.triangles])]
-    x, y, w = camera.projection_rows() @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
-    if (w <= 0).any():  # some are behind the camera, and their projections are meaningless
-        return mask
-    height, width = mask.shape
-    (left, right), (top, bottom) = (
-        np.clip([np.floor((c / w).min()), np.ceil((c / w).max())], 0, end).astype(int)
-        for c, end in ((x, width), (y, height))
-    )
+    place = camera.extent(mesh.world_vertices[np.unique(mesh.triangles[base_map.triangles])])
     inside = np.zeros_like(mask)
-    inside[top:bottom, left:right] = mask[top:bottom, left:right]
+    inside[place] = mask[place]
     return inside
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.base_detail_removal import Shown
 from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
-from mpsnet_core.bake.coverage import write_coverage
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
@@ -17,10 +17,13 @@ from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import check_apart, check_ending, ensure_folder, file_suffix, writable_path
+from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_map import Convention
 
+# Value of filled texels in the image of the coverage; seen ones are 1, all others 0.
+FILLED = 0.5
 # Up to this many textures are listed one by one; of more, the first and the last.
 LISTED = 12
 
@@ -191,6 +194,15 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
             texture,
         )
         del texture
+
+
+def write_coverage(path: Path, texture: Texture) -> None:
+    """Write a texture's coverage, dilated by one texel beyond the islands. Raises FileError."""
+    seen = texture.seen.astype(np.float32)
+    if texture.filled is not None:
+        seen[texture.filled] = FILLED
+    around = extend_to_nearest(seen[..., None], texture.covered, 1)[..., 0]
+    write_mask(path, around)
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,11 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: boo
 
     Raises GeometryError if nothing stands out.
     """
-    factor, white, photo, behind = _reduced(pixels)
+    factor = _factor(pixels)
+    small = block_means(pixels, factor)
+    white = _white(small)
+    photo = _display_values(small, white)
+    behind = _smooth_background(photo)
 
     def contrast(rows: slice) -> NDArray[np.float32]:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
@@ -294,17 +298,6 @@ def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
 
 
 # --- the background ---------------------------------------------------------------------------------------------------
-
-
-def _reduced(
-    pixels: NDArray[np.float32],
-) -> tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Reduction factor of the small photo, its white (3,), its display values and their background, both (H, W, 3)."""
-    factor = _factor(pixels)
-    small = block_means(pixels, factor)
-    white = _white(small)
-    photo = _display_values(small, white)
-    return factor, white, photo, _smooth_background(photo)
 
 
 def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.dense import Network
@@ -34,9 +35,9 @@ def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: 
     answer = np.zeros((*capture.mask.shape, 4), np.float32)
     inside = answer[box]
     rows, columns = np.nonzero(mask)
-    for start in range(0, len(rows), PATCHES_A_BATCH):
-        progress(start / len(rows), f"pixel {start} of {len(rows)}")
-        y, x = rows[start : start + PATCHES_A_BATCH], columns[start : start + PATCHES_A_BATCH]
+    for some in bands(len(rows), PATCHES_A_BATCH):
+        progress(some.start / len(rows), f"pixel {some.start} of {len(rows)}")
+        y, x = rows[some], columns[some]
         batch = {name: view[y, x] for name, view in windows.items()}
         batch |= {name: np.broadcast_to(values, (len(y), *values.shape)) for name, values in constants.items()}
         inside[y, x] = np.concatenate(network(batch, len(y)), axis=1)

@@ -67,12 +67,8 @@ class Claims:
         finally:
             _unlock(self._file, number)
 
-    def close(self) -> None:
-        """Release every claim."""
-        os.close(self._file)
-
     def __enter__(self) -> "Claims":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        os.close(self._file)

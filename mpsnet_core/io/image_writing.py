@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import ROWS
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import checked_bits, temporary_folder, written_whole
 from mpsnet_core.io.image import srgb_to_linear
@@ -120,8 +120,7 @@ def _write(
     description: str | None,
 ) -> None:
     """Write the image `path` to the file that `place` yields."""
-    height, _, channels = shape
-    premultiplied = path.suffix.lower() == ".exr" and channels == 4  # as OpenEXR defines colour
+    premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
     spec = _output_spec(path, shape, bits)
     spec.attribute("oiio:ColorSpace", color_space)
     if description is not None:
@@ -132,12 +131,11 @@ def _write(
             raise FileError(f"cannot write {path}: {complaint(oiio)}")
         try:
             done = target.open(str(file), spec)
-            for top in range(0, height, ROWS) if done else ():
-                bottom = min(top + ROWS, height)
-                values = np.ascontiguousarray(band(slice(top, bottom)), dtype=np.float32)
+            for rows in bands(shape[0]) if done else ():
+                values = np.ascontiguousarray(band(rows), dtype=np.float32)
                 if premultiplied:
                     values = np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
-                done = target.write_scanlines(top, bottom, 0, values)
+                done = target.write_scanlines(rows.start, rows.stop, 0, values)
                 if not done:
                     break
         finally:

@@ -114,6 +114,22 @@ class Camera:
         projection: NDArray[np.float64] = rows @ camera_from_world
         return projection
 
+    def extent(self, points: NDArray[np.floating[Any]]) -> tuple[slice, slice]:
+        """Rows and columns of the image that bound world points (N, 3), at least one of each.
+
+        All of them if a point is beside or behind the camera, where projections are meaningless.
+        """
+        rows = self.projection_rows()
+        x, y, w = rows[:, :3] @ points.T + rows[:, 3:]
+        if (w <= 0).any():
+            return slice(0, self.height), slice(0, self.width)
+        spans = []
+        for place, length in ((y / w, self.height), (x / w, self.width)):
+            # Two more on each side: points half a pixel outside the image count, and projections are rounded.
+            start = int(np.clip(np.floor(place.min()) - 2, 0, length - 1))
+            spans.append(slice(start, int(np.clip(np.ceil(place.max()) + 2, start + 1, length))))
+        return spans[0], spans[1]
+
     def depth_row(self) -> NDArray[np.float64]:
         """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
         row: NDArray[np.float64] = -np.linalg.inv(self.world_from_camera)[2]

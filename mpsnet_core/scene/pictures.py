@@ -98,9 +98,9 @@ def contact_sheet(
     tiles: Sequence[tuple[str, NDArray[np.float32]]], columns: int, tile_height: int = 320
 ) -> NDArray[np.float32]:
     """(H, W, 3) the tiles (title, image) in rows, each scaled to `tile_height` with its title above."""
-    scaled = [(title, _scaled(picture, tile_height)) for title, picture in tiles]
-    rows = [scaled[start : start + columns] for start in range(0, len(scaled), columns)]
-    widths = [max(row[c][1].shape[1] for row in rows if c < len(row)) for c in range(min(columns, len(scaled)))]
+    shown = [(title, scaled(picture, tile_height / picture.shape[0])) for title, picture in tiles]
+    rows = [shown[start : start + columns] for start in range(0, len(shown), columns)]
+    widths = [max(row[c][1].shape[1] for row in rows if c < len(row)) for c in range(min(columns, len(shown)))]
     canvas = np.full(
         (len(rows) * (tile_height + TITLE_HEIGHT + GAP) + GAP, sum(widths) + GAP * (len(widths) + 1), 3),
         BACKGROUND,
@@ -129,8 +129,9 @@ def _inferno(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     return linear_to_srgb(np.asarray(linear)).astype(np.float32)
 
 
-def _scaled(picture: NDArray[np.float32], height: int) -> NDArray[np.float32]:
-    width = max(1, round(picture.shape[1] * height / picture.shape[0]))
+def scaled(picture: NDArray[np.float32], factor: float) -> NDArray[np.float32]:
+    """The picture (H, W, 3) with sides `factor` times as long, and its values limited to between 0 and 1."""
+    height, width = (max(1, round(side * factor)) for side in picture.shape[:2])
     source = oiio.ImageBuf(np.ascontiguousarray(picture, dtype=np.float32))
     resized = oiio.ImageBufAlgo.resize(source, roi=oiio.ROI(0, width, 0, height, 0, 1, 0, 3))
     return np.clip(np.asarray(resized.get_pixels(oiio.FLOAT), np.float32), 0, 1)

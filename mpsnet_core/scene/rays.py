@@ -78,17 +78,8 @@ class RayScene:
         return origins - back * directions, directions, back
 
     def extent(self, camera: Camera) -> tuple[slice, slice]:
-        """Rows and columns of the camera's image that bound the mesh, at least one of each."""
-        box = np.array(list(itertools.product(*zip(self.low, self.high, strict=True), [1.0])))
-        x, y, w = camera.projection_rows() @ box.T
-        if (w <= 0).any():  # part of it is beside or behind the camera
-            return slice(0, camera.height), slice(0, camera.width)
-        spans = []
-        for place, length in ((y / w, camera.height), (x / w, camera.width)):
-            # Two more on each side: points half a pixel outside the image count, and projections are rounded.
-            start = int(np.clip(np.floor(place.min()) - 2, 0, length - 1))
-            spans.append(slice(start, int(np.clip(np.ceil(place.max()) + 2, start + 1, length))))
-        return spans[0], spans[1]
+        """Rows and columns of the camera's image that bound the mesh, as :meth:`Camera.extent` finds them."""
+        return camera.extent(np.array(list(itertools.product(*zip(self.low, self.high, strict=True)))))
 
     def depth_of_middle(self, camera: Camera) -> float:
         """Depth of the mesh's centre in front of the camera, along its axis."""

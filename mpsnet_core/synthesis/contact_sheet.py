@@ -12,7 +12,6 @@ from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import CHANNELS, linear_to_srgb
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import encode
@@ -185,8 +184,3 @@ def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]
 def sheet_line(files: Sequence[Path]) -> str:
     """The line to store in the contact sheet of these files. It changes if the sheet would show other samples."""
     return provenance_line("contact sheet", *map(identity, spread(files, ROWS)))
-
-
-def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32], line: str | None = None) -> None:
-    """Write a contact sheet as an 8-bit PNG or TIFF, atomically. line: from :func:`sheet_line`."""
-    write_picture(path, picture, description=line)

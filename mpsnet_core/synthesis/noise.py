@@ -1,6 +1,5 @@
 """Procedural noise in space, from a seed: smooth random fields and random cells."""
 
-from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rotations import quaternion_matrix
+from mpsnet_core.arrays.row_bands import bands
 
 Points = NDArray[np.floating[Any]]
 # Points processed at a time: temporary arrays stay in the processor's cache.
@@ -25,7 +25,7 @@ def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     """
     points = np.asarray(points)
     values = np.empty(len(points), np.float32)
-    for chunk in _chunks(len(points)):
+    for chunk in bands(len(points), _CHUNK):
         values[chunk] = _gradient_noise(points[chunk], seed)
     return values
 
@@ -55,13 +55,9 @@ def voronoi(points: Points, seed: int) -> tuple[NDArray[np.int64], NDArray[np.in
     points = np.asarray(points)
     cell, neighbour = np.empty((2, len(points)), np.int64)
     border = np.empty(len(points), np.float32)
-    for chunk in _chunks(len(points)):
+    for chunk in bands(len(points), _CHUNK):
         cell[chunk], neighbour[chunk], border[chunk] = _voronoi(points[chunk], seed)
     return cell, neighbour, border
-
-
-def _chunks(count: int) -> Iterator[slice]:
-    return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
 
 
 def _gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:

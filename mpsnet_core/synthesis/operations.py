@@ -241,7 +241,8 @@ class ShowSamples(Operation):
         """Write the image, and describe the samples."""
         from mpsnet_core.io.files import check_apart, checked_bits, writable_path
         from mpsnet_core.io.frames import is_several, matching_files
-        from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
+        from mpsnet_core.io.image_writing import write_picture
+        from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise
 
         paths: list[Path] = []
         for given in self.path:
@@ -263,7 +264,7 @@ class ShowSamples(Operation):
         summary = summarise(samples, part(progress, 0.0, 0.8))
         if len(paths) == 1 and summary.skipped and not summary.samples:
             raise InputError(summary.skipped[0])
-        write_sheet(output, show(samples, photos, self.count))
+        write_picture(output, show(samples, photos, self.count))
         progress(1.0, "done")
         skipped = [f"skipped {len(summary.skipped)} file(s)", *summary.skipped[:NAMED]] if summary.skipped else []
         described = [str(summary)] if samples else []

@@ -166,8 +166,8 @@ def test_memory_is_for_two_photos_and_little_more() -> None:
 
 def test_photos_of_another_size_are_refused() -> None:
     for photo in (np.zeros((WIDTH, HEIGHT, 3)), np.zeros((HEIGHT, WIDTH + 1)), np.zeros(HEIGHT)):
-        assert "but its camera 72 x 48" in refusal(lambda photo=photo: undistorted(photo, CAMERA, BENT))
-    assert "but its camera 72 x 48" in refusal(lambda: undistorted_mask(np.ones((2, 2), bool), CAMERA, Lens()))
+        assert "but its camera is" in refusal(lambda photo=photo: undistorted(photo, CAMERA, BENT))
+    assert "but its camera is 72 x 48" in refusal(lambda: undistorted_mask(np.ones((2, 2), bool), CAMERA, Lens()))
 
 
 @pytest.mark.parametrize("field", ["radial", "divisor", "tangential"])

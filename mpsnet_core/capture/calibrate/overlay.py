@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.capture.calibrate.ball import Ball, Circle
 from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.pictures import font
+from mpsnet_core.scene.pictures import font, scaled
 from mpsnet_core.scene.rig import angles_of
 
 Colour = tuple[float, float, float]
@@ -78,11 +78,7 @@ class _Canvas:
         white = max(float(np.percentile(part, 99.9)), 1e-9)
         shown = 0.5 * linear_to_srgb(part / white) + 0.5 * np.clip(np.cbrt(part / white), 0, 1)
         self.scale = PICTURE_SIDE / max(part.shape[:2])
-        size = [max(1, round(side * self.scale)) for side in part.shape[:2]]
-        source = oiio.ImageBuf(np.ascontiguousarray(shown, dtype=np.float32))
-        region = oiio.ROI(0, size[1], 0, size[0], 0, 1, 0, 3)
-        resized = oiio.ImageBufAlgo.resize(source, roi=region).get_pixels(oiio.FLOAT)
-        self.pixels: NDArray[np.float32] = np.clip(np.asarray(resized, np.float32), 0, 1)
+        self.pixels = scaled(shown, self.scale)
         self.label_boxes: list[tuple[float, float, float]] = []
         self.loop(ball.outline(), OUTLINE)
         self.cross((circle.x, circle.y), OUTLINE, 6)

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpsnet_core.arrays.bilinear import bilinear
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
@@ -136,13 +139,13 @@ def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) ->
     Saturated pixels are blended with their neighbours and can no longer be recognised: see :func:`undistorted_mask`.
     """
     image = np.asarray(image, np.float32)
-    _check_size(image, camera)
+    check_same_size("the photo", image.shape[:2], "its camera", (camera.height, camera.width), AS_SOLVED)
     if lens.is_identity:
         return image
     photo = image.reshape(*image.shape[:2], -1)
     straight = np.zeros_like(photo)
-    for rows, source in _sources(camera, lens):
-        straight[rows] = source.read(photo)
+    for rows, inside, x, y in _sources(camera, lens):
+        straight[rows][inside] = bilinear(photo, x, y, np.float32)
     return straight.reshape(image.shape)
 
 
@@ -167,65 +170,30 @@ def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDA
         If mask and camera differ in size.
     """
     mask = np.asarray(mask, bool)
-    _check_size(mask, camera)
+    check_same_size("the photo", mask.shape[:2], "its camera", (camera.height, camera.width), AS_SOLVED)
     if lens.is_identity:
         return mask
     straight = np.zeros_like(mask)
-    for rows, source in _sources(camera, lens):
-        straight[rows] = source.all(mask)
+    for rows, inside, x, y in _sources(camera, lens):
+        straight[rows][inside] = bilinear(mask, x, y) == 1
     return straight
 
 
-class _Source:
-    """Bilinear lookup in a photo of `shape`, for some rows: each pixel's four neighbours and their weights."""
-
-    def __init__(self, points: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, int]) -> None:
-        height, width = shape
-        # Values are at pixel centres; the half pixel beyond the outermost centres has the edge's value.
-        with np.errstate(invalid="ignore"):  # not finite far outside the photo
-            x = np.nan_to_num(np.clip(points[..., 0] - 0.5, 0, width - 1))
-            y = np.nan_to_num(np.clip(points[..., 1] - 0.5, 0, height - 1))
-        left, top = x.astype(np.intp), y.astype(np.intp)
-        right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-        self.inside = inside
-        self.across, self.down = (x - left).astype(np.float32), (y - top).astype(np.float32)
-        top, bottom = top * width, bottom * width
-        self.corners = (top + left, top + right, bottom + left, bottom + right)
-
-    def read(self, photo: NDArray[np.float32]) -> NDArray[np.float32]:
-        pixels = photo.reshape(-1, photo.shape[2])
-        corners: list[NDArray[np.float32]] = [pixels[corner] for corner in self.corners]
-        upper, upper_right, lower, lower_right = corners
-        across = self.across[..., None]
-        upper += (upper_right - upper) * across
-        lower += (lower_right - lower) * across
-        upper += (lower - upper) * self.down[..., None]
-        upper[~self.inside] = 0
-        return upper
-
-    def all(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        pixels = mask.ravel()
-        corners: list[NDArray[np.bool_]] = [pixels[corner] for corner in self.corners]
-        upper, upper_right, lower, lower_right = corners
-        upper &= upper_right | (self.across == 0)
-        lower &= lower_right | (self.across == 0)
-        upper &= lower | (self.down == 0)
-        return upper & self.inside
-
-
-def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, _Source]]:
+def _sources(
+    camera: Camera, lens: Lens
+) -> Iterator[tuple[slice, NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]]:
+    """For some rows at a time: which pixels show the photo, and the columns and rows there that they show."""
     shape = (int(camera.height), int(camera.width))
     size = np.array(shape[::-1])
     corners = (np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * size - camera.centre) / camera.focal
     reach = lens.reach(float(np.linalg.norm(corners, axis=1).max()))
-    for top in range(0, shape[0], ROWS):
-        rows = slice(top, min(top + ROWS, shape[0]))
+    for rows in bands(shape[0], ROWS):
         pixels = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0])[rows] + 0.5), axis=-1)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a divisor is zero
             points = photo_points(pixels, camera, lens)
         square = (((pixels - camera.centre) / camera.focal) ** 2).sum(axis=-1)
         inside = ((points >= 0) & (points <= size)).all(axis=-1) & (square <= reach**2)
-        yield rows, _Source(points, inside, shape)
+        yield rows, inside, *points[inside].T
 
 
 def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) -> Any:
@@ -234,9 +202,3 @@ def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) ->
     for coefficient in reversed(coefficients):
         value = (value + coefficient) * square
     return 1 + value
-
-
-def _check_size(image: NDArray[np.generic], camera: Camera) -> None:
-    if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
-        found = " x ".join(map(str, image.shape[1::-1]))
-        raise GeometryError(f"the photo is {found} but its camera {camera.width} x {camera.height}; {AS_SOLVED}")

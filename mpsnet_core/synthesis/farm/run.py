@@ -18,10 +18,10 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
-from mpsnet_core.io.image_writing import is_whole
+from mpsnet_core.io.image_writing import is_whole, write_picture
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples, write_sheet
+from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, clear_unfinished
 from mpsnet_core.synthesis.job import (
     CONTACT_SHEET,
@@ -286,4 +286,4 @@ class _GrowingSheet:
         with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
             if ours:  # else another run is writing the same sheet
                 check_no_link(self._folder / CONTACT_SHEET)
-                write_sheet(self._folder / CONTACT_SHEET, picture, line)
+                write_picture(self._folder / CONTACT_SHEET, picture, description=line)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
 
 # Points processed at a time: their data stays in a core's cache, which is twice as fast.
@@ -29,8 +30,7 @@ class AboveSurface(ABC):
         normals, lights, views, paint: (N, 3). Zero or NaN vectors count as below the surface.
         """
         result = np.zeros((len(normals), 3), np.float32)
-        for start in range(0, len(normals), BLOCK):
-            block = slice(start, start + BLOCK)
+        for block in bands(len(normals), BLOCK):
             normal, light, view = (np.asarray(vectors[block], np.float32) for vectors in (normals, lights, views))
             factor = None if paint is None else np.maximum(np.asarray(paint[block], np.float32), 0)
             above = (dot(normal, light) > 0) & (dot(normal, view) > 0)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
 from mpsnet_core.synthesis.shading.lights import Light
@@ -61,9 +62,9 @@ def _gathered(
     """(N, 3 lights) mean incoming radiance along a few cosine-distributed paths."""
     total = np.zeros((len(points), len(lights), 3), np.float32)
     places = disc(RAYS, _TILE**2).astype(np.float32)
-    for start in range(0, len(points), _BLOCK):
+    for block in bands(len(points), _BLOCK):
         # Trace a point's paths consecutively: they hit the same triangles nearby, which are then in the cache.
-        first = np.repeat(np.arange(start, min(start + _BLOCK, len(points))), RAYS)
+        first = np.repeat(np.arange(block.start, block.stop), RAYS)
         brought = np.zeros((len(first), len(lights), 3), np.float32)
         path, here, colour = np.arange(len(first)), points.chosen(first), np.ones((len(first), 3), np.float32)
         for bounce in range(bounces):
@@ -86,7 +87,7 @@ def _gathered(
                 facing = np.flatnonzero(cosine > 0)
                 free = facing[~surface.scene.occluded(here.start.take(facing, axis=0), direction[None])]
                 brought[path[free], number] += cosine[free, None] * colour.take(free, axis=0)
-        total[start : start + _BLOCK] = brought.reshape(-1, RAYS, len(lights), 3).sum(axis=1)
+        total[block] = brought.reshape(-1, RAYS, len(lights), 3).sum(axis=1)
     total /= RAYS
     return total.reshape(len(points), -1)
 

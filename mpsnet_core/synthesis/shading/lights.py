@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import dilated
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
 from mpsnet_core.synthesis.shading.surface_points import SurfacePoints
@@ -18,7 +20,6 @@ RIM = 0.9
 _TILE = 4
 # Points processed at a time: their data stays in a core's cache.
 _BLOCK = 1 << 12
-_FREE, _HIDDEN = np.uint8(1), np.uint8(2)
 
 
 @dataclass(frozen=True)
@@ -86,9 +87,9 @@ def arrival(
     rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
     places = tiled(_TILE, shape).take(pixels.take(facing))
     free = ~scene.occluded(start, rim.take(places, axis=0))
-    found = np.zeros(shape, np.uint8)
-    found.ravel()[pixels[facing]] = np.where(free, _FREE, _HIDDEN)
-    unsure = _around(found).ravel()[pixels[facing]] == _FREE | _HIDDEN
+    found = np.zeros((*shape, 2), bool)
+    found.reshape(-1, 2)[pixels[facing]] = np.stack([free, ~free], axis=1)
+    unsure = dilated(found, 1).all(axis=-1).ravel()[pixels[facing]]
     unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon may cut the light's disc
     sure = facing[~unsure]
     lit[sure] = free[~unsure]
@@ -96,17 +97,6 @@ def arrival(
 
     _cast_many(light, points, scene, facing[unsure], turns, irradiance, lit)
     return Arrival(irradiance, lit)
-
-
-def _around(bits: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Bitwise OR of each pixel (H, W) with its eight neighbours."""
-    for axis in (0, 1):
-        lines, joined = bits.swapaxes(0, axis), bits.copy()
-        there = joined.swapaxes(0, axis)
-        there[1:] |= lines[:-1]
-        there[:-1] |= lines[1:]
-        bits = joined
-    return bits
 
 
 def _cast_many(
@@ -122,8 +112,8 @@ def _cast_many(
     places = disc(PENUMBRA_RAYS, TURNS)
     places -= places.mean(axis=1, keepdims=True)
     towards = light.towards(places)[:, ::-1]  # from the rim inwards
-    for start in range(0, len(chosen), _BLOCK):
-        some = chosen[start : start + _BLOCK]
+    for block in bands(len(chosen), _BLOCK):
+        some = chosen[block]
         _cast(towards[:, :FIRST_RAYS], points, scene, some, turns, irradiance, lit)
         mixed = (lit[some] > 0) & (lit[some] < FIRST_RAYS)
         settled, some = some[~mixed], some[mixed]

@@ -58,23 +58,14 @@ class Surface:
 
     def seen(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float32], SurfacePoints]:
         """Visible surface at pixel centres: indices (N,) in row-major order, depth (N,) along the axis, and points."""
-        row, column = self._frame(camera)
+        rows, columns = camera.extent(self.placed)
+        row, column = np.mgrid[rows, columns].reshape(2, -1)
         origins, directions, back = self.scene.rays_of(camera, np.stack([column, row], axis=1) + 0.5)
         hits = self.scene.hits(origins, directions)
         found = np.flatnonzero(hits.triangle >= 0)
         view = -directions.take(found, axis=0).astype(np.float32)
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
         return row[found] * camera.width + column[found], depth, self.points(hits.chosen(found), view)
-
-    def _frame(self, camera: Camera) -> NDArray[np.int64]:
-        """(2, N) rows and columns of the pixels in the object's bounding box."""
-        rows = camera.projection_rows()
-        x, y, w = rows[:, :3] @ self.placed.T + rows[:, 3:]
-        low, high = np.zeros(2, np.int64), np.array([camera.width, camera.height])
-        if w.min() > 0:
-            seen = np.stack([x / w, y / w])
-            low, high = np.clip([np.floor(seen.min(axis=1)), np.ceil(seen.max(axis=1))], 0, high).astype(np.int64)
-        return np.mgrid[low[1] : high[1], low[0] : high[0]].reshape(2, -1)
 
     def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
         """The points at hits, without misses. view: (N, 3) unit vectors back along the rays."""

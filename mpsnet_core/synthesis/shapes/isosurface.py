@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended
@@ -54,8 +55,7 @@ def _normals(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np
 def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,) signed distances of points (3, N) from the combined surface of the solids, below 0 inside."""
     total = np.full(points.shape[1], _FAR)
-    for start in range(0, len(total), _CHUNK):
-        chunk = slice(start, start + _CHUNK)
+    for chunk in bands(len(total), _CHUNK):
         for solid in solids:
             distance = solid.signed_distance(points[:, chunk])
             if solid.carve:

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
@@ -233,16 +234,7 @@ def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
 
 def outward(vertices: Array, faces: Faces) -> Faces:
     """Flip connected patches of faces with negative volume."""
-    label = np.arange(len(vertices))
-    while True:  # label propagation: each vertex takes the least label of its neighbours
-        least = label.copy()
-        lowest = label[faces].min(axis=1)
-        np.minimum.at(least, faces.ravel(), np.repeat(lowest, 3))
-        least = least[least]
-        if np.array_equal(least, label):
-            break
-        label = least
-    patch = label[faces[:, 0]]
+    patch = connected(len(vertices), faces[:, :2].ravel(), faces[:, 1:].ravel())[faces[:, 0]]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     volume = np.bincount(patch, dot(a, np.cross(b, c)), len(vertices))
     return np.where((volume < 0)[patch][:, None], faces[:, ::-1], faces)
