@@ -126,9 +126,13 @@ class Result:
     ----------
     text
         The result in words for the terminal, one line or more.
+    failed
+        Why some inputs of a batch failed although the others were done, a sentence each. The command line then ends
+        as for bad input.
     """
 
     text: str = field(kw_only=True)
+    failed: list[str] | None = field(kw_only=True, default=None)
 
     def facts(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold."""
