@@ -280,6 +280,15 @@ def test_broken_photos_are_named_and_all_others_made(tmp_path: Path, mpsnet: Mps
     assert (told["made"], told["there"], told.get("failed")) == (2, 5, None)
 
 
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() == 0, reason="root may read everything")
+def test_a_photo_that_may_not_be_read_is_named_too(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 4))
+    photos[1].chmod(0)
+    outcome = run(photos, tmp_path / "out", apart=True)
+    assert (outcome.made, [*outcome.failed]) == (2, [2])
+    assert str(photos[1]) in outcome.failed[2]
+
+
 def test_a_mask_that_fits_no_photo_ends_the_run_soon(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     shots(tmp_path / "shots", range(1, 8))
     command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
