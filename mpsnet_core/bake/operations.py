@@ -121,6 +121,7 @@ class LaysOnto(MakesTextures):
         help=LEVEL,
         unset="off, or on with a present map",
         provenance="none",  # the parsed scale is recorded
+        numbers=True,
     )
     strength: float = option(
         default=1.0,
@@ -509,7 +510,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         unset="3 for the default model",
         provenance="none",
     )
-    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL)
+    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL, numbers=True)
     keep: str | None = option(
         default=None,
         metavar="FOLDER",

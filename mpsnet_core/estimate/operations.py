@@ -161,6 +161,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="what lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees",
         unset="rig",
         provenance="none",
+        numbers=True,
     )
     convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
