@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from types import UnionType
@@ -50,6 +50,8 @@ class Option:
         Whether Blender's file browser selects a file or a folder for it.
     provenance
         What the provenance of a result records of it.
+    numbers
+        Whether its text may be a number, or several with commas. Python may pass these as they are.
     """
 
     help: str
@@ -61,6 +63,7 @@ class Option:
     unset: str
     path: PathKind
     provenance: Provenance
+    numbers: bool
 
 
 def option(
@@ -75,9 +78,10 @@ def option(
     unset: str = "",
     path: PathKind = "",
     provenance: Provenance = "value",
+    numbers: bool = False,
 ) -> Any:
     """A field of an operation, required if it has no default. See :class:`Option` for the parameters."""
-    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, provenance)
+    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, provenance, numbers)
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
 
@@ -126,9 +130,13 @@ class Result:
     ----------
     text
         The result in words for the terminal, one line or more.
+    failed
+        Why some inputs of a batch failed although the others were done, a sentence each. The command line then ends
+        as for bad input.
     """
 
     text: str = field(kw_only=True)
+    failed: list[str] | None = field(kw_only=True, default=None)
 
     def facts(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold."""
@@ -168,12 +176,13 @@ class Operation:
     def __post_init__(self) -> None:
         """Raise SettingsError if an option's value is missing, of the wrong type, out of range or not a choice."""
         for setting in settings(type(self)):
-            value = getattr(self, setting.name)
+            plain = _in_words if setting.option.numbers else _plain
+            value = plain(getattr(self, setting.name))
             if setting.several and value is not None:
-                value = tuple(map(_plain, (value,) if isinstance(value, str | os.PathLike) else value))
+                value = tuple(map(plain, (value,) if isinstance(value, str) else value))
             if setting.required and (value is None or (setting.several and not value)):
                 raise SettingsError(f"{self.command} lacks its option {setting.name}; give it")
-            object.__setattr__(self, setting.name, _plain(value))
+            object.__setattr__(self, setting.name, value)
             for one in value if setting.several and value is not None else (value,):
                 _check(setting, one)
 
@@ -228,13 +237,21 @@ def _plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
+def _in_words(value: Any) -> Any:
+    """A number, or several, as the command line takes them: "45,90.5"."""
+    numbers = value if isinstance(value, Collection) else (value,)
+    if len(numbers) == 0 or not all(isinstance(one, Real) and not isinstance(one, bool) for one in numbers):
+        return _plain(value)
+    return ",".join(str(one) if isinstance(one, Integral) else repr(float(one)) for one in numbers)
+
+
 def _check(setting: Setting, value: Any) -> None:
     if value is None:
         return
     low, high, choices = setting.option.low, setting.option.high, setting.option.choices
     name = setting.name.replace("_", " ")
     if setting.kind is str and not isinstance(value, str | os.PathLike):
-        raise SettingsError(f"{name} {value!r} is not text")
+        raise SettingsError(f"{name} {value!r} is not text; give text, as on the command line")
     if setting.kind is bool and not isinstance(value, bool):
         raise SettingsError(f"{name} {value!r} is neither true nor false")
     is_truth = isinstance(value, bool)  # which Python counts as a whole number

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy
 
-from mpsnet_core.cli import EXIT_CANCELLED
+from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
 from mpsnet_core.io.files import VIDEO_DECODER, remove_unfinished
@@ -89,7 +89,8 @@ class CoreProcess:
         """
         try:
             message = self._child.receive()
-            if self._child.wait() and "error" not in message:
+            # Bad input also ends a batch that lists it in its result.
+            if self._child.wait() not in (0, EXIT_BAD_INPUT) and "error" not in message:
                 self._child.receive()  # raises if it crashed after the result
         except ChildEnded as end:
             _clear(self.pid, self._folders)

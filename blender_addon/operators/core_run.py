@@ -170,7 +170,7 @@ class RunsCore(ReportingOperator):
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         self._stored: list[str] = []
         notes = [note for note in result.get("notes", []) if note not in self._omitted_notes]
-        for sentence in [*self._notes, *notes, *self.remarks(result)]:
+        for sentence in [*self._notes, *notes, *result.get("failed", []), *self.remarks(result)]:
             self.note(sentence)
         self.finish(context, result)
         self._store_record(notes=self._stored)

@@ -51,7 +51,8 @@ class BaseMap:
     triangles : (T,) bool array, optional
         Triangles of the mesh that it applies to; all by default.
     corner : (int, int), optional
-        Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1.
+        Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1, and
+        repeats beyond.
 
     Raises
     ------
@@ -188,7 +189,9 @@ def _normals_worn(
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
         right, up = (seen.at(mesh.uvs) - (base_map.corner or (0, 0))).T
         height, width = base_map.vectors.shape[:2]
-        x, y, z = bilinear(base_map.vectors, right * width, (1 - up) * height).T[..., None]
+        # Blender repeats an image beyond 0 to 1; that of a tile is only used on the tile.
+        repeat = base_map.corner is None
+        x, y, z = bilinear(base_map.vectors, right * width, (1 - up) * height, repeat=repeat).T[..., None]
         place = row[seen.hit], column[seen.hit]
         own[place] = seen.in_camera(normal)
         worn[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)

@@ -121,6 +121,7 @@ class LaysOnto(MakesTextures):
         help=LEVEL,
         unset="off, or on with a present map",
         provenance="none",  # the parsed scale is recorded
+        numbers=True,
     )
     strength: float = option(
         default=1.0,
@@ -383,7 +384,7 @@ class Bake(LaysOnto):
         from mpsnet_core.io.frames import results_folder
         from mpsnet_core.io.provenance import operation_facts
 
-        frames, (first, last) = self._frames(views, target)
+        frames, numbers = self._frames(views, target)
         check_apart({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
         remove_abandoned(ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures"))
         level = self.level_scale()
@@ -396,25 +397,29 @@ class Bake(LaysOnto):
             recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
             progress=progress,
         )
-        output = next(iter(frames))
+        textures = {number: file for number, file in zip(numbers, frames, strict=True) if file not in outcome.failed}
+        first, last = min(textures), max(textures)
+        output = textures[first]
         there = f", {outcome.there} there already" if outcome.there else ""
+        failed = f", {len(outcome.failed)} failed" if outcome.failed else ""
         return FramesBaked(
             target.output,
             str(output),
             first,
             last,
-            len(frames),
+            len(textures),
             outcome.made,
             outcome.there,
             outcome.seen,
             outcome.filled,
-            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}",
+            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}{failed}",
+            failed=[*outcome.failed.values()] or None,
         )
 
     def _frames(
         self, views: list[tuple[str, str]], target: "TextureTarget"
-    ) -> "tuple[dict[Path, BakeInputs], tuple[int, int]]":
-        """The inputs of each frame's texture, by its file, and the first and last frame number."""
+    ) -> "tuple[dict[Path, BakeInputs], list[int]]":
+        """The inputs of each frame's texture, by its file, and the frames' numbers."""
         from mpsnet_core.bake.inputs import frame_inputs
         from mpsnet_core.bake.texture_names import split_by
         from mpsnet_core.io.files import checked_bits
@@ -434,7 +439,7 @@ class Bake(LaysOnto):
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
         digits = max(4, len(str(numbers[-1])))
-        return {target.frame(number, digits): inputs[number] for number in numbers}, (numbers[0], numbers[-1])
+        return {target.frame(number, digits): inputs[number] for number in numbers}, numbers
 
     def _onto_files(self) -> list[Path]:
         return [Path(self.onto)] if self.onto else []
@@ -505,7 +510,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         unset="3 for the default model",
         provenance="none",
     )
-    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL)
+    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL, numbers=True)
     keep: str | None = option(
         default=None,
         metavar="FOLDER",

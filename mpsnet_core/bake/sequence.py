@@ -12,7 +12,7 @@ from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.texture_files import TextureTarget
 from mpsnet_core.bake.texture_sets import texture_sets
-from mpsnet_core.errors import InputError
+from mpsnet_core.batch import Batch
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.mesh import read_mesh
@@ -24,12 +24,14 @@ class Outcome:
 
     made, there: how many textures were made now, and how many existed. seen: the mean fraction of the surface that some
     view saw in those made now, None if none was made. filled: the mean fraction that was filled, None without filling.
+    failed: why frames failed, by their textures, although the others were made.
     """
 
     made: int
     there: int
     seen: float | None
     filled: float | None
+    failed: dict[Path, str]
 
 
 def bake_sequence(
@@ -46,13 +48,13 @@ def bake_sequence(
     frames: inputs by texture file, in order. reader: has at most one base map, which applies to every frame. recipe:
     fingerprint of all settings that change the textures.
 
-    Raises InputError if a frame cannot be read or baked. The frames before it have been written then.
+    Raises InputError if a texture cannot be written, or the first few frames cannot be read or baked.
     """
     base_map = reader.base_maps[0] if reader.base_maps else None
     mesh_of = lru_cache(maxsize=1)(read_mesh)
     # A share of the base map's relief estimated per frame would flicker: the first frame's applies to all.
     first, shares = next(iter(frames.values())), None
-    made, seen, filled = 0, 0.0, 0.0
+    made, seen, filled, batch = 0, 0.0, 0.0, Batch[Path]()
     for number, (output, inputs) in enumerate(frames.items()):
         ends = number / len(frames), (number + 1) / len(frames)
         step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
@@ -60,9 +62,11 @@ def bake_sequence(
         sources = [inputs, first] if base_map is not None and base_map.shown == "auto" else [inputs]
         line = provenance_line("texture", recipe, *(fact for source in sources for fact in source.facts()))
         if is_up_to_date(output, line):
+            batch.succeeded += 1
             continue
-        mesh = mesh_of(inputs.meshes[0])
-        try:
+        texture = None
+        with batch.one(output):
+            mesh = mesh_of(inputs.meshes[0])
             if base_map is not None and shares is None and inputs is not first:
                 _, shares = reader.read(first.views, [read_mesh(first.meshes[0])], part(step, 0.0, 0.0))
             views, shares = reader.read(inputs.views, [mesh], part(step, 0.0, 0.1), shares)
@@ -70,15 +74,14 @@ def bake_sequence(
             ((_, texture),) = baked
             if base_map is not None:
                 texture = blend_detail(texture, base_map.vectors)
-        except InputError as error:
-            if not made:
-                raise
-            done = f"{made} texture{'s were' if made > 1 else ' was'} made"
-            raise type(error)(f"{error}; {done}; run the same command again to continue") from None
+        if texture is None:
+            continue
         write_texture(output, texture, convention=target.convention, bits=target.bits, description=line)
         made += 1
         seen += texture.seen_fraction
         filled += texture.filled_fraction or 0.0
+    batch.check_any()
     progress(1.0, "done")
     of_frames = [round(share / made, 4) if made else None for share in (seen, filled)]
-    return Outcome(made, len(frames) - made, of_frames[0], of_frames[1] if baking.fill else None)
+    there = len(frames) - made - len(batch.errors)
+    return Outcome(made, there, of_frames[0], of_frames[1] if baking.fill else None, batch.failed())

@@ -10,6 +10,8 @@ import threading
 from collections.abc import Sequence
 from types import FrameType
 
+from mpsnet_core.uninterrupted import is_uninterrupted
+
 EXIT_UNFORESEEN = 1
 EXIT_BAD_INPUT = 2
 EXIT_CANCELLED = 130
@@ -46,12 +48,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _stop(number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt at once, except in two cases, which are tried again a moment later.
 
-    A library that is loading would crash or turn it into an ImportError. The removal of an unfinished file would leave
-    that file behind.
+    A library that is loading would crash or turn it into an ImportError. A function that is marked as uninterrupted,
+    such as the removal of an unfinished file, would leave that file behind.
     """
     while frame is not None:
-        code = frame.f_code
-        if code.co_filename == "<frozen importlib._bootstrap>" or code.co_name == "_remove_unbroken":
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>" or is_uninterrupted(frame):
             threading.Timer(RETRY_SECONDS, _thread.interrupt_main, (number,)).start()
             return
         frame = frame.f_back

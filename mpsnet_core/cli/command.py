@@ -92,8 +92,8 @@ def run(arguments: Sequence[str]) -> int:
         with warnings.catch_warnings():
             if not sys.warnoptions:  # warnings are for developers, who enable them with -W
                 warnings.simplefilter("ignore")
-            _run(arguments, notes)
-        return 0
+            failed = _run(arguments, notes)
+        return EXIT_BAD_INPUT if failed else 0
     except (InputError, OSError, MemoryError) as error:
         if _nobody_reads(error):
             return EXIT_CANCELLED
@@ -116,12 +116,13 @@ def _nobody_reads(error: Exception) -> bool:
     return isinstance(error, BrokenPipeError)
 
 
-def _run(arguments: Sequence[str], notes: Notes) -> None:
+def _run(arguments: Sequence[str], notes: Notes) -> bool:
+    """Run a verb and report its result. Returns whether inputs of a batch failed."""
     if "" in arguments:
         raise SettingsError("an argument is empty; is a shell variable that it comes from not set?")
     if not arguments:
         argument_parser().print_help()
-        return
+        return False
     options = argument_parser().parse_args(arguments)
     _reserve_memory()
     reporter = Reporter(options.progress)
@@ -131,11 +132,14 @@ def _run(arguments: Sequence[str], notes: Notes) -> None:
         reporter.close()
     if reporter.style == "json":
         print(json.dumps({"result": {**result, "notes": notes.lines}}), flush=True)
-        return
+        return "failed" in result
     for line in notes.lines:
         print(f"note: {line}", file=sys.stderr)
     if result.get("text"):
         print(printable(result["text"]), flush=True)
+    for sentence in result.get("failed", ()):
+        print(f"mpsnet: {sentence}", file=sys.stderr)
+    return "failed" in result
 
 
 def _reserve_memory() -> None:

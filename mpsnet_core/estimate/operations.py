@@ -161,6 +161,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="what lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees",
         unset="rig",
         provenance="none",
+        numbers=True,
     )
     convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
@@ -296,15 +297,24 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
-        outcome = self._sequence(frames, len(photos), progress, numbered.step if numbered else None)
+        step = numbered.step if numbered else None
+        outcome = self._sequence(frames, len(photos), progress, step, apart=not self.smooth)
         numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
-        made = {
-            number: output for number, output in zip(numbers, outputs, strict=True) if number not in outcome.left_out
-        }
+        without = {*outcome.left_out, *outcome.failed}
+        made = {number: output for number, output in zip(numbers, outputs, strict=True) if number not in without}
         if numbered is None or outputs == [Path(self.output)]:
             text, listed = f"{self.output}: {self._summary(outcome)}", [*map(str, made.values())]
             left_out = len(outcome.left_out)
-            return FramesMade(self.output, outcome.made, outcome.there, outcome.pixels, left_out, listed, text=text)
+            return FramesMade(
+                self.output,
+                outcome.made,
+                outcome.there,
+                outcome.pixels,
+                left_out,
+                listed,
+                text=text,
+                failed=[*outcome.failed.values()] or None,
+            )
         if numbered.gaps:
             log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
         padded = len({len(digits) for digits in numbered.digits}) == 1
@@ -329,8 +339,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         made = [number for number in range(1, total + 1) if number not in outcome.left_out]
         return self._made(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
 
-    def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None) -> "Outcome":
-        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence."""
+    def _sequence(
+        self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None, *, apart: bool = False
+    ) -> "Outcome":
+        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence.
+        apart: as in `estimate_sequence`."""
         from mpsnet_core.capture.capture import capture_from
         from mpsnet_core.capture.transfer_curve import note_doubtful_curve
         from mpsnet_core.estimate.sequence.run import estimate_sequence
@@ -367,6 +380,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             recipe=operation_facts(self, **self.model_facts(passes)),
             smooth=self.smooth,
             step=step or 1,
+            apart=apart,
             convention=self.convention,
             count=count,
             progress=progress,
@@ -391,12 +405,14 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             count=outcome.made + outcome.there,
             frame_rate=rate,
             text=f"{Path(self.output) / pattern}: {self._summary(outcome)}",
+            failed=[*outcome.failed.values()] or None,
         )
 
     def _summary(self, outcome: "Outcome") -> str:
         there = f", {outcome.there} there already" if outcome.there else ""
         left_out = f", {len(outcome.left_out)} left out" if outcome.left_out else ""
-        return f"normals by {self.model}, {outcome.made} made{there}{left_out}"
+        failed = f", {len(outcome.failed)} failed" if outcome.failed else ""
+        return f"normals by {self.model}, {outcome.made} made{there}{left_out}{failed}"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.uninterrupted import uninterrupted
 
 # Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
 MAX_TEXT_BYTES = 1 << 20
@@ -95,7 +96,7 @@ def written_together() -> Iterator[None]:
         _put_in_place(changes)
     finally:
         _block.changes = None
-        _remove_unbroken(*(unfinished for _, unfinished in changes if unfinished is not None))
+        _remove(*(unfinished for _, unfinished in changes if unfinished is not None))
 
 
 @contextmanager
@@ -120,7 +121,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             assert _block.changes is not None
             _block.changes.append((path, unfinished))
     except BaseException:
-        _remove_unbroken(unfinished)
+        _remove(unfinished)
         raise
 
 
@@ -135,7 +136,7 @@ def temporary_folder() -> Iterator[Path]:
             folder.mkdir(0o700)
         yield folder
     finally:
-        _remove_unbroken(folder)
+        _remove(folder)
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
@@ -162,7 +163,7 @@ def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
                 _put(path, backup)
         raise
     finally:
-        _remove_unbroken(*names)
+        _remove(*names)
     for folder in {path.parent for path, _ in changes}:
         with contextlib.suppress(OSError):  # Windows cannot open folders, and permissions may forbid it
             _flush(folder)
@@ -349,7 +350,7 @@ def _can_be_created(file: Path) -> bool:
     except OSError:
         return False
     finally:
-        _remove_unbroken(probe)
+        _remove(probe)
     return True
 
 
@@ -390,7 +391,7 @@ def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
     """Remove the unfinished files that the killed process `pid` left in `folder`."""
     for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
-        _remove_unbroken(left)
+        _remove(left)
 
 
 def remove_abandoned(folder: str | os.PathLike[str]) -> None:
@@ -398,14 +399,12 @@ def remove_abandoned(folder: str | os.PathLike[str]) -> None:
     for file in Path(folder).glob(".*.unfinished*"):
         found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", file.name)
         if found and not _running(int(found[1])):
-            _remove_unbroken(file)
+            _remove(file)
 
 
-def _remove_unbroken(*paths: Path) -> None:
-    """Remove files, or folders with their content. Missing ones, and those without permission, are ignored.
-
-    Signals do not interrupt it: the command line's handler checks for its name.
-    """
+@uninterrupted
+def _remove(*paths: Path) -> None:
+    """Remove files, or folders with their content. Missing ones, and those without permission, are ignored."""
     for left in paths:
         if left.is_dir() and not left.is_symlink():
             shutil.rmtree(left, ignore_errors=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from mpsnet_core.errors import FormatError, InputError
+from mpsnet_core.io.glb_skins import FLOAT, place_skinned
 from mpsnet_core.io.npz import most_bytes
 
 log = logging.getLogger(__name__)
@@ -18,7 +19,6 @@ log = logging.getLogger(__name__)
 # glTF: components per element, and bytes per component.
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-FLOAT = 5126
 FAN = 6  # mode of a glTF primitive
 TRANSFORM = "KHR_texture_transform"
 INSTANCES = "EXT_mesh_gpu_instancing"
@@ -59,7 +59,9 @@ def read_scene(path: Path) -> Iterator[Any]:
                 _check_parts(header)
                 _check_plain(header)
                 _note_other_uvs(header, path)
-                content = _with_plain_materials(file, header)
+                rest = file.read()
+                place_skinned(header, rest[8:], path)
+                content = _with_plain_materials(header, rest)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 content,
@@ -89,8 +91,8 @@ def _no_number(text: str) -> float:
     raise FormatError(f"it holds {text} in place of a number; export it again")
 
 
-def _with_plain_materials(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
-    """A GLB file, open after its JSON part, whose materials have only names.
+def _with_plain_materials(header: dict[str, Any], rest: bytes) -> IO[bytes]:
+    """A GLB file whose materials have only names. rest: what follows its JSON part.
 
     Images are not needed, and trimesh may decode them. trimesh drops the UVs of a part without a material, so such
     parts get one without a name.
@@ -102,7 +104,6 @@ def _with_plain_materials(file: IO[bytes], header: dict[str, Any]) -> IO[bytes]:
         one.setdefault("material", len(named))
     text = json.dumps(kept).encode()
     text += b" " * (-len(text) % 4)
-    rest = file.read()
     head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
     return BytesIO(head + text + rest)
 

@@ -165,7 +165,9 @@ class MakesProducts(Operation):
         help="image of the surface under a white light, with the ambient occlusion if that is made",
         provenance="none",
     )
-    light: str = option(default="45,135", metavar="SLANT,TILT", help="direction of that light, in degrees")
+    light: str = option(
+        default="45,135", metavar="SLANT,TILT", help="direction of that light, in degrees", numbers=True
+    )
     albedo: str | None = option(
         default=None, metavar="PHOTO", help="the surface's colour for --relit", unset="light grey", provenance="files"
     )
@@ -443,10 +445,10 @@ class MeasuresPhoto(Operation):
     heading: ClassVar[str] = "its size, one of these"
 
     width: str | None = option(
-        default=None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in"
+        default=None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in", numbers=True
     )
     pixel_size: str | None = option(
-        default=None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm"
+        default=None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm", numbers=True
     )
     ruler: str | None = option(
         default=None,
@@ -487,7 +489,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         help="model that estimates the normals, by name or as an .onnx file",
     )
     crop: str | None = option(
-        default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner"
+        default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner", numbers=True
     )
     size: int | None = option(
         default=None,

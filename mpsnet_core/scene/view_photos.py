@@ -97,7 +97,13 @@ def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
 
 def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
     from mpsnet_core.scene.photogrammetry import as_displayed, find_photo, read_cameras
+    from mpsnet_core.scene.photogrammetry.colmap import NO_MODEL, model_in
 
+    if cameras.is_dir() and model_in(cameras) is None:
+        raise FileError(
+            f"folder {cameras} holds no file NAME{CAMERA_SUFFIX} for a photo called NAME, and {NO_MODEL}; choose the "
+            "folder that holds one of them, or rename the camera files like their photos"
+        )
     views, missing = [], []
     for posed in read_cameras(cameras):
         photo = find_photo(posed, photos)

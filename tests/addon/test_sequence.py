@@ -10,6 +10,7 @@ import pytest
 from blender_addon.bake.animated_mesh import AnimatedMesh
 from blender_addon.images import frame_pattern
 from blender_addon.scene.mesh_file import begin_mesh
+from blender_addon.settings.record import notes_of
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
@@ -78,6 +79,17 @@ def test_it_goes_on_where_it_stopped(shots, scene, tmp_path):
     after = {file.name: file.stat().st_mtime_ns for file in sorted((tmp_path / "normals").iterdir())}
     assert len(after) == 4
     assert before.items() <= after.items()
+
+
+def test_a_broken_frame_is_noted_and_the_others_shown(shots, scene, tmp_path):
+    broken = shots / "shot_0009.exr"
+    broken.write_bytes(broken.read_bytes()[:500])
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), output=str(tmp_path / "normals"))
+    numbers = [file.name.split("_")[1] for file in sorted((tmp_path / "normals").iterdir())]
+    assert numbers == ["0008", "0010", "0011"]
+    assert (scene.mps.estimate.first_frame, scene.mps.estimate.last_frame) == (8, 11)
+    assert [broken.name in note for note in notes_of(scene, "estimate")].count(True) == 1
 
 
 def test_a_video_becomes_a_sequence_of_normals(shots, scene, tmp_path):

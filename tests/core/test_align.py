@@ -10,6 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from bumpy_ball import Photo
+from exif import write_jpeg
 from mesh_file import write_mesh
 from surface_shapes import upright
 from synthetic import write_file
@@ -117,6 +118,21 @@ class TestPoints:
         fit = camera_from_points(pixels_of(true, points), points, WIDTH, HEIGHT, true)
         assert degrees_apart(fit.camera, true) < 0.01
 
+    def test_a_likely_focal_length_decides_only_where_the_pairs_leave_it_open(self):
+        """Of a plane that the camera faces, every focal length shows the same from another distance."""
+        true = looking(90, 0, 0)
+        flat = np.array([[-1, 0, -0.8], [1, 0, -0.6], [0.9, 0, 0.8], [-0.7, 0, 1], [0.1, 0, 0.2]])
+        right, up = true.rotation[:, 0], true.rotation[:, 1]
+        facing = flat[:, :1] * right + flat[:, 2:] * up
+        solid = surface_points(8)
+        for focal in (0.7, 2.5):
+            found = [
+                camera_from_points(pixels_of(true, points), points, WIDTH, HEIGHT, usual_focal=focal).camera.focal[0]
+                for points in (facing, solid)
+            ]
+            assert found[0] == pytest.approx(focal * WIDTH, rel=0.05)
+            assert found[1] == pytest.approx(800, rel=0.03)
+
     def test_three_pairs_and_a_line_are_refused(self):
         true = looking(0, 0, 0)
         with pytest.raises(GeometryError, match="3 pairs do not determine"):
@@ -174,6 +190,14 @@ def test_without_a_start_the_best_view_is_the_right_one():
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("lens", [250.0, 2400.0])
+def test_without_a_start_a_likely_focal_length_that_is_wrong_does_no_harm(lens: float):
+    photo = photographed(-120, -35, 170)
+    best, *_ = searched(evidence(photo), faces(), looking(0, 0, 0, lens=lens), usual_focal=700.0)
+    assert_the_same(best.camera, photo.camera)
+
+
+@pytest.mark.long
 def test_without_a_start_a_known_principal_point_stays():
     shifted = replace(looking(-120, -35, 170), centre=np.array([330.0, 120.0]))
     photo = bumpy_ball.photo(shifted)
@@ -209,6 +233,28 @@ class TestCommand:
         assert "pair 4 contradicts the others" in done.stderr
         assert_the_same(read_camera(files / "camera.json"), true)
         assert (files / "overlay.png").is_file()
+
+    @pytest.mark.parametrize(("stated", "given"), [(60, ()), (200, ()), (1, ()), (200, ("--focal", "60")), (0, ())])
+    def test_the_lens_that_the_photo_states_is_where_it_starts(self, mpsnet, files, stated: int, given):
+        """A wrong one does no harm, and one that is given goes before it."""
+        photo, points = photographed(), surface_points(8)
+        write_file(files / "mask.png", photo.mask, "uint8")
+        exif = {"FocalLengthIn35mmFilm": stated, "PixelXDimension": WIDTH, "PixelYDimension": HEIGHT}
+        write_jpeg(files / "photo.jpg", (WIDTH, HEIGHT), exif, np.clip(photo.image, 0, 1))
+        pairs = self.pairs(files, pixels_of(photo.camera, points), points)
+        options = ("--encoding", "linear", "--mask", files / "mask.png", "--model", "lambertian", *pairs, *given)
+        mesh_and_rig = ("--mesh", files / "mesh.npz", "--rig", files / "rig.json")
+        done = mpsnet("align", files / "photo.jpg", *mesh_and_rig, *options, "-o", files / "camera.json")
+        assert done.returncode == 0, done.stderr
+        assert_the_same(read_camera(files / "camera.json"), photo.camera)
+        # By the diagonal, EXIF's own way, on a photo of 6:5.
+        focal = stated * np.hypot(6, 5) / 6 * 36 / np.hypot(36, 24)
+        used, refused = (
+            f"photo.jpg states a lens of {focal:.0f} mm (EXIF), from which the search starts",
+            "which no camera",
+        )
+        assert (used in done.stderr) == (stated >= 60 and not given)
+        assert (refused in done.stderr) == (stated == 1)
 
     def test_the_pairs_are_not_overwritten(self, mpsnet, files):
         given = self.pairs(files, np.zeros((4, 2)), np.zeros((4, 3)))

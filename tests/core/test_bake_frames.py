@@ -83,6 +83,22 @@ def test_what_is_there_is_not_made_again_unless_it_is_of_something_else(bench: P
     assert not [name for name in listing(skin) if "unfinished" in name]
 
 
+def test_a_broken_frame_is_named_and_the_others_are_baked(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = bench / "normals" / "f_7_normals.png"
+    whole = broken.read_bytes()
+    broken.write_bytes(whole[:100])
+    assert bake(bench, "normals", "skin", "--progress", "json") == 2
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])["result"]
+    assert listing(bench / "skin") == ["skin_0008.png", "skin_0010.png"]
+    assert (result["first"], result["last"], result["count"], result["made"]) == (8, 10, 2, 2)
+    [sentence] = result["failed"]
+    assert str(broken) in sentence
+    broken.write_bytes(whole)
+    assert bake(bench, "normals", "skin", "--progress", "json") == 0
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])["result"]
+    assert (result["first"], result["made"], result["there"], result.get("failed")) == (7, 1, 2, None)
+
+
 def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A mesh and a camera turned about the same axis give the first frame's texture again."""
     for number in NUMBERS:
@@ -109,18 +125,17 @@ def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFi
         (("normals", "skin", "--confidence", "c.png"), "--confidence takes one normal map per view"),
         (("normals", "skin", "--format", "gif"), "not a supported image format"),
         (("odd", "skin"), "their names must differ in one number alone"),
-        (("broken", "skin"), r"b_2\.png .*; 1 texture was made; run the same command again to continue"),
+        (("broken", "skin"), r"b_1\.png: .*; all 3 that were tried failed"),
     ],
 )
 def test_bad_input_gets_one_sentence(
     bench: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], sentence: str
 ) -> None:
     source = (bench / "normals" / "f_7_normals.png").read_bytes()
-    for folder, names in (("odd", ("a.png", "b.png")), ("broken", ("b_1.png", "b_2.png"))):
+    for folder, names in (("odd", ("a.png", "b.png")), ("broken", ("b_1.png", "b_2.png", "b_3.png", "b_4.png"))):
         (bench / folder).mkdir()
         for name in names:
-            (bench / folder / name).write_bytes(source)
-    (bench / "broken" / "b_2.png").write_bytes(source[:100])
+            (bench / folder / name).write_bytes(source[: 100 if folder == "broken" else None])
     assert bake(bench, *arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(sentence, line), line

@@ -10,6 +10,7 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
+from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.bake.bake import View
 from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_detail, remove_base_details
 from mpsnet_core.bake.detail_blending import read_base_map
@@ -71,6 +72,30 @@ def test_relief_that_is_shown_is_taken_out(shown: str) -> None:
     vectors, share = taken_out(worn(view), view, present(shown=shown))
     assert share == pytest.approx(1, abs=0.05)
     assert degrees_between(vectors, view.normals.vectors)[there].mean() < 1.0
+
+
+def test_the_map_repeats_where_uvs_lie_beyond_it() -> None:
+    """As Blender repeats it. The mesh's UVs are those of the waves, some units of UV space further on."""
+    view, on_its_tile = smooth_view(), replace(MESH, uvs=MESH.uvs + np.float32([3, -2]))
+    given = NormalMap(worn(view), view.normals.mask)
+    alike, beside = (
+        remove_base_detail(given, view.camera, mesh, SCENE, present(shown="yes"))[0].vectors
+        for mesh in (MESH, on_its_tile)
+    )
+    assert degrees_between(beside, alike)[inner(view)].max() < 0.1
+    assert degrees_between(beside, view.normals.vectors)[inner(view)].mean() < 1.0
+
+
+def test_lookups_in_a_repeated_image_are_those_in_a_tiled_one() -> None:
+    """Also across the border, where the last column meets the first."""
+    rng = np.random.default_rng(3)
+    image = rng.uniform(size=(3, 5, 2))
+    x, y = rng.uniform(-9, 14, 400), rng.uniform(-5, 8, 400)
+    tiled = np.tile(image, (5, 5, 1))
+    found = bilinear(image, x, y, repeat=True)
+    np.testing.assert_allclose(found, bilinear(tiled, x + 10, y + 6), atol=1e-12)
+    edge = np.array([-1e-9, 0.0, 5.0, np.float32(0.5) - np.float32(1e-8)], np.float32)
+    assert np.isfinite(bilinear(image, edge, edge, repeat=True)).all()
 
 
 def test_of_relief_that_was_estimated_too_flat_no_more_is_taken_out() -> None:

@@ -1,6 +1,7 @@
 """Files appear whole or not at all, whatever stops the writing."""
 
 import contextlib
+import inspect
 import itertools
 import json
 import os
@@ -10,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
+from types import FrameType, SimpleNamespace
 
 import pytest
 from synthetic import left_by, listing
@@ -28,6 +29,7 @@ from mpsnet_core.io.files import (
     written_together,
     written_whole,
 )
+from mpsnet_core.uninterrupted import uninterrupted
 
 
 def test_a_file_appears_only_once_it_is_whole(tmp_path: Path) -> None:
@@ -131,6 +133,30 @@ def test_a_signal_at_any_time_leaves_all_files_old_or_all_new_and_no_litter(tmp_
         if ran_through == 300:
             break
     assert stopped > 300
+
+
+def test_a_signal_waits_for_what_is_marked_whatever_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also in a function that it calls; the signal comes again a moment later."""
+    waiting: list[object] = []
+    monkeypatch.setattr(
+        "mpsnet_core.cli.threading.Timer", lambda *given: SimpleNamespace(start=lambda: waiting.append(given))
+    )
+
+    def work() -> None:
+        _stop(signal.SIGTERM, inspect.currentframe())
+
+    def _remove() -> None:  # not marked
+        work()
+
+    @uninterrupted
+    def tidy() -> None:
+        work()
+
+    tidy()
+    assert len(waiting) == 1
+    with pytest.raises(KeyboardInterrupt):
+        _remove()
+    assert len(waiting) == 1
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")

@@ -225,9 +225,9 @@ test_a_bad_photo_list_gets_one_clear_sentence = gets_one_clear_sentence(
             "two photos would both be written to…same_normals.png; rename one",
         ),
         (
-            "one bad frame among good ones",
-            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr", 0 * SPHERE.image), output="out"),
-            "b.exr…black inside the mask",
+            "bad frames alone",
+            lambda b: b.estimate(*(b.photo(name, 0 * SPHERE.image) for name in ("a.exr", "b.exr")), output="out"),
+            "a.exr…black inside the mask…; all 2 that were tried failed",
         ),
     ]
 )

@@ -365,6 +365,69 @@ def test_normals_of_no_length_count_as_none(tmp_path: Path, suffix: str) -> None
     assert read_mesh(path).corner_normals == pytest.approx(np.broadcast_to([0, -1, 0], (2, 3, 3)))
 
 
+def edited(path: Path, edit: Callable[[dict[str, Any], bytes], bytes]) -> Path:
+    """A GLB file whose JSON part was edited, and its buffer replaced by what `edit` returns."""
+    data = path.read_bytes()
+    (length,) = struct.unpack("<I", data[12:16])
+    header = json.loads(data[20 : 20 + length])
+    buffer = edit(header, data[28 + length :])
+    header["buffers"] = [{"byteLength": len(buffer)}]
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return path
+
+
+def skinned(posed: bool) -> Callable[[dict[str, Any], bytes], bytes]:
+    """The right square as a skinned mesh. Its node stands anywhere; two joints, turned and moved, put it in its place.
+
+    posed: turn the second joint afterwards.
+    """
+    turned = np.array([[0, -1, 0, 3], [1, 0, 0, 4], [0, 0, 1, -2], [0, 0, 0, 1]], float)  # 90 degrees about z
+    root, at = np.diag([2.0, 2, 2, 1]), np.eye(4)
+    at[0, 3] = 5
+    joints = root @ turned, root @ turned @ turned
+
+    def edit(header: dict[str, Any], buffer: bytes) -> bytes:
+        half = np.sqrt(0.5)
+        joint = {"translation": [3, 4, -2], "rotation": [0, 0, half, half]}
+        second = {"matrix": turned.T.ravel().tolist()}
+        if posed:
+            second = {"translation": [3, 4, -2]}
+        header["nodes"] = [
+            {"mesh": 0},
+            {"name": "arm", "mesh": 1, "skin": 0, "translation": [70, 8, 9], "scale": [3, 1, 1]},
+            {"scale": [2, 2, 2], "children": [3, 1]},
+            {**joint, "children": [4]},
+            second,
+        ]
+        header["scenes"] = [{"nodes": [0, 2]}]
+        header["skins"] = [{"joints": [3, 4], "inverseBindMatrices": len(header["accessors"])}]
+        inverse = np.array([(np.linalg.inv(one) @ at).T for one in joints], "<f4").tobytes()
+        header["accessors"].append(
+            {"bufferView": len(header["bufferViews"]), "componentType": 5126, "count": 2, "type": "MAT4"}
+        )
+        header["bufferViews"].append({"buffer": 0, "byteOffset": len(buffer), "byteLength": len(inverse)})
+        return buffer + inverse
+
+    return edit
+
+
+def test_glb_with_a_skinned_mesh_stands_where_its_joints_put_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    plain = read_mesh(glb(tmp_path / "plain.glb", normals=True))
+    mesh = read_mesh(edited(glb(tmp_path / "skinned.glb", normals=True), skinned(posed=False)))
+    assert mesh.world_vertices[mesh.triangles] == pytest.approx(plain.world_vertices[plain.triangles], abs=1e-5)
+    assert mesh.corner_normals == pytest.approx(plain.corner_normals, abs=1e-5)
+    assert mesh.objects is not None and "arm" in mesh.objects.names
+    assert not caplog.records
+    read_mesh(edited(glb(tmp_path / "posed.glb", normals=True), skinned(posed=True)))
+    [sentence] = caplog.messages
+    assert "posed.glb: the skeleton of object 'arm' is posed, which is not applied" in sentence
+
+
 def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
     assert path.read_bytes().count(b'"material": 1}') == 1

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
+import numpy as np
 import pytest
 
+from mpsnet_core.bake.operations import Bake
 from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.cli.operations import add_operation
@@ -49,6 +51,8 @@ class Grind(UsesMill):
     recipe: str | None = option(default=None, help="file of a recipe", provenance="content")
     sieves: tuple[int, ...] = option(default=(3, 5), help="in a row")
     crank: str | None = option(default=None, help="", provenance="none")
+    tilt: str | None = option(default=None, metavar="level|X,Y", help="of the mill", numbers=True)
+    legs: tuple[str, ...] = option(default=(), metavar="X,Y", help="where a leg stands", numbers=True)
     output: str = option(help="bag for the powder", provenance="none")
 
     def run(self, progress: Progress = silent) -> Answer:
@@ -103,6 +107,36 @@ def test_choices_are_those_of_the_type(kind: type[Operation]) -> None:
             assert tuple(setting.option.choices) == get_args(hint), setting.name
 
 
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (0.05, "0.05"),
+        (2, "2"),
+        (np.float64(0.1), "0.1"),
+        (np.int64(3), "3"),
+        ((45, 90.5), "45,90.5"),
+        (np.array([0.25, -1]), "0.25,-1.0"),
+        ("level", "level"),
+        (None, None),
+    ],
+)
+def test_text_of_numbers_may_be_given_as_numbers(given: Any, text: str | None) -> None:
+    grind = Grind(beans="a", output="bag", tilt=given, legs=() if given is None else given)
+    assert (grind.tilt, grind.legs) == (text, () if text is None else (text,))
+    if text is not None:
+        assert on_the_command_line("a", "-o", "bag", "--tilt", text, "--legs", text)["given"] == grind.run().given
+
+
+def test_each_of_several_may_be_numbers() -> None:
+    for legs in ([(1, 2), "3,4"], np.array([[1, 2], [3, 4]]), iter([(1, 2), [3, 4]])):
+        assert Grind(beans="a", output="bag", legs=legs).legs == ("1,2", "3,4")  # type: ignore[arg-type]
+
+
+def test_a_levels_scale_may_be_a_number() -> None:
+    scales = [Bake(mesh="a.obj", view="c=n", output="t.png", level=level).level_scale() for level in (0.05, "0.05")]  # type: ignore[arg-type]
+    assert scales == [0.05, 0.05]
+
+
 def test_paths_are_taken_as_they_come() -> None:
     grind = Grind(beans=[Path("a")], output=Path("bag"))  # type: ignore[arg-type]
     assert grind.beans == ("a",) and grind.output == "bag"
@@ -134,6 +168,8 @@ def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None
         ({"sieves": [3, 5.5]}, "sieves 5.5 is not a whole number"),
         ({"slow": "false"}, "slow 'false' is neither true nor false"),
         ({"recipe": 5}, "recipe 5 is not text"),
+        ({"tilt": True}, "tilt True is not text"),
+        ({"tilt": (1, True)}, r"tilt \(1, True\) is not text"),
         ({"roast": ["dark"]}, r"roast \['dark'\] is not text"),
         ({"beans": []}, "grind lacks its option beans; give it"),
         ({"output": None}, "grind lacks its option output; give it"),

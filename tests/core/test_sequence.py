@@ -233,17 +233,80 @@ def test_every_format_keeps_the_line_that_says_what_it_was_made_of(tmp_path: Pat
 # --- what goes wrong on the way ---------------------------------------------------------------------------------------
 
 
-def test_a_broken_frame_is_named_and_what_was_made_is_kept(tmp_path: Path) -> None:
+def cut_short(photo: Path) -> bytes:
+    """Cut a photo in half, and return it whole."""
+    whole = photo.read_bytes()
+    photo.write_bytes(whole[: len(whole) // 2])
+    return whole
+
+
+@pytest.mark.parametrize(("smooth", "before"), [(0, 5), (1, 4)])
+def test_a_broken_frame_is_named_and_what_was_made_is_kept(tmp_path: Path, smooth: int, before: int) -> None:
     photos = shots(tmp_path / "shots", range(1, 9))
-    whole = photos[5].read_bytes()
-    photos[5].write_bytes(whole[: len(whole) // 2])
-    words = r"frame_0006\.png is damaged or cut short.*; 5 frames were made; run the same command again to continue"
+    whole = cut_short(photos[5])
+    words = rf"frame_0006\.png is damaged or cut.*; {before} frames were made; run the same command again to continue"
     with pytest.raises(InputError, match=words):
-        run(photos, tmp_path / "out")
-    assert listing(tmp_path / "out") == [f"frame_{number:04d}_normals.png" for number in range(1, 6)]
+        run(photos, tmp_path / "out", smooth)
+    assert listing(tmp_path / "out") == [f"frame_{number:04d}_normals.png" for number in range(1, before + 1)]
     photos[5].write_bytes(whole)
-    outcome = run(photos, tmp_path / "out")
-    assert (outcome.made, outcome.there) == (3, 5)
+    outcome = run(photos, tmp_path / "out", smooth)
+    assert outcome.made + outcome.there == 8 and outcome.there <= before
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_broken_photos_are_named_and_all_others_made(tmp_path: Path, mpsnet: Mpsnet, rig: Path, numbered: bool) -> None:
+    photos = shots(tmp_path / "shots", range(1, 8))
+    if not numbered:
+        photos = [photo.rename(photo.with_name(f"{name}.png")) for photo, name in zip(photos, "abcdefg", strict=True)]
+    whole = {photo: cut_short(photo) for photo in (photos[0], photos[4])}
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    done = mpsnet(*command)
+    assert done.returncode == 2 and done.stdout.endswith("5 made, 2 failed\n")
+    assert [sentence.partition(" is damaged")[0] for sentence in sentences(done)] == [*map(str, whole)]
+    made = [f"{photo.stem}_normals.png" for photo in photos if photo not in whole]
+    assert listing(tmp_path / "out") == made
+
+    done = mpsnet(*command, "--progress", "json")
+    told = json.loads(done.stdout.splitlines()[-1])["result"]
+    assert done.returncode == 2 and (told["made"], told["there"], len(told["failed"])) == (0, 5, 2)
+    if numbered:
+        assert (Path(told["first_output"]).name, told["first"], told["last"], told["count"]) == (made[0], 2, 7, 5)
+    else:
+        assert [Path(output).name for output in told["outputs"]] == made
+
+    for photo, content in whole.items():
+        photo.write_bytes(content)
+    told = result(mpsnet(*command, "--progress", "json"))
+    assert (told["made"], told["there"], told.get("failed")) == (2, 5, None)
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() == 0, reason="root may read everything")
+def test_a_photo_that_may_not_be_read_is_named_too(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 4))
+    photos[1].chmod(0)
+    outcome = run(photos, tmp_path / "out", apart=True)
+    assert (outcome.made, [*outcome.failed]) == (2, [2])
+    assert str(photos[1]) in outcome.failed[2]
+
+
+def test_a_mask_that_fits_no_photo_ends_the_run_soon(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    shots(tmp_path / "shots", range(1, 8))
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    small = write_file(tmp_path / "small.png", SPHERE.mask[:20], "uint8")
+    for mask in (small, tmp_path / "none.png"):
+        done = mpsnet(*command, "--mask", mask)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+        assert "frame_0001.png: " in done.stderr and done.stderr.endswith("; all 3 that were tried failed\n")
+        assert not (tmp_path / "out").exists()
+
+
+def test_a_single_photo_of_a_folder_that_is_broken_gets_its_own_sentence(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path
+) -> None:
+    [photo] = shots(tmp_path / "shots", [1])
+    cut_short(photo)
+    done = mpsnet("estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out")
+    assert done.returncode == 2 and done.stderr.startswith(f"mpsnet: {photo} is damaged") and "tried" not in done.stderr
 
 
 def test_a_result_that_cannot_be_written_ends_the_run(tmp_path: Path) -> None:
@@ -299,6 +362,11 @@ def test_a_mask_of_a_sequence_without_numbers_is_refused(tmp_path: Path) -> None
 def rig(tmp_path: Path) -> Path:
     write_rig(tmp_path / "rig.json", SPHERE.rig)
     return tmp_path / "rig.json"
+
+
+def sentences(done: "subprocess.CompletedProcess[str]") -> list[str]:
+    """What went wrong: the lines on stderr that are no notes."""
+    return [line.removeprefix("mpsnet: ") for line in done.stderr.splitlines() if line.startswith("mpsnet: ")]
 
 
 def result(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
@@ -601,7 +669,7 @@ def test_names_that_are_not_utf8_get_one_sentence(tmp_path: Path, mpsnet: Mpsnet
     if several:
         shots(tmp_path / "shots", [1])
     done = mpsnet("estimate", odd.parent if several else odd, "--rig", rig, "-o", tmp_path / "out")
-    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert done.returncode == 2 and len(sentences(done)) == 1
     assert r"frame_0001\udcff" in done.stderr and "its name is not valid UTF-8; rename it" in done.stderr
     assert "Path(" not in done.stderr
 

@@ -483,6 +483,10 @@ BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
     "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
     "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
     "no folder of photos": (lambda t: ["--photos", t / "none"], r"none is not a folder"),
+    "a folder without cameras": (
+        lambda t: ["--cameras", t / "photos"],
+        r"photos holds no file NAME\.camera\.json for a photo called NAME, and no COLMAP model .*; choose the folder",
+    ),
     "a level that is none": (lambda t: ["--level", "much"], r"--level much is not known; give on, off, or a scale"),
     "a level out of range": (lambda t: ["--level", "0.001"], r"--level 0.001 is not known"),
     "a report that is no page": (lambda t: ["--report", t / "r.pdf"], r"reports are written as .html"),

@@ -44,6 +44,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         help="the ball's outline, set by hand: centre from the photo's top left corner, and radius, in "
         "pixels; one for each ball, in order",
         unset="detected in the photo",
+        numbers=True,
     )
     mask: str | None = option(default=None, help="mask file, white on the ball or the card", provenance="files")
     radius: float | None = option(
@@ -161,6 +162,7 @@ class CalibrateLights(LooksAtBall):
         metavar="R,G,B",
         help="with --per-light or an .lp file: numbers of the rig's red, green and blue light, counted from 1 "
         "in the order of the table",
+        numbers=True,
     )
     distant: bool = option(default=False, help="write directions even where positions could be found")
     output: str = option(
@@ -363,7 +365,11 @@ class CalibrateMixing(LooksAtBall):
     rig: str = option(help="rig file with the lights' directions or positions", provenance="content")
     card: bool = option(default=False, help="the photos show a flat grey card, one photo per light")
     normal: str | None = option(
-        default=None, metavar="X,Y,Z", help="direction that the card faces, in camera space", unset="towards the camera"
+        default=None,
+        metavar="X,Y,Z",
+        help="direction that the card faces, in camera space",
+        unset="towards the camera",
+        numbers=True,
     )
     output: str = option(metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 

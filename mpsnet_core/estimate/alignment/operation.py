@@ -112,7 +112,7 @@ class Align(RunsModel, ReadsPhotos):
         low=LEAST_FOCAL,
         high=MOST_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
-        unset="estimated too",
+        unset="estimated too, from the one that the photo's EXIF data state",
     )
     lens: str | None = option(
         default=None,
@@ -174,6 +174,19 @@ class Align(RunsModel, ReadsPhotos):
         height, width = capture.mask.shape
         return replace(capture, camera=_of_size(lens, width, height, "lens"))
 
+    def _stated_focal(self) -> float | None:
+        """The 35 mm equivalent focal length that the photo's EXIF data state, None if they state none of use."""
+        from mpsnet_core.io.focal_length import stated_focal
+
+        focal = stated_focal(self.image)
+        if focal is not None:
+            log.info(
+                "%s states a lens of %.0f mm (EXIF), from which the search starts; give the lens if it is another",
+                Path(self.image).name,
+                focal,
+            )
+        return focal
+
     def _fits(
         self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None, bool]":
@@ -184,11 +197,13 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import measured, refined
         from mpsnet_core.estimate.alignment.search import moved_onto_mask, searched
-        from mpsnet_core.scene.camera import Camera, read_camera
+        from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
         height, width = capture.mask.shape
         lens, fixed = capture.camera, capture.camera is not None
-        by_points = None if pairs is None else camera_from_points(*pairs, width, height, lens)
+        stated = None if fixed or self.start else self._stated_focal()
+        likely = stated / FULL_FRAME if stated else USUAL_FOCAL
+        by_points = None if pairs is None else camera_from_points(*pairs, width, height, lens, usual_focal=likely)
         rough = by_points.camera if by_points else None
         if self.start is not None:
             rough = _of_size(read_camera(self.start), width, height, "start")
@@ -198,9 +213,10 @@ class Align(RunsModel, ReadsPhotos):
         small = shown.capture(capture)
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
         if rough is None:
-            usual = Camera("perspective", width, height, np.full(2, max(height, width) * USUAL_FOCAL))
-            begin, rest = shown.camera(lens or usual), part(progress, 0.4, 0.9)
-            fits = searched(estimate, faces, begin, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
+            begin, rest = shown.camera(lens or free), part(progress, 0.4, 0.9)
+            usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
+            fits = searched(estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest)
         else:
             progress(0.4, "aligning")
             begin = shown.camera(rough)

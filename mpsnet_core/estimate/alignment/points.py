@@ -40,7 +40,15 @@ class PointFit:
     left_out: tuple[int, ...]
 
 
-def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, lens: Camera | None = None) -> PointFit:
+def camera_from_points(
+    pixels: Floats,
+    points: Floats,
+    width: int,
+    height: int,
+    lens: Camera | None = None,
+    *,
+    usual_focal: float = USUAL_FOCAL,
+) -> PointFit:
     """The perspective camera that sees `points` at `pixels`.
 
     Parameters
@@ -53,6 +61,8 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
         Of the image.
     lens
         A camera of this size with the known focal length and principal point. Its pose is ignored.
+    usual_focal
+        The most likely focal length without a `lens`, in longer sides of the image, as :data:`USUAL_FOCAL`.
 
     Raises
     ------
@@ -75,7 +85,7 @@ def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, 
     if len(points) >= least:
         fits += [np.arange(len(points)) != k for k in range(len(points))]
     unit = max(width, height) / 1024
-    fitted, residuals, errors = _fits(pixels, points, np.array(fits), width, height, lens)
+    fitted, residuals, errors = _fits(pixels, points, np.array(fits), width, height, lens, usual_focal)
     used = 0
     if len(fits) > 1:
         best = 1 + int(np.argmin(errors[1:]))
@@ -95,18 +105,24 @@ def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Float
 
 
 def _fits(
-    pixels: Floats, points: Floats, used: NDArray[np.bool_], width: int, height: int, lens: Camera | None
+    pixels: Floats,
+    points: Floats,
+    used: NDArray[np.bool_],
+    width: int,
+    height: int,
+    lens: Camera | None,
+    usual_focal: float,
 ) -> tuple[Poses, Floats, Floats]:
     """Best poses for S subsets (S, N) of the pairs, residuals (S, N), and their root mean square (S,) in the subset."""
     longer = max(width, height)
     middle, size = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
     local = (points - middle) / size
-    focals = lens.focal[:1] if lens else np.array([0.8, USUAL_FOCAL, 4.0]) * float(longer)
+    focals = lens.focal[:1] if lens else np.array([0.8, usual_focal, 4.0]) * float(longer)
     starts = _starts(pixels, local, used, lens.centre if lens else np.array([width / 2, height / 2]), focals)
     choice = np.repeat(np.arange(len(used)), STARTS * len(focals))
     weight = used[choice].astype(np.float64)
     prior = PIXEL_ERROR * longer / 1024 / FOCAL_SPREAD
-    known = None if lens else (float(np.log(longer * USUAL_FOCAL)), prior)
+    known = None if lens else (float(np.log(longer * usual_focal)), prior)
     # A few steps identify the promising starts.
     begun, cost = _solved(starts, pixels, local, weight, known, FIRST_STEPS)
     kept = np.argsort(cost.reshape(len(used), -1), axis=1)[:, :PROMISING]

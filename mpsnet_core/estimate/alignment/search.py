@@ -28,6 +28,7 @@ def searched(
     lens: Camera,
     *,
     fix_focal: bool = False,
+    usual_focal: float | None = None,
     count: int = 3,
     progress: Progress = silent,
 ) -> list[Fit]:
@@ -43,6 +44,8 @@ def searched(
         A camera of the photo's size with the initial focal length and the principal point. Its pose is ignored.
     fix_focal
         Whether to keep the focal length.
+    usual_focal
+        A focal length in pixels to try as well, if that of the lens may be wrong.
     count
         Number of cameras to return.
     progress
@@ -61,8 +64,9 @@ def searched(
     best = _different(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.
-        for number, factor in enumerate(ZOOMS):
-            progress(0.9 + 0.1 * number / len(ZOOMS), f"lens {number + 1} of {len(ZOOMS)}")
+        factors = [*ZOOMS, *([usual_focal / float(best[0].camera.focal[0])] if usual_focal else [])]
+        for number, factor in enumerate(factors):
+            progress(0.9 + 0.1 * number / len(factors), f"lens {number + 1} of {len(factors)}")
             best.append(refined(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
     return _different(sorted(best, key=lambda fit: fit.cost))[:count]
 

@@ -5,11 +5,12 @@ import logging
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from mpsnet_core.batch import Batch
 from mpsnet_core.capture.capture import Capture, note_doubts
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
@@ -41,12 +42,15 @@ class Outcome:
         Number of pixels inside the masks of those that were written.
     left_out
         Numbers of the frames without an object, which have no normal map.
+    failed
+        Why frames failed, by their numbers, although the others were made.
     """
 
     made: int = 0
     there: int = 0
     pixels: int = 0
     left_out: list[int] = field(default_factory=list)
+    failed: dict[int, str] = field(default_factory=dict)
 
 
 def estimate_sequence(
@@ -57,6 +61,7 @@ def estimate_sequence(
     recipe: str,
     smooth: int = 0,
     step: int = 1,
+    apart: bool = False,
     convention: Convention = "opengl",
     count: int = 0,
     progress: Progress = silent,
@@ -78,6 +83,10 @@ def estimate_sequence(
         Number of frames before and after a frame to average it with, see :func:`smoothed`.
     step : int
         Least difference between the numbers of successive frames.
+    apart : bool
+        Whether the frames are photos that are made although others fail. By default the first that fails ends the run,
+        as the frames of a video have to; smoothing needs it, too: frames near one that failed would be averaged
+        without it.
     convention : {"opengl", "directx"}
         Green up or green down.
     count : int
@@ -92,7 +101,8 @@ def estimate_sequence(
     Raises
     ------
     InputError
-        If a frame cannot be read, estimated or written, or none shows an object.
+        If a frame cannot be written, or none shows an object; if one cannot be read or estimated, or with `apart` the
+        first few cannot.
     Cancelled
         If `progress` raises it.
 
@@ -102,7 +112,7 @@ def estimate_sequence(
     number of frames. A frame without an object is left out with a warning. If other frames show one, its normal map
     from an earlier run is removed at the end.
     """
-    run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", convention, count, progress)
+    run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", apart, convention, count, progress)
     return run.through(frames, smooth, step)
 
 
@@ -113,10 +123,12 @@ class _Run:
     take: Callable[[Frame], Capture]
     estimator: Callable[[Capture, Progress], NormalMap]
     recipe: str
+    apart: bool
     convention: Convention
     count: int
     progress: Progress
     outcome: Outcome = field(default_factory=Outcome)
+    batch: Batch[int] = field(default_factory=Batch)
     nothing: NoObject | None = None  # error of the first frame without an object
     stale: list[Path] = field(default_factory=list)  # outputs of such frames, which may exist from earlier runs
     unwritten: dict[int, Frame] = field(default_factory=dict)
@@ -133,8 +145,10 @@ class _Run:
                 raise
             made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
             raise type(error)(f"{error}; {made}; run the same command again to continue") from None
+        self.batch.check_any()
         if self.nothing is not None and not outcome.made + outcome.there:
             raise self.nothing  # the mask is wrong, for example: keep the normal maps of an earlier run
+        outcome.failed = self.batch.failed()
         for output in self.stale:
             if output.is_file() and is_result(output, "normals"):
                 with contextlib.suppress(OSError):  # files that cannot be removed stay
@@ -142,12 +156,12 @@ class _Run:
         self.progress(1.0, "done")
         return outcome
 
-    def _captured(self, steps: Iterable["_Step"]) -> Generator[tuple["_Step", Capture | None], None, None]:
+    def _captured(self, steps: Iterable["_Step"]) -> Generator[tuple["_Step", Capture | InputError | None], None, None]:
         for todo in steps:
             yield todo, self._taken(todo.frame) if todo.needed else None
 
-    def _taken(self, frame: Frame) -> Capture | None:
-        """The frame as a capture, None if it shows no object."""
+    def _taken(self, frame: Frame) -> Capture | InputError | None:
+        """The frame as a capture, None if it shows no object, or why it cannot be taken."""
         try:
             return self.take(frame)
         except NoObject as error:
@@ -156,20 +170,29 @@ class _Run:
             self.stale.append(frame.output)
             log.warning("%s; this frame is left out", error)
             return None
+        except InputError as error:
+            return error
 
-    def _estimated(self, captures: Iterable[tuple["_Step", Capture | None]]) -> Iterator[Shot]:
+    def _estimated(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[Shot]:
         noted = False
         for number, (todo, capture) in enumerate(captures):
             total = max(self.count, number + 1)
             share = part(self.progress, number / total, (number + 1) / total)
             share(0.0, f"{number + 1} of {total}: {todo.frame.name}" if self.count else todo.frame.name)
             self.outcome.there += not todo.stale
+            self.batch.succeeded += not todo.stale
             if capture is None:
                 continue
-            if not noted:  # report on the first frame only; the others look alike
-                note_doubts(capture)
-                noted = True
-            normals = self.estimator(capture, part(share, 0.0, 0.9, todo.frame.name))
+            normals = None
+            with self.batch.one(todo.frame.number) if self.apart else nullcontext():
+                if isinstance(capture, InputError):
+                    raise capture
+                if not noted:  # report on the first frame only; the others look alike
+                    note_doubts(capture)
+                    noted = True
+                normals = self.estimator(capture, part(share, 0.0, 0.9, todo.frame.name))
+            if normals is None:
+                continue
             if todo.stale:
                 self.unwritten[todo.frame.number] = todo.frame
             yield Shot(todo.frame.number, capture.image, normals, todo.stale)

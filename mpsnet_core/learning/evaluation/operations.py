@@ -107,7 +107,7 @@ class EvaluateDiligent(Magnifies):
         default=(), metavar="NAME", choices=dict.fromkeys(OBJECTS, ""), help="object of DiLiGenT", unset="all ten"
     )
     lights: tuple[str, ...] = option(
-        default=(), metavar="R,G,B", help="numbers of the lights that give red, green and blue"
+        default=(), metavar="R,G,B", help="numbers of the lights that give red, green and blue", numbers=True
     )
     protocol: tuple[str, ...] = option(
         default=(), choices=PROTOCOLS, help="how much each channel sees of each colour", unset="all three"

@@ -54,6 +54,8 @@ _MODELS = (
     "EQUIRECTANGULAR",
 )
 
+NO_MODEL = "no COLMAP model (cameras.bin or cameras.txt, also in sparse/0)"
+
 # Where a model may be in the given folder, in COLMAP's own projects and in the output of its undistorter.
 _PLACES = ("", "sparse/0", "sparse", "0")
 
@@ -107,14 +109,18 @@ def _model_files(path: Path) -> tuple[Path, Path]:
         return path.with_name(f"cameras{path.suffix}"), path.with_name(f"images{path.suffix}")
     if not path.is_dir():
         raise FileError(f"{path} does not exist; name the folder of a COLMAP model")
-    for place in _PLACES:
-        for suffix in (".bin", ".txt"):
-            cameras = path / place / f"cameras{suffix}"
-            if cameras.is_file():
-                if place.endswith("0") and (path / place).with_name("1").is_dir():
-                    log.info("%s holds several models; the first, 0, is read", (path / place).parent)
-                return cameras, cameras.with_name(f"images{suffix}")
-    raise FileError(f"folder {path} holds no COLMAP model (cameras.bin or cameras.txt, also in sparse/0); choose it")
+    cameras = model_in(path)
+    if cameras is None:
+        raise FileError(f"folder {path} holds {NO_MODEL}; choose it")
+    if cameras.parent.name == "0" and cameras.parent != path and cameras.parent.with_name("1").is_dir():
+        log.info("%s holds several models; the first, 0, is read", cameras.parent.parent)
+    return cameras, cameras.with_name(f"images{cameras.suffix}")
+
+
+def model_in(folder: Path) -> Path | None:
+    """The file of cameras of the COLMAP model in a folder or a project's folder; None if there is none."""
+    places = (folder / place / f"cameras{suffix}" for place in _PLACES for suffix in (".bin", ".txt"))
+    return next(filter(Path.is_file, places), None)
 
 
 def _intrinsics(model: str, width: int, height: int, values: tuple[float, ...]) -> _Intrinsics:
