@@ -73,9 +73,7 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet: Mpsnet, rig_file
     np.testing.assert_array_equal(normals.mask, linear.max(axis=-1) > 0.5 * np.percentile(linear.max(axis=-1), 99.9))
 
 
-def test_without_json_notes_go_to_stderr(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path
-) -> None:
+def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path) -> None:
     done = mpsnet("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
     assert done.returncode == 0
     assert done.stdout == f"{tmp_path / 'n.png'}: normals by multiscale\n"
@@ -128,9 +126,7 @@ def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
 
 
 @pytest.mark.parametrize("style", ["none", "json", "bar", "auto"])
-def test_bad_input_is_one_line_and_exit_code_2(
-    tmp_path: Path, mpsnet: Mpsnet, photo_file: Path, style: str
-) -> None:
+def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, mpsnet: Mpsnet, photo_file: Path, style: str) -> None:
     missing, out = tmp_path / "missing.json", tmp_path / "n.png"
     done = mpsnet("estimate", photo_file, "--rig", missing, "-o", out, "--progress", style)
     assert done.returncode == 2
