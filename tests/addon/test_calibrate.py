@@ -1,5 +1,6 @@
 """Calibrating real lights in the panel: from photos of balls to a rig that the estimate uses."""
 
+import shutil
 from pathlib import Path
 
 import bpy
@@ -8,7 +9,9 @@ import pytest
 from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
+from blender_addon.commands import main
 from blender_addon.panels.rig import lacks_of_mixing
+from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
@@ -18,16 +21,22 @@ MIXING = np.array([[1.0, 0.2, 0.1], [0.25, 0.9, 0.15], [0.05, 0.3, 0.8]])
 BALLS = Scene([((0.0, 0.0, 0.0), 110.0)], lamps_around((0, 0, 0), 2e4, angles=ANGLES), (300, 300))
 
 
-@pytest.fixture
-def mirror(tmp_path: Path) -> str:
-    write_image(tmp_path / "mirror.exr", photograph(BALLS, MIXING))
-    return str(tmp_path / "mirror.exr")
+@pytest.fixture(scope="module")
+def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("balls")
+    write_image(folder / "mirror.exr", photograph(BALLS, MIXING))
+    write_image(folder / "grey.exr", grey_photograph(BALLS, MIXING, LIGHTS))
+    return folder
 
 
 @pytest.fixture
-def grey(tmp_path: Path) -> str:
-    write_image(tmp_path / "grey.exr", grey_photograph(BALLS, MIXING, LIGHTS))
-    return str(tmp_path / "grey.exr")
+def mirror(balls: Path, tmp_path: Path) -> str:
+    return str(shutil.copy(balls / "mirror.exr", tmp_path))
+
+
+@pytest.fixture
+def grey(balls: Path, tmp_path: Path) -> str:
+    return str(shutil.copy(balls / "grey.exr", tmp_path))
 
 
 def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirror, grey):
@@ -48,6 +57,23 @@ def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirr
     rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["Channel", "R", "G", "B", "Unexplained", "Equation 2 Error"]
     assert [len(row) for row in rows] == [4, 4, 4, 4, 2, 2], "in a column of four their words were cut off"
+
+
+def test_the_command_line_calibrates_and_shows_a_mask(scene, tmp_path, mirror, grey, capfd):
+    rig = str(tmp_path / "rig.json")
+    for verb, *flags in (
+        ("calibrate-lights", "--ball", mirror, "--output", rig),
+        ("calibrate-mixing", "--grey", grey, "--output", rig),
+        ("open-photo", "--filepath", grey),
+        ("show-mask", "--mask", "FIND"),
+    ):
+        assert main([verb, *flags, "--save", str(tmp_path / "saved.blend")]) == 0
+        assert f"{verb} done: {tmp_path}" in capfd.readouterr().out
+    found = read_rig(tmp_path / "rig.json")
+    assert degrees_between(found.directions, LIGHTS).max() < 1
+    np.testing.assert_allclose(found.mixing, MIXING, atol=0.03)
+    (mask,) = tmp_path.glob("*_mask.png")
+    assert read_mask(mask).mean() == pytest.approx(np.pi * 110**2 / 300**2, rel=0.02)
 
 
 def test_a_rig_that_goes_with_blender_says_so(scene, tmp_path, mirror):

@@ -6,7 +6,8 @@ from pathlib import Path
 import bpy
 import pytest
 from documentation import PROJECT, WRITTEN, commands, needs_blender, run_page
-from page_inputs import RIG, make_inputs
+from mathutils import Matrix
+from page_inputs import RIG, camera, make_inputs
 
 from blender_addon.commands import argument_parser
 from mpsnet_core.scene.rig import write_rig
@@ -46,6 +47,10 @@ def inputs(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("Statue", "StatueLow"):
         bpy.ops.wm.obj_import(filepath=str(folder / "statue.obj"), forward_axis="Y", up_axis="Z")
         bpy.context.object.name = name
+    taken_by = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))  # with Blender's lens of 50 mm
+    taken_by.matrix_world = Matrix(camera(40).world_from_camera.tolist())
+    bpy.context.collection.objects.link(taken_by)
+    bpy.context.scene.camera = taken_by
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
     return folder
 

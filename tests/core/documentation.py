@@ -55,14 +55,21 @@ INSTEAD = {
     r"\brender-samples\b": "render-samples --samples 4",
     r"--width 512 --height 512": "--width 128 --height 128",
     r"practice_photos\.py$": "practice_photos.py --pixels 512 --samples 8",
+    r"^(blender -b --python examples/render_photo\.py)$": (
+        r"sed -i.full 's/=512/=128/g; s/samples=64/samples=4/' examples/render_photo.py\n\1"
+    ),
+    # tests/core/test_presets.py has them all.
+    r"for engine in blender unreal unity godot gltf": "for engine in unity",
     # A texture or picture of fewer pixels takes the same way; of two sizes the later one, the page's own, holds.
     r"--size (1024|2048)": "--size 256",
     r"\bsize=2048": "size=256",
     r"^mpsnet (bake|views)\b": r"mpsnet \1 --size 256",
     r"^mpsnet evaluate (materials|rendered|statues|colour)\b": r"mpsnet evaluate \1 --size 96",
-    # The search all around the mesh is that of docs/tutorials/one_photo.md, which shows its overlay.
+    # The search all around the mesh is that of docs/tutorials/one_photo.md, which shows its overlay, and that of
+    # tests/addon/test_align.py.
     r"--rig rig\.json -o camera\.json$": "--rig rig.json --points pairs.json -o camera.json",
     r'\bAlign\(image="photo\.dng"': 'Align(image="photo.dng", points="pairs.json"',
+    r"\balign-photo --target StatueLow\b": r"\g<0> --start CAMERA",
     # Blender has the extension; pip's bpy has to load it.
     r"^import bpy$": "import bpy, blender_addon; blender_addon.register()",
 }

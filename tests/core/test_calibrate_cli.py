@@ -73,6 +73,7 @@ def test_words_are_drawn_wherever_the_environment_looks_for_another_openimageio(
         environment = {key: value for key, value in os.environ.items() if key != "OpenImageIO_ROOT"}
         environment |= {"OpenImageIO_ROOT": root} if root else {}
         files = [photos / "ball.exr", "--overlay", tmp_path / f"{name}.png", "-o", tmp_path / "rig.json"]
+        files += ["--circle", CIRCLE]  # to look for the ball takes longer than all else
         subprocess.run(
             [sys.executable, "-m", "mpsnet_core", "calibrate", "lights", *files], env=environment, check=True
         )
@@ -124,10 +125,13 @@ def test_a_photo_for_each_light(photos: Path, tmp_path: Path, where: list[str]) 
     files = [str(photos / f"only{light}.png") for light in range(3)]
     assert main(["calibrate", "lights", *files, "--per-light", *given, "-o", str(tmp_path / "rig.json")]) == 0
     assert degrees_between(read_rig(tmp_path / "rig.json").directions, FACING).max() < 1
-    assert (
-        main(["calibrate", "lights", *files, "--per-light", "--lights", "3,1,2", "-o", str(tmp_path / "b.json")]) == 0
-    )
-    assert degrees_between(read_rig(tmp_path / "b.json").directions, FACING[[2, 0, 1]]).max() < 1
+
+
+def test_three_of_the_photos_are_chosen(photos: Path, tmp_path: Path) -> None:
+    files, rig = [str(photos / f"only{light}.png") for light in range(3)], tmp_path / "rig.json"
+    chosen = ["--per-light", "--circle", CIRCLE, "--lights", "3,1,2"]
+    assert main(["calibrate", "lights", *files, *chosen, "-o", str(rig)]) == 0
+    assert degrees_between(read_rig(rig).directions, FACING[[2, 0, 1]]).max() < 1
 
 
 def test_any_number_of_lights_goes_into_an_lp_file(photos: Path, tmp_path: Path) -> None:
@@ -158,7 +162,7 @@ def test_lights_are_reported_by_their_photos_in_the_order_of_their_numbers(
     assert degrees_between(read_rig(tmp_path / "rig.json").directions, FACING).max() < 1
 
 
-@pytest.mark.parametrize("numbers", [(10, 11, 9), (9, 10, 11), (11, 9, 10)])
+@pytest.mark.parametrize("numbers", [(10, 11, 9), (11, 9, 10)])
 def test_three_photos_are_red_green_and_blue_as_they_are_given_to_calibrate_and_superpose(
     photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], numbers: tuple[int, int, int]
 ) -> None:

@@ -57,13 +57,13 @@ def test_estimate_writes_what_it_says(
     assert listing(tmp_path) == ["confidence.tif", "mask.png", "normals.png", "photo.exr", "rig.json"]
 
 
-def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet_process: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
+def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
     """A network, a layer, a mask by threshold, the DirectX convention, and a file's values taken as sRGB."""
     layers = named("A.", "RGB", 0 * sphere.image) | named("B.", "RGB", sphere.image)
     photo, out = write_parts(tmp_path / "layers.exr", [(None, layers)]), tmp_path / "normals.exr"
     model = pass_through(tmp_path / "identity.onnx")
     command = ["estimate", photo, "--layer", "B", "--rig", rig_file, "--model", model, "--mask", "threshold:0.5"]
-    done = mpsnet_process(*command, "--convention", "directx", "--encoding", "srgb", "--threads", "1", "-o", out)
+    done = mpsnet(*command, "--convention", "directx", "--encoding", "srgb", "--threads", "1", "-o", out)
     assert (done.returncode, done.stderr) == (0, "")
     assert str(out) in done.stdout
     normals = read_normals(out, convention="directx")
@@ -73,10 +73,8 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet_process: Mpsnet, 
     np.testing.assert_array_equal(normals.mask, linear.max(axis=-1) > 0.5 * np.percentile(linear.max(axis=-1), 99.9))
 
 
-def test_without_json_notes_go_to_stderr(
-    tmp_path: Path, mpsnet_process: Mpsnet, rig_file: Path, photo_file: Path
-) -> None:
-    done = mpsnet_process("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
+def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path) -> None:
+    done = mpsnet("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
     assert done.returncode == 0
     assert done.stdout == f"{tmp_path / 'n.png'}: normals by multiscale\n"
     assert all(line.startswith("note: ") for line in done.stderr.splitlines())
@@ -84,12 +82,12 @@ def test_without_json_notes_go_to_stderr(
 
 
 def test_a_folder_of_frames_becomes_a_folder_of_normals(
-    tmp_path: Path, mpsnet_process: Mpsnet, rig_file: Path, sphere: Sphere
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
 ) -> None:
     (tmp_path / "shots").mkdir()
     for number in (1, 2, 3):
         write_file(tmp_path / "shots" / f"frame_{number:04d}.exr", sphere.image, "half")
-    done = mpsnet_process(
+    done = mpsnet(
         *("estimate", tmp_path / "shots", "--rig", rig_file, "--format", "tif", "-o", tmp_path / "out"),
         *("--progress", "json"),
     )
@@ -128,11 +126,9 @@ def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
 
 
 @pytest.mark.parametrize("style", ["none", "json", "bar", "auto"])
-def test_bad_input_is_one_line_and_exit_code_2(
-    tmp_path: Path, mpsnet_process: Mpsnet, photo_file: Path, style: str
-) -> None:
+def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, mpsnet: Mpsnet, photo_file: Path, style: str) -> None:
     missing, out = tmp_path / "missing.json", tmp_path / "n.png"
-    done = mpsnet_process("estimate", photo_file, "--rig", missing, "-o", out, "--progress", style)
+    done = mpsnet("estimate", photo_file, "--rig", missing, "-o", out, "--progress", style)
     assert done.returncode == 2
     sentence = f"rig file {missing} does not exist; check the path"
     assert done.stderr == f"mpsnet: {sentence}\n"
@@ -142,18 +138,18 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 @pytest.mark.parametrize("suffix", [".png", ".exr", ".tif", ".jpg"])
 def test_image_libraries_do_not_add_to_stderr(
-    tmp_path: Path, mpsnet_process: Mpsnet, rig_file: Path, sphere: Sphere, suffix: str
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere, suffix: str
 ) -> None:
     photo = tmp_path / f"cut{suffix}"
     write_file(photo, sphere.image, "uint8" if suffix != ".exr" else "half")
     photo.write_bytes(photo.read_bytes()[: photo.stat().st_size * 2 // 3])
-    done = mpsnet_process("estimate", photo, "--rig", rig_file, "-o", tmp_path / "n.png")
+    done = mpsnet("estimate", photo, "--rig", rig_file, "-o", tmp_path / "n.png")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(f"mpsnet: {photo} is damaged or cut short")
 
 
-def test_models_are_listed(mpsnet_process: Mpsnet) -> None:
-    done = mpsnet_process("models", "--progress", "json")
+def test_models_are_listed(mpsnet: Mpsnet) -> None:
+    done = mpsnet("models", "--progress", "json")
     assert done.returncode == 0
     models = events(done.stdout)[1]["result"]["models"]
     assert all(model["title"] for model in models)
@@ -161,7 +157,7 @@ def test_models_are_listed(mpsnet_process: Mpsnet) -> None:
     compared = [model["name"] for model in models if model["comparison"]]
     assert offered == ["multiscale", "multiscale-int8", "lambertian"]
     assert set(compared) >= {"mpsnet", "mpsnet-dense", "psfcn", "demultiplexer", "lambertian-grey-world"}
-    first, _, second = mpsnet_process("models").stdout.partition("\nto compare with")
+    first, _, second = mpsnet("models").stdout.partition("\nto compare with")
     assert [line.split()[0] for line in first.splitlines() if line] == offered
     assert [line.split()[0] for line in second.splitlines()[1:]] == compared
 
@@ -179,10 +175,10 @@ def test_an_unknown_verb_gets_those_that_the_help_lists(mpsnet: Mpsnet) -> None:
     assert offered == listed and "estimate" in listed and "job" not in listed
 
 
-def test_evaluate_reports_rows_skipped_objects_and_progress(tmp_path: Path, mpsnet_process: Mpsnet) -> None:
+def test_evaluate_reports_rows_skipped_objects_and_progress(tmp_path: Path, mpsnet: Mpsnet) -> None:
     diligent_object(tmp_path / "pmsData", "ball")
     report, rows = tmp_path / "report.html", tmp_path / "rows.json"
-    done = mpsnet_process(
+    done = mpsnet(
         *("evaluate", "diligent", tmp_path / "pmsData", "--lights", "1,2,3", "--lights", "3,2,1"),
         *("--protocol", "white", "--model", "lambertian", "--model", "lambertian-grey-world"),
         *("--json", rows, "-o", report, "--progress", "json"),
@@ -315,8 +311,8 @@ class TestCancelling:
         assert listing(tmp_path) == ["pmsData"]
 
 
-def test_an_empty_argument_is_not_this_folder(mpsnet_process: Mpsnet, rig_file: Path, tmp_path: Path) -> None:
-    done = mpsnet_process("estimate", "", "--rig", rig_file, "-o", tmp_path / "out")
+def test_an_empty_argument_is_not_this_folder(mpsnet: Mpsnet, rig_file: Path, tmp_path: Path) -> None:
+    done = mpsnet("estimate", "", "--rig", rig_file, "-o", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr == "mpsnet: an argument is empty; is a shell variable that it comes from not set?\n"
 

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -92,16 +93,6 @@ class Table:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        for name in ("photos", "cameras"):
-            (folder / name).mkdir()
-        rng = np.random.default_rng(1)
-        for number, corner in enumerate(CORNERS[::2]):
-            seen = shot(corner, 96, rng, noise=0.0, off=0.0)
-            write_file(folder / "photos" / f"side{number}.exr", seen.image, "float")
-            write_file(folder / f"mask{number}.png", seen.mask, "uint8")
-            write_camera(folder / "cameras" / f"side{number}.camera.json", seen.camera)
-        write_rig(folder / "rig.json", published_rig())
-        write_mesh(folder / "mesh.npz", sphere_mesh(48, 24))
 
     def __truediv__(self, name: str) -> Path:
         return self.folder / name
@@ -139,8 +130,26 @@ class Table:
         return decode(read_image(self / "texture.png", encoding="linear").pixels)
 
 
+@pytest.fixture(scope="module")
+def photographed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is on each test's table."""
+    folder = tmp_path_factory.mktemp("table")
+    for name in ("photos", "cameras"):
+        (folder / name).mkdir()
+    rng = np.random.default_rng(1)
+    for number, corner in enumerate(CORNERS[::2]):
+        seen = shot(corner, 96, rng, noise=0.0, off=0.0)
+        write_file(folder / "photos" / f"side{number}.exr", seen.image, "float")
+        write_file(folder / f"mask{number}.png", seen.mask, "uint8")
+        write_camera(folder / "cameras" / f"side{number}.camera.json", seen.camera)
+    write_rig(folder / "rig.json", published_rig())
+    write_mesh(folder / "mesh.npz", sphere_mesh(48, 24))
+    return folder
+
+
 @pytest.fixture
-def table(tmp_path: Path) -> Table:
+def table(photographed: Path, tmp_path: Path) -> Table:
+    shutil.copytree(photographed, tmp_path, dirs_exist_ok=True)
     return Table(tmp_path)
 
 
