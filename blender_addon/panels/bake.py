@@ -13,7 +13,7 @@ from ..image_records import remembered
 from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
-from ..scene.objects import target_of
+from ..scene.objects import check_in_scene, target_of
 from .step import Step
 from .text import wrapped
 from .what_counts import lacks_file, lacks_named
@@ -75,6 +75,11 @@ def lacks_targets(context: Any, *, alone: bool = False) -> str:
     meshes = _meshes(context, alone=alone)
     if not meshes:
         return "Choose the target, the mesh object that gets the texture"
+    try:
+        for obj in meshes:
+            check_in_scene(context.scene, obj, "target")
+    except InputError as error:
+        return str(error)
     return next(filter(None, (_lacks_target(obj, context.scene.mps.bake.uv_map) for obj in meshes)), "")
 
 

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+from dng import write_dng
 from live import STEP, TITLE
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, shaded_sphere
@@ -310,6 +311,13 @@ def test_the_mask_is_shown_below_its_button(unfolded, tmp_path):
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
     window.wait(lambda state: "MPS Mask" not in state["images"], "undo of the mask")
+
+
+def test_a_raw_photo_is_shown_by_its_own_file(window, tmp_path):
+    write_dng(tmp_path / "photo.dng", np.full((48, 64), 900, np.uint16))
+    window.ask("photo", str(tmp_path / "photo.dng"))
+    x, y = window.find("wm.path_open", at=0.83)
+    assert f'filepath="{tmp_path}"' in window.under_mouse(x, y)
 
 
 def test_many_views_are_baked_and_reported(window, tmp_path):
