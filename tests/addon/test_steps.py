@@ -335,6 +335,12 @@ def the_target_was_deleted(scene, tmp_path):
     bpy.ops.object.delete()
 
 
+def no_shader_takes_a_normal(scene, tmp_path):
+    nodes = bpy.context.object.active_material.node_tree.nodes
+    for node in list(nodes):
+        nodes.remove(node)
+
+
 def nothing_is_selected_to_bake_onto(scene, tmp_path):
     scene.mps.bake.objects = "SELECTED"
     bpy.context.object.select_set(False)
@@ -385,6 +391,7 @@ def the_photo_measures_nobody_knows_what(scene, tmp_path):
         (MPS_PT_bake, setting("bake", uv_map="Gone")),
         (MPS_PT_bake, no_faces),
         (MPS_PT_bake, the_target_was_deleted),
+        (MPS_PT_bake, no_shader_takes_a_normal),
         (MPS_PT_bake, nothing_is_selected_to_bake_onto),
         (MPS_PT_material, the_photo_measures_nobody_knows_what),
     ],
