@@ -209,7 +209,7 @@ def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
 
     Raises InputError if none is on disk, nor packed.
     """
-    pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
+    pattern = origin(image)
 
     def of(tile: int) -> Path:
         return pattern.with_name(pattern.name.replace("<UDIM>", str(tile)))

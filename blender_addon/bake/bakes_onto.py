@@ -80,7 +80,7 @@ class BakesOnto(RunsCore):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         check_in_scene(context.scene, target, "target")
-        _check_can_wear(target)
+        check_can_wear(target)
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
@@ -93,7 +93,7 @@ class BakesOnto(RunsCore):
         if not targets:
             raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
         for target in targets:
-            _check_can_wear(target)
+            check_can_wear(target)
         refuse_shared(targets, settings.split)
         return targets
 
@@ -235,7 +235,7 @@ def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
     ]
 
 
-def _check_can_wear(target: Any) -> None:
+def check_can_wear(target: Any) -> None:
     """Raise InputError, before the work, if an object is linked or none of its materials can take a normal map.
 
     Missing materials are created later.

@@ -14,7 +14,7 @@ from mpsnet_core.errors import FileError
 
 from ..appearance.modifiers import DISPLACE, find_modifier
 from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node, trees_of
-from ..image_records import from_json, remember, remembered
+from ..image_records import from_json, origin, remember, remembered
 from ..provenance import written_in_this_session
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, AssignedTexture, BakeTarget, Part, parts_of
@@ -67,8 +67,7 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
     files: the files to write (tiles named with <UDIM>, frames with :data:`FRAME`), with their objects.
     """
     for image in (image for image in bpy.data.images if image.filepath):
-        path = Path(bpy.path.abspath(image.filepath, library=image.library))
-        targets = next((files[file] for file in files if _holds(file, path, image)), None)
+        targets = next((files[file] for file in files if _holds(file, image)), None)
         if targets is None:
             continue
         wearers = [obj for obj in _placed() if image in _images_on(obj)]
@@ -80,8 +79,8 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
             name = min(obj.name for obj in others)
             too, mend = (" too", "bake onto it as well, ") if its_own else ("", "")
             raise FileError(
-                f'the result would overwrite {path}, which is for "{name}"{too}; {mend}choose another file, or take it '
-                f'off "{name}" first'
+                f'the result would overwrite {origin(image)}, which is for "{name}"{too}; {mend}choose another file, '
+                f'or take it off "{name}" first'
             )
 
 
@@ -98,8 +97,7 @@ def refuse_other_projects(files: Iterable[Path]) -> None:
         if not others or not any(file.parent.glob(escape(file.name).replace("<UDIM>", "[1-9]???"))):
             continue
         known = written_in_this_session(file) or any(
-            image.filepath and _holds(file, Path(bpy.path.abspath(image.filepath, library=image.library)), image)
-            for image in bpy.data.images
+            image.filepath and _holds(file, image) for image in bpy.data.images
         )
         if not known:
             raise FileError(
@@ -119,8 +117,9 @@ def _placed() -> set[Any]:
     return {obj for objects in groups for obj in objects}
 
 
-def _holds(file: Path, path: Path, image: Any) -> bool:
+def _holds(file: Path, image: Any) -> bool:
     """Whether a file to write is an image's file. "Oak" and "oak" are the same on some systems."""
+    path = origin(image)
     tile = str(image.tiles[0].number) if image.source == "TILED" and image.tiles else "<UDIM>"
     number = re.findall("[0-9]*$", path.stem)[0]
     one, other = (each.with_name(each.name.replace("<UDIM>", tile)) for each in (file, path))

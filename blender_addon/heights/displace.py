@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from mathutils import Matrix
 
-from mpsnet_core.errors import GeometryError, InputError
+from mpsnet_core.errors import InputError
 from mpsnet_core.relief.operations import Integrate
 
 from ..appearance.displacement import (
@@ -30,6 +30,7 @@ from ..outputs import output_path, overruled_format
 from ..provenance import Provenance, chosen, stamp
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
+from ..scene.surfaces import world_scale
 from ..settings.declared import as_typed, take_given
 from ..settings.displace import DisplaceSettings
 
@@ -66,7 +67,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._output = with_tokens(path, "ONE", tiled)
         self._normals: Path | None = None
         self._notes = overruled_format(self._output, context.scene.mps.displace)
-        self._size = _size(target)
+        self._size = world_scale(target)
         context.view_layer.update()
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
@@ -192,14 +193,6 @@ def _uv_map_of(target: Any) -> str:
 def _textures(materials: Iterable[Any]) -> set[Any]:
     trees = (material.node_tree for material in materials if material and material.node_tree)
     return {node.image for tree in trees if (node := find_node(tree, TEXTURE_NODE))} - {None}
-
-
-def _size(target: Any) -> float:
-    """The object's scale in world space; the mean for a non-uniform one."""
-    size: float = abs(target.matrix_world.to_3x3().determinant()) ** (1 / 3)
-    if size < 1e-9:
-        raise GeometryError(f'"{target.name}" is scaled to nothing in one direction; give it a scale above 0')
-    return size
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_displace,))

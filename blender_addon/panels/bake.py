@@ -6,6 +6,7 @@ from typing import Any
 from mpsnet_core.errors import InputError
 
 from ..bake.bake import NO_CAMERA
+from ..bake.bakes_onto import check_can_wear
 from ..bake.base_maps import usable_maps
 from ..bake.coverage import hides_materials
 from ..bake.texture_sets import BakeTarget, with_tokens
@@ -13,7 +14,7 @@ from ..image_records import remembered
 from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
-from ..scene.objects import target_of
+from ..scene.objects import check_in_scene, target_of
 from .step import Step
 from .text import wrapped
 from .what_counts import lacks_file, lacks_named
@@ -75,7 +76,7 @@ def lacks_targets(context: Any, *, alone: bool = False) -> str:
     meshes = _meshes(context, alone=alone)
     if not meshes:
         return "Choose the target, the mesh object that gets the texture"
-    return next(filter(None, (_lacks_target(obj, context.scene.mps.bake.uv_map) for obj in meshes)), "")
+    return next(filter(None, (_lacks_target(context.scene, obj) for obj in meshes)), "")
 
 
 def _meshes(context: Any, *, alone: bool = False) -> list[Any]:
@@ -101,15 +102,19 @@ def lacks_base_map(context: Any) -> str:
     return next(filter(None, (lacks_file(one, "normal map") for one in maps if one.source != "TILED")), "")
 
 
-def _lacks_target(obj: Any, uv_map: str) -> str:
-    if obj.library or obj.data.library:
-        return f'"{obj.name}" is linked from another file; make it local first'
+def _lacks_target(scene: Any, obj: Any) -> str:
+    try:
+        check_in_scene(scene, obj, "target")
+        check_can_wear(obj)
+    except InputError as error:
+        return str(error)
     if obj.modifiers or obj.mode == "EDIT":  # these may create faces and UVs
         return ""
     if not obj.data.polygons:
         return f'"{obj.name}" has no faces; choose an object with a surface'
     if not obj.data.uv_layers:
         return f'"{obj.name}" has no UV map; unwrap it first'
+    uv_map = scene.mps.bake.uv_map
     if uv_map and uv_map not in obj.data.uv_layers:
         return f'"{obj.name}" has no UV map "{uv_map}"; choose another in Texture'
     return ""

@@ -10,11 +10,11 @@ notes, progress, time left and the inputs of a result come from the operators (`
 import re
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..image_records import origin
 from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import is_safe_to_open
 from ..provenance import cached_file_sizes, changed_since, made_by, made_when
@@ -187,7 +187,7 @@ class Step(bpy.types.Panel):
             changed = _changed(bpy.context, image)
         if changed:
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
-        path = Path(bpy.path.abspath(image.filepath, library=image.library))
+        path = origin(image)
         if folded:
             row, body = self.foldable(folded)
         else:

@@ -17,13 +17,13 @@ _WIDGET = 20.0
 
 
 def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
-    """Show a sentence wrapped over several labels: Blender cuts off a label at the panel's edge."""
+    """Show a sentence wrapped over several labels: Blender cuts off a label at the panel's edge.
+
+    It stays in English, also a line that is a single word of Blender's tables.
+    """
     column = layout.column(align=True)
     for number, line in enumerate(lines(sentence, available(with_icon=icon != "NONE"), text_width)):
-        if icon == "NONE":
-            column.label(text=line)
-        else:
-            column.label(text=line, icon="BLANK1" if number else icon)
+        column.label(text=line, translate=False, icon="BLANK1" if number and icon != "NONE" else icon)
 
 
 def fitted(text: str, take: float = 0.0) -> str:

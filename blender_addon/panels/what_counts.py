@@ -98,7 +98,7 @@ def lacks_of_estimate(scene: Any) -> str:
 
 def lacks_file(image: Any, what: str) -> str:
     """A sentence if an image has no file to read it from; otherwise ""."""
-    if image.packed_file or is_there(origin(image)):
+    if image.packed_file or (image.filepath and is_there(origin(image))):
         return ""
     return f'The {what} "{image.name}" has no file on disk; save it, or choose another'
 

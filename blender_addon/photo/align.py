@@ -11,7 +11,7 @@ from bpy.props import IntProperty, StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.alignment.operation import Align
+from mpsnet_core.estimate.alignment.operation import Align, fit_in_words
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
 from ..images import fine_preview, image_file, load_image, picture_size
@@ -137,10 +137,8 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         camera = _camera_object(scene, photo, read_camera(self._camera), by_session_uid(bpy.data.objects, self._target))
         photo.mps.camera = camera
         photo.mps.poor, photo.mps.outline_pixels = result["poor"], result["outline_pixels"]
-        photo.mps.fit = (
-            f"outlines {result['outline_pixels']:.1f} pixels and normals {result['normals_degrees']:.0f}° apart, "
-            f"{result['overlap']:.0%} shared{', but the mesh seems to be mirrored' if result['mirrored'] else ''}"
-        )
+        fit = fit_in_words(result["outline_pixels"], result["normals_degrees"], result["overlap"])
+        photo.mps.fit = f"{fit}, but the mesh seems to be mirrored" if result["mirrored"] else fit
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual
         scene.mps.align.image = overlay = load_image(self._overlay, "MPS Alignment", is_data=False)

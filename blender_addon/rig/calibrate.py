@@ -1,21 +1,25 @@
 """Calibration of real lights from photos of a mirror ball (directions) and a grey ball (mixing)."""
 
+import json
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
 
+from ..image_records import from_json
 from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import as_typed, take_given
-from .several_rigs import result_name, rig_at
+from .several_rigs import all_rigs, result_name, rig_at
 
 _OVERLAY = "MPS Calibration"
 # Words that occur in these tables alone; the panel translates them.
@@ -63,8 +67,8 @@ class _Calibrates(RunsCore, CalibrateSettings):
         settings.image = image
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
-        if not is_permanent(self._rig):
-            self.note(f"{self._rig} goes when Blender quits; save this file first, or name the rig file")
+        text = None if is_permanent(self._rig) else self._rig.read_text(encoding="utf-8")
+        estimate.kept_rig = json.dumps([str(self._rig), text]) if text else ""
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 
@@ -121,6 +125,33 @@ def _photo(path: str, what: str) -> str:
     return bpy.path.abspath(path)
 
 
+@persistent
+def _write_kept_rigs(*_: Any) -> None:
+    """Write rig files that went with the temporary folder of the Blender that saved this .blend file."""
+    estimates = (one.estimate for scene in bpy.data.scenes if not scene.library for one in all_rigs(scene))
+    for estimate in estimates:
+        file, text = [*from_json(estimate.kept_rig, list), None, None][:2]
+        if not isinstance(text, str) or file != estimate.rig_file:
+            continue
+        rig = Path(bpy.app.tempdir) / f"{file_name(Path(file).stem)}.json"
+        # A hostile file may hold any text. The panel then says that the rig file does not exist.
+        with suppress(OSError, ValueError):
+            if Path(file).exists():
+                continue
+            rig.write_text(text, encoding="utf-8")
+            estimate.rig_file, estimate.kept_rig = str(rig), json.dumps([str(rig), text])
+
+
 CLASSES = (MPS_OT_calibrate_lights, MPS_OT_calibrate_mixing)
 
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.app.handlers.load_post.append(_write_kept_rigs)
+
+
+def unregister() -> None:
+    bpy.app.handlers.load_post.remove(_write_kept_rigs)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

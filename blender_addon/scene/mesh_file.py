@@ -23,7 +23,7 @@ from mpsnet_core.scene.mesh import Mesh
 
 from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
 from ..slices import Slices
-from .surfaces import SURFACES
+from .surfaces import SURFACES, world_scale
 
 # Settings of modifiers for the viewport, and their counterparts for renders.
 _SHOWN_AND_RENDERED = (
@@ -62,7 +62,8 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
     The corner normals are Blender's own. uv_map: "" for the one that is active for rendering, None if only the shape is
     needed. turn: rotation from Blender's world to that of the cameras, if they differ.
 
-    Raises InputError if the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
+    Raises InputError if the object is no mesh, has no faces, lacks the UV map, is scaled to nothing or is disabled in
+    viewports.
     """
     if obj.type == "EMPTY" and obj.instance_collection is not None:
         raise GeometryError(
@@ -84,6 +85,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
             raise GeometryError(
                 f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first'
             )
+        world_scale(obj)  # raises if it is 0
         # Adding a mesh to bpy.data would redraw the viewports.
         mesh = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
         try:

@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, InputError
 
 # Types of objects that evaluate to a mesh.
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
@@ -16,6 +16,14 @@ SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 def middle_of(obj: Any) -> Vector:
     """The centre of an object's bounding box, in world space. The origin of a scan may be far from its surface."""
     return obj.matrix_world @ (sum(map(Vector, obj.bound_box), Vector()) / 8)
+
+
+def world_scale(obj: Any) -> float:
+    """An object's scale in world space; the mean of a non-uniform one. Raises InputError if it is 0."""
+    scale: float = abs(obj.matrix_world.to_3x3().determinant()) ** (1 / 3)
+    if scale < 1e-9:
+        raise GeometryError(f'"{obj.name}" is scaled to nothing in one direction; give it a scale above 0')
+    return scale
 
 
 def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:

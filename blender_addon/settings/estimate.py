@@ -1,7 +1,7 @@
 """The estimate's settings."""
 
 import bpy
-from bpy.props import IntProperty, PointerProperty
+from bpy.props import IntProperty, PointerProperty, StringProperty
 
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.estimate.registry import known_models
@@ -92,6 +92,7 @@ class EstimateSettings:
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     """The estimate: its settings, and the normal map once it is there."""
 
+    kept_rig: StringProperty(options={"HIDDEN"})  # JSON, see rig/calibrate.py
     first_frame: IntProperty(description="Number of the first frame of normals, where they are a sequence")
     last_frame: IntProperty(description="Number of the last frame of normals, where they are a sequence")
     mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)

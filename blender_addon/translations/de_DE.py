@@ -257,7 +257,7 @@ TABLE = {
     "Selected Objects": "Ausgewählte Objekte",
     "Shading": "Schattierung",
     "Shapes": "Formen",
-    "Show Coverage": "Abdeckung zeigen",
+    "Show Coverage": "Abdeckung",
     "Show Mask": "Maske zeigen",
     "Simple": "Einfach",
     "Size": "Größe",

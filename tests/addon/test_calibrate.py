@@ -76,14 +76,31 @@ def test_the_command_line_calibrates_and_shows_a_mask(scene, tmp_path, mirror, g
     assert read_mask(mask).mean() == pytest.approx(np.pi * 110**2 / 300**2, rel=0.02)
 
 
-def test_a_rig_that_goes_with_blender_says_so(scene, tmp_path, mirror):
-    def notes() -> str:
-        bpy.ops.mps.calibrate_lights(ball=mirror)
-        return scene.mps.records["calibrate_lights"].notes
+def test_a_rig_that_goes_with_blender_is_there_again_in_the_saved_file(scene, tmp_path, mirror):
+    bpy.ops.mps.calibrate_lights(ball=mirror)
+    rig, saved = Path(scene.mps.estimate.rig_file), str(tmp_path / "saved.blend")
+    found = rig.read_bytes()
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    rig.unlink()  # as when Blender quits
+    bpy.ops.wm.open_mainfile(filepath=saved)
+    estimate = bpy.context.scene.mps.estimate
+    assert Path(estimate.rig_file).read_bytes() == found
 
-    assert "goes when Blender quits" in notes(), "neither the file is saved nor a rig file named"
+    rig.unlink()
+    estimate.rig_file = "//chosen.json"  # a file that is missing is not replaced by another rig
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=saved)
+    assert bpy.context.scene.mps.estimate.rig_file == "//chosen.json" and not rig.exists()
+    bpy.ops.mps.calibrate_lights(ball=mirror)
+    assert Path(bpy.context.scene.mps.estimate.rig_file).parent == tmp_path
+
+
+@pytest.mark.parametrize("kept", ['["/gone/rig.json", 5]', '["/gone/rig.json"]', "{", r'["/gone/rig.json", "\ud800"]'])
+def test_a_hostile_kept_rig_is_none(scene, tmp_path, kept):
+    scene.mps.estimate.rig_file, scene.mps.estimate.kept_rig = "/gone/rig.json", kept
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
-    assert "goes when Blender quits" not in notes()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert bpy.context.scene.mps.estimate.rig_file == "/gone/rig.json"
 
 
 def test_the_mixing_waits_for_the_lights_and_a_grey_ball(scene):

@@ -176,6 +176,11 @@ def target_without_uvs(scene, tmp_path):
     bpy.ops.mps.bake()
 
 
+def target_scaled_to_nothing(scene, tmp_path):
+    bpy.context.object.scale.z = 0
+    bpy.ops.mps.bake()
+
+
 def target_without_faces(scene, tmp_path):
     mesh = bpy.data.meshes.new("Bare")
     mesh.uv_layers.new(name="UVMap")
@@ -258,6 +263,7 @@ CASES = [
     (target_without_uvs, "has no UV map; unwrap it first"),
     (lambda _, here: mps.bake(uv_map="Lightmap"), 'has no UV map "Lightmap"; choose "UVMap"'),
     (target_without_faces, "has no faces"),
+    (target_scaled_to_nothing, '"Sphere" is scaled to nothing in one direction; give it a scale above 0'),
     (target_not_seen, "no view sees any of the mesh"),
     (material_without_shader, 'no material of "Sphere" has a shader with a Normal input; add a Principled BSDF'),
 ]

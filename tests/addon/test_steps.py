@@ -326,6 +326,21 @@ def no_faces(scene, tmp_path):
     bpy.context.object.data.clear_geometry()
 
 
+def the_photo_has_no_file(scene, tmp_path):
+    scene.mps.photo.image = bpy.data.images.new("Drawn", 8, 8)
+
+
+def the_target_was_deleted(scene, tmp_path):
+    scene.mps.bake.target = bpy.context.object
+    bpy.ops.object.delete()
+
+
+def no_shader_takes_a_normal(scene, tmp_path):
+    nodes = bpy.context.object.active_material.node_tree.nodes
+    for node in list(nodes):
+        nodes.remove(node)
+
+
 def nothing_is_selected_to_bake_onto(scene, tmp_path):
     scene.mps.bake.objects = "SELECTED"
     bpy.context.object.select_set(False)
@@ -364,6 +379,7 @@ def the_photo_measures_nobody_knows_what(scene, tmp_path):
         (MPS_PT_estimate, the_rig_file_is_gone),
         (MPS_PT_estimate, the_lights_are_near_and_no_camera_is_known),
         (MPS_PT_estimate, removing("photo.exr")),
+        (MPS_PT_estimate, the_photo_has_no_file),
         (MPS_PT_estimate, setting("estimate", model="FILE")),
         (MPS_PT_estimate, setting("estimate", mask="FILE")),
         (MPS_PT_estimate, setting("estimate", mask="BACKGROUND", background="/nowhere/gone.exr")),
@@ -374,6 +390,8 @@ def the_photo_measures_nobody_knows_what(scene, tmp_path):
         (MPS_PT_bake, no_uv_map),
         (MPS_PT_bake, setting("bake", uv_map="Gone")),
         (MPS_PT_bake, no_faces),
+        (MPS_PT_bake, the_target_was_deleted),
+        (MPS_PT_bake, no_shader_takes_a_normal),
         (MPS_PT_bake, nothing_is_selected_to_bake_onto),
         (MPS_PT_material, the_photo_measures_nobody_knows_what),
     ],

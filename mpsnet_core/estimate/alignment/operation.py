@@ -346,8 +346,13 @@ def _is_poor(fit: "Fit", mask: "NDArray[np.bool_]") -> bool:
     return fit.outline > POOR_OUTLINE * longer or fit.degrees > POOR_DEGREES or fit.overlap < POOR_OVERLAP
 
 
+def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float) -> str:
+    """How well the mesh fits the photo, by these facts of a :class:`CameraFound`."""
+    return f"outlines {outline_pixels:.1f} pixels and normals {normals_degrees:.0f}° apart, {overlap:.0%} shared"
+
+
 def _quality(fit: "Fit") -> str:
-    return f"outlines {fit.outline:.1f} pixels and normals {fit.degrees:.0f}° apart, {fit.overlap:.0%} shared"
+    return fit_in_words(fit.outline, fit.degrees, fit.overlap)
 
 
 @dataclass(frozen=True)
