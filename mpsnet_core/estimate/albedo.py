@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.estimate.distant_lights import lights_by_rows
-from mpsnet_core.estimate.white_photo import painted_grey
+from mpsnet_core.estimate.distant_lights import bands_with_lights
+from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
@@ -155,10 +155,10 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) shading by the rig's three lights, without the light that shadows block."""
     cosines = np.empty(normals.shape, np.float32)
-    for rows, lights in lights_by_rows(capture):
+    for rows, lights in bands_with_lights(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
     shading: NDArray[np.float32] = cosines.sum(axis=-1)
-    grey = painted_grey(capture)
+    grey = normalise_by_white_photo(capture)
     if grey.white is None:
         return shading
     comparable = _comparable(capture, white) & (cosines > GRAZING)

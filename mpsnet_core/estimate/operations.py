@@ -210,7 +210,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     ) -> NormalsMade:
         from mpsnet_core.capture.capture import read_capture
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
-        from mpsnet_core.estimate.room_light import note_room_light
+        from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
         from mpsnet_core.io.files import ensure_folder, written_together
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.normal_map import write_normals
@@ -232,7 +232,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
         progress(0.1, f"normals by {self.model}")
         normals = estimator(capture, part(progress, 0.1, 0.9))
-        note_room_light(capture, normals)
+        warn_of_ambient_light(capture, normals)
 
         progress(0.9, f"writing {output.name}")
         ensure_folder(output.parent, "normals")

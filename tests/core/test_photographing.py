@@ -13,7 +13,7 @@ from sphere_sample import sphere_sample
 from torch import Tensor
 from torch.nn import functional
 
-from mpsnet_core.estimate.features import Seen, window_map
+from mpsnet_core.estimate.features import PhotoCrop, feature_map
 from mpsnet_core.learning.training.inputs import map_of
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.packed import PackedSamples
@@ -175,9 +175,11 @@ def test_maps_are_those_that_estimates_are_made_from(spheres: PackedSamples) -> 
         maps = {name: values[number : number + 1] for name, values in scale.maps.items()}
         light = maps["photo"][0].permute(1, 2, 0).numpy()
         directions = maps["lights"].reshape(3, 3).double().numpy()
-        seen = Seen(light, maps["mask"][0, 0].numpy() > 0, directions, maps["channel_means"].flatten().double().numpy())
+        seen = PhotoCrop(
+            light, maps["mask"][0, 0].numpy() > 0, directions, maps["channel_means"].flatten().double().numpy()
+        )
         for name in ("photo", "grey_world", "initial_normals", "initial_normals_grey_world", "lights", "channel_means"):
-            np.testing.assert_allclose(map_of(name, maps)[0].numpy(), window_map(name, seen), atol=2e-5, err_msg=name)
+            np.testing.assert_allclose(map_of(name, maps)[0].numpy(), feature_map(name, seen), atol=2e-5, err_msg=name)
 
 
 def test_photos_have_a_mean_of_one_over_the_whole_mask(spheres: PackedSamples) -> None:

@@ -25,7 +25,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training.checkpoint import read_checkpoint
 from mpsnet_core.learning.training.export import export_onnx
-from mpsnet_core.learning.training.fine_tune import fit_reach
+from mpsnet_core.learning.training.fine_tune import fit_lit_layer
 from mpsnet_core.learning.training.inputs import Batch, patches_of
 from mpsnet_core.learning.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
 from mpsnet_core.learning.training.loss import angle_between, loss_of
@@ -266,7 +266,7 @@ def test_a_network_to_be_fine_tuned_knows_which_lights_reach() -> None:
     told = torch.einsum("kc,nchw->nkhw", torch.randn(3, maps[0].shape[1]), maps[0])
     lit = (told > told.median()).float()
     weights = (torch.arange(32) % 2).expand(2, 32, 32)
-    fit_reach(network, Batch(inputs, torch.zeros(2, 3, 32, 32), weights, lit))
+    fit_lit_layer(network, Batch(inputs, torch.zeros(2, 3, 32, 32), weights, lit))
     found = network.lit(maps[0]) > 0
     others = weights[:, None].expand(lit.shape) == 0
     assert float((found == (lit > 0.5))[others].float().mean()) > 0.97

@@ -54,7 +54,7 @@ def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]
     return valid
 
 
-def divided_by(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:
+def divide_out_albedo(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:
     """The unmixed capture divided by the albedo.
 
     factors: for a slice of rows, returns the unmixed image (h, W, 3) and its divisor, (h, W, 3) or (h, W, 1).

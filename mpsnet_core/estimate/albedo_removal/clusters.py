@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.albedos import LEAST_PIXELS, SAMPLED, Floats, divided_by, pixels_in, valid_in
+from mpsnet_core.estimate.albedo_removal.albedos import (
+    LEAST_PIXELS,
+    SAMPLED,
+    Floats,
+    divide_out_albedo,
+    pixels_in,
+    valid_in,
+)
 from mpsnet_core.scene.normal_map import NormalMap
 
 # A pixel's weight is this power of the network's confidence.
@@ -49,7 +56,7 @@ class _Clusters:
         return colours
 
 
-def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
+def divide_out_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
     """The capture as if its surface had one colour.
 
     Parameters
@@ -72,7 +79,7 @@ def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | 
         pixels = pixels_in(capture, normals, rows)
         return pixels.light, clusters.colours(pixels.log_albedos)
 
-    return divided_by(capture, factors)
+    return divide_out_albedo(capture, factors)
 
 
 def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:

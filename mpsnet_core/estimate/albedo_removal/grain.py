@@ -24,7 +24,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divided_by
+from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divide_out_albedo
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 
 LEAST_PIXELS = 2_000
@@ -87,7 +87,7 @@ class Grain:
     noise: float = 0.0
 
 
-def without_grain(capture: Capture) -> Capture:
+def divide_out_grain(capture: Capture) -> Capture:
     """The capture as if its surface had one albedo; unchanged if the photo does not prove grain of one chromaticity.
 
     Lights may be near. Each channel of the result is one light alone. Normals by equation 2 do not change.
@@ -104,7 +104,7 @@ def without_grain(capture: Capture) -> Capture:
         brightness *= share * usable * biweight(brightness, 2 * grain.deviation) ** 0.5
         return light, np.exp(brightness)[..., None]
 
-    return divided_by(capture, factors)
+    return divide_out_albedo(capture, factors)
 
 
 def find_grain(capture: Capture) -> Grain | None:

@@ -43,7 +43,7 @@ def with_previous(
 
 
 def map_of(name: str, maps: Mapping[str, Tensor]) -> Tensor:
-    """The named map, as :func:`mpsnet_core.estimate.features.window_map` computes it."""
+    """The named map, as :func:`mpsnet_core.estimate.features.feature_map` computes it."""
     if name == "grey_world":
         return maps["photo"] / maps["channel_means"]
     if not name.startswith("initial_normals"):

@@ -24,7 +24,7 @@ from torch.utils.tensorboard import SummaryWriter
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.learning.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from mpsnet_core.learning.training.fine_tune import fit_reach, read_exported, take_weights
+from mpsnet_core.learning.training.fine_tune import fit_lit_layer, load_exported_weights, read_exported
 from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
 from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
@@ -427,8 +427,8 @@ class _Run:
             )
         self.network.eval()
         batch = self._batch(self.photographer.batch(0, NORM_EXAMPLES), 0)
-        take_weights(self.network, exported, batch.inputs)
-        fit_reach(self.network, batch)
+        load_exported_weights(self.network, exported, batch.inputs)
+        fit_lit_layer(self.network, batch)
         self.mean_weights = self._weights()
         self.step, self.continues = exported.step, exported.record
 

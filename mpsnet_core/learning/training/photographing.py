@@ -266,7 +266,7 @@ def _photographed(
     known = np.stack([turned(example.directions, example.draw.direction_errors) for example in examples])
     # Of the photos, which have the examples' numbers, and then of the white ones.
     exposure, means = torch.ones(2 * count, device=device), torch.ones(count, 3, device=device)
-    measured: dict[int, WhitePhoto | None] = {}
+    white_fits: dict[int, WhitePhoto | None] = {}
     chosen = list(range(count))
     places = np.zeros((count, 2), np.int64)
     scales: list[Scale] = []
@@ -286,12 +286,12 @@ def _photographed(
         light, white = light[:photos], light[photos:]
         seen = _known(mask, drawn.mask_error[:photos], finer[:photos])
         shot, light = light, unmixed(light, drawn.known_mixing[:photos])
-        for number, k, beside in zip(whites, owners[photos:], white, strict=True):
-            valid = seen[number, 0] & _unclipped(beside[None], drawn.bits[number : number + 1])[0, 0]
+        for number, k, white_image in zip(whites, owners[photos:], white, strict=True):
+            valid = seen[number, 0] & _unclipped(white_image[None], drawn.bits[number : number + 1])[0, 0]
             if level == 0:
                 sure = valid & _unclipped(shot[number][None], drawn.bits[number : number + 1])[0, 0]
-                measured[k] = _measured_white(shot[number, :, sure], beside[:, sure], examples[k].draw)
-            light[number] = _painted_grey(shot[number], beside, measured[k], light[number], valid)
+                white_fits[k] = _fit_white_photo(shot[number, :, sure], white_image[:, sure], examples[k].draw)
+            light[number] = _normalise_by_white_photo(shot[number], white_image, white_fits[k], light[number], valid)
         light = light * seen.float()
         if level == 0:
             means = _means(light, seen)
@@ -299,7 +299,7 @@ def _photographed(
         mean = means[chosen]
         photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
-        painted = torch.tensor([float(measured.get(k) is not None) for k in chosen], device=device)
+        painted = torch.tensor([float(white_fits.get(k) is not None) for k in chosen], device=device)
         given = torch.stack([torch.full((photos,), float(level > 0), device=device), painted], dim=1)
         scales.append(
             Scale(
@@ -479,26 +479,33 @@ def _unclipped(white: Tensor, bits: Tensor) -> Tensor:
     return (white < 0.98).all(dim=1, keepdim=True) | (bits == 0)[:, None, None, None]
 
 
-def _measured_white(photo: Tensor, white: Tensor, draw: CaptureDraw) -> WhitePhoto | None:
+def _fit_white_photo(photo: Tensor, white: Tensor, draw: CaptureDraw) -> WhitePhoto | None:
     """From pixels (3, N) of an example's two photos; the lights count as equally bright in the white one."""
-    return WhitePhoto.measured(photo.T.cpu().numpy(), white.T.cpu().numpy(), draw.known_mixing, np.ones(3))
+    return WhitePhoto.fit(photo.T.cpu().numpy(), white.T.cpu().numpy(), draw.known_mixing, np.ones(3))
 
 
-def _painted_grey(photo: Tensor, white: Tensor, measured: WhitePhoto | None, light: Tensor, valid: Tensor) -> Tensor:
-    """As :func:`mpsnet_core.estimate.white_photo.painted_grey`, (3, H, W) of each light alone, which `light` is."""
-    if measured is None:
+def _normalise_by_white_photo(
+    photo: Tensor, white: Tensor, fit: WhitePhoto | None, light: Tensor, valid: Tensor
+) -> Tensor:
+    """(3, H, W) each light alone, as :func:`mpsnet_core.estimate.white_photo.normalise_by_white_photo` does it.
+
+    light: the unmixed photo, which is returned without a fit.
+    """
+    if fit is None:
         return light
-    gains, least, before, after, tint = (
-        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in measured
+    gains, lower_limits, unmixing_before, unmixing_after, mean_factors = (
+        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit
     )
-    albedo = torch.maximum(torch.tensordot(before, white, 1), least[:, None, None]) / gains[:, None, None]
-    factors = torch.where(valid, albedo.mean(dim=0) / albedo, tint[:, None, None])
-    grey: Tensor = torch.tensordot(after, torch.tensordot(before, photo, 1) * factors, 1)
+    albedo = (
+        torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
+    )
+    factors = torch.where(valid, albedo.mean(dim=0) / albedo, mean_factors[:, None, None])
+    grey: Tensor = torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
     return grey
 
 
 def _known(mask: Tensor, error: Tensor, finer: Tensor) -> Tensor:
-    """Masks (N, 1, H, W) as they are known; one that would have shrunk to nothing stays as it was."""
+    """Masks (N, 1, H, W) with their error; a mask that erosion would empty is returned unchanged."""
     known = _grown(mask, (error / 2**finer).trunc().long())
     return known | mask & ~known.flatten(1).any(1)[:, None, None, None]
 
@@ -569,7 +576,7 @@ def _grown(mask: Tensor, pixels: Tensor) -> Tensor:
 
 
 def _spread(region: Tensor, dim: int) -> Tensor:
-    """A bool region with what is beside it along an axis."""
+    """A bool region, grown by one pixel along an axis."""
     size, spread = region.shape[dim] - 1, region.clone()
     spread.narrow(dim, 0, size).logical_or_(region.narrow(dim, 1, size))
     spread.narrow(dim, 1, size).logical_or_(region.narrow(dim, 0, size))

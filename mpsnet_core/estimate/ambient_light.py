@@ -25,7 +25,7 @@ OUTLINE = 2
 SAMPLED, LEAST_PIXELS, LEAST_SHARE = 200_000, 30, 0.001
 
 
-def note_room_light(capture: Capture, normals: NormalMap) -> None:
+def warn_of_ambient_light(capture: Capture, normals: NormalMap) -> None:
     """Warn if shadows are so bright that ambient light misleads every model.
 
     There is no warning for a shallow relief, which has no attached shadows; under near lights; and for normals by
