@@ -34,7 +34,7 @@ from ..settings.declared import as_typed, take_given
 from ..settings.displace import DisplaceSettings
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
-MOST_BASE_LEVELS = 3
+MAX_BASE_LEVELS = 3
 
 
 class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
@@ -86,7 +86,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._smooth = self.subdivision == "SIMPLE" and as_typed(self.scale) > 0
         base = folder / "base.npz" if self.levels and not self._smooth else None
         if base:
-            with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
+            with subdivided(target, self.subdivision, min(self.levels, MAX_BASE_LEVELS)):
                 depsgraph = context.evaluated_depsgraph_get()
                 self.later(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
         operation = Integrate(

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
-from mpsnet_core.io.files import makeable_folder
+from mpsnet_core.io.files import creatable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
@@ -61,7 +61,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
         photo = image_file(image, "photo", "render or open one first")
         output = requested_path(self.output) if self.output else output_folder() / f"{photo.stem}_material"
-        makeable_folder(output, "material")
+        creatable_folder(output, "material")
         self._photo = str(photo)
         _check_own(output, self._photo)
         width, height = picture_size(image)

@@ -13,8 +13,8 @@ LOG_SECONDS = 10.0
 
 # The time left is estimated after this fraction and this many seconds; before, the estimate would be worthless. In
 # longer work, a smaller fraction suffices.
-_LEAST_SHARE, _LEAST_SECONDS = 0.03, 2.0
-_LEAST_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
+_MIN_SHARE, _MIN_SECONDS = 0.03, 2.0
+_MIN_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ class Pace:
             self._begun = now, done
         self._last = done
         since, share = now - self._begun[0], done - self._begun[1]
-        if since < _LEAST_SECONDS or share < (_LEAST_SHARE if since < _LATER_SECONDS else _LEAST_SHARE_LATER):
+        if since < _MIN_SECONDS or share < (_MIN_SHARE if since < _LATER_SECONDS else _MIN_SHARE_LATER):
             return None
         return since * (1 - done) / share
 

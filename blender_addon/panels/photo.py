@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.alignment.points import LEAST_PAIRS
+from mpsnet_core.estimate.alignment.points import MIN_PAIRS
 
 from ..child_process.trust import SCRIPTS_OFF
 from ..photo.camera import is_real
@@ -131,9 +131,9 @@ class MPS_PT_align(Step):
         photo = scene.mps.photo.image
         if lacking := super().lacks(context) or lacks_file(photo, "photo") or lights_of(scene).lacks:
             return lacking
-        missing = LEAST_PAIRS - len(photo.mps.pairs)
-        fewer = 0 < missing < LEAST_PAIRS
-        return f"{LEAST_PAIRS} points are the least: pick {missing} more, or remove them" if fewer else ""
+        missing = MIN_PAIRS - len(photo.mps.pairs)
+        fewer = 0 < missing < MIN_PAIRS
+        return f"{MIN_PAIRS} points are the least: pick {missing} more, or remove them" if fewer else ""
 
     @classmethod
     def result(cls, context: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.frames import is_several
+from mpsnet_core.io.frames import is_folder_or_pattern
 from mpsnet_core.scene.rig import LightRig, read_rig
 
 from ..image_records import origin, remembered
@@ -122,6 +122,6 @@ def lacks_named(settings: Any, name: str, *, optional: bool) -> str:
     if not path:
         return "" if optional else f"Choose the {label.lower()}"
     found = bpy.path.abspath(path)
-    if (optional and is_several(found)) or is_there(Path(found)):
+    if (optional and is_folder_or_pattern(found)) or is_there(Path(found)):
         return ""
     return f"{label} {path} does not exist; choose another"

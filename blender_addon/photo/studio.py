@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError, NoObject
-from mpsnet_core.io.files import temporary_folder, written_together, written_whole
+from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
@@ -88,7 +88,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
             for other in others:
                 studio.collection.objects.link(other)
         load_openimageio()
-        with written_together():
+        with write_transaction():
             write_rig(sidecar(path, "rig"), replace(rig, exact=True))
             write_camera(sidecar(path, "camera"), taken_by)
             images = tuple(map(str, parts))
@@ -144,7 +144,7 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
     """
     render_path(path)
     camera, photo = rig_camera(scene), scene.mps.photo
-    with _studio(scene) as studio, written_together():
+    with _studio(scene) as studio, write_transaction():
         notes = _leave_target_out(studio, scene.mps.bake)
         studio.cycles.samples = _NORMAL_SAMPLES
         studio.cycles.max_bounces = 0
@@ -313,14 +313,14 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     settings.file_format = file_format
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
     studio.render.use_file_extension = False
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         studio.render.filepath = with_escaped_braces(unfinished)
         try:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
             raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
         load_openimageio()  # not needed at Blender's start
-        from mpsnet_core.io.image_writing import is_whole
+        from mpsnet_core.io.image_writing import is_complete_image
 
-        if not is_whole(unfinished):
+        if not is_complete_image(unfinished):
             raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

@@ -32,7 +32,7 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-MOST_TRIANGLES = 4_000_000  # limit of what is read while the window waits
+MAX_TRIANGLES = 4_000_000  # limit of what is read while the window waits
 
 _ROWS_A_SLICE = 100_000
 
@@ -135,8 +135,8 @@ def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
         vertices, of_corner, normals, corners = _shape(mesh)
         evaluated.to_mesh_clear()
         count += len(corners)
-        if count > MOST_TRIANGLES:
-            raise GeometryError(f"the scene has more than {MOST_TRIANGLES:,} triangles; hide what need not be seen")
+        if count > MAX_TRIANGLES:
+            raise GeometryError(f"the scene has more than {MAX_TRIANGLES:,} triangles; hide what need not be seen")
         uvs = np.zeros((len(corners), 3, 2), np.float32)
         pose = np.array(instance.matrix_world, np.float64)
         meshes.append(Mesh(vertices, of_corner[corners], normals[corners], uvs, world_from_object=pose))

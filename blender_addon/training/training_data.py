@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 from mpsnet_core.synthesis.operations import MakeSamples
@@ -129,7 +129,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         painted = [image.name for image in bpy.data.images if image.is_dirty]
         if painted:
             raise FileError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
-        with written_whole(path) as unfinished:
+        with atomic_write(path) as unfinished:
             try:
                 save_copy(unfinished, compress=True, mend="choose another folder")
             finally:  # Blender keeps a backup of a file that it overwrites

@@ -31,7 +31,7 @@ Shown = Literal["auto", "yes", "no"]
 SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
 
 # An estimated share below this is taken for chance.
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 # Radians: relief fainter than this is too weak to estimate the share from.
 FAINT = 0.01
 # Pixels on the photo's longer side at which the resolutions of map and photo are compared.
@@ -149,7 +149,7 @@ def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
     """The least-squares share of a map's relief (N, 3) in a view's (N, 3), both as offsets from the mesh's normals."""
     known = float((relief * relief).sum(dtype=np.float64)) + len(relief) * FAINT**2
     share = float((view * relief).sum(dtype=np.float64)) / known
-    return min(share, 1.0) if share >= LEAST_SHARE else 0.0
+    return min(share, 1.0) if share >= MIN_SHARE else 0.0
 
 
 def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: BaseMap) -> NDArray[np.bool_]:

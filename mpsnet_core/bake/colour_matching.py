@@ -21,7 +21,7 @@ from mpsnet_core.scene.rays import RayScene
 log = logging.getLogger(__name__)
 
 # Two views need this many common points to be matched.
-LEAST_SHARED = 30
+MIN_SHARED = 30
 # Colours darker than this fraction of the channel's 99th percentile are too dark for a ratio.
 DARK = 0.02
 # Gains must not lift this percentile above 1, where PNG clips.
@@ -48,13 +48,13 @@ def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     for one in range(count):
         for other in range(one):
             shared = np.flatnonzero(seen[one] & seen[other])
-            if len(shared) < LEAST_SHARED:
+            if len(shared) < MIN_SHARED:
                 continue
             least = np.minimum(weights[one, shared], weights[other, shared])
             well = shared[least >= np.median(least)]
             for channel in range(3):
                 both = well[known[one, well, channel] & known[other, well, channel]]
-                if len(both) < LEAST_SHARED / 2:
+                if len(both) < MIN_SHARED / 2:
                     continue
                 apart = np.median(logarithms[one, both, channel] - logarithms[other, both, channel])
                 left[channel][[one, other], [one, other]] += len(both)

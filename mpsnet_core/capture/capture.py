@@ -19,7 +19,7 @@ from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
-from mpsnet_core.io.files import located, resolved
+from mpsnet_core.io.files import prefix_errors, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
 from mpsnet_core.io.image_encoding import Encoding, with_stored_values
@@ -31,9 +31,9 @@ log = logging.getLogger(__name__)
 T = TypeVar("T", bound=np.floating[Any])
 
 # A mesh that covers a smaller share of the mask probably does not belong to the photo.
-LEAST_KNOWN = 0.8
+MIN_KNOWN = 0.8
 # An object that is nearer or farther than the lights' target by this factor is probably in another unit.
-MOST_OFF = 2.0
+MAX_OFF = 2.0
 # Below this angle in radians between two channels, as vectors over all pixels, they show the same light.
 ALIKE = 0.03
 # Below this share of the brightest channel's mean, a channel's light was probably off.
@@ -262,7 +262,7 @@ def read_capture(
     image = reading.photo(path, compact=correction is None)
 
     def taken(image: Image, notes: Notes = "all") -> Capture:
-        with located(path):
+        with prefix_errors(path):
             return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
 
     capture = taken(image)
@@ -299,7 +299,7 @@ def with_white(
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = reading.companion(file)
-        with located(file):
+        with prefix_errors(file):
             image = straightened(corrected(image, reading.correction))
             # Checked one by one, to name the one that does not match.
             total += _checked_white(image.pixels, None, capture.mask)
@@ -388,7 +388,7 @@ def _depth_within(
     inside = np.count_nonzero(known & mask)
     if not inside:
         raise GeometryError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
-    if inside < LEAST_KNOWN * mask.sum():
+    if inside < MIN_KNOWN * mask.sum():
         log.info(
             "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
             100 * inside / mask.sum(),
@@ -402,7 +402,7 @@ def _depth_within(
 def _note_unit(distance: float, near: NearLights) -> None:
     """Report an object far from the lights' target: its distance is probably in another unit."""
     expected = -float(near.target[2])
-    if not expected / MOST_OFF < distance < expected * MOST_OFF:
+    if not expected / MAX_OFF < distance < expected * MAX_OFF:
         log.info(
             "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?",
             distance,

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, without_holes, without_specks
+from mpsnet_core.arrays.mask_regions import (
+    dilated,
+    eroded,
+    fill_holes,
+    fill_small_holes,
+    labelled,
+    remove_small_regions,
+)
 from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
@@ -37,7 +44,7 @@ WORKING_SIDE, OUTLINE = 1024, 2
 # object may cover.
 BORDER_SHARE, OBJECT_AT_BORDER = 0.04, 0.2
 # Display values, 0 to 1: least contrast of the object; brightness below which a background is dark.
-LEAST_CONTRAST, DARK = 0.02, 0.1
+MIN_CONTRAST, DARK = 0.02, 0.1
 # Largest gap to close, as a share of the image side. Largest holes to fill, as shares of the object's area: the first
 # if a shadow may have made them, the second always.
 GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
@@ -224,7 +231,7 @@ def _standing_out(
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
     # Twice the contrast at the border, where noise and an uneven background are all there is.
-    least = max(LEAST_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
+    least = max(MIN_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
     threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(threshold)), least)
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
@@ -243,20 +250,20 @@ def _mended(
     mask: NDArray[np.bool_], contrast: NDArray[np.float32], threshold: float, *, dark: bool
 ) -> NDArray[np.bool_]:
     """The mask without specks, with gaps closed and holes filled that a shadow may have made."""
-    mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    mask = remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
     mask = eroded(dilated(mask, gap), gap)
 
     def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
         unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
         area = sizes[0]
-        filled: NDArray[np.bool_] = (sizes <= SPECK * area) | (
+        chosen: NDArray[np.bool_] = (sizes <= SPECK * area) | (
             (sizes <= SHADOW * area) & (dark | (unlike > threshold / 2))
         )
-        return filled
+        return chosen
 
-    mask = without_holes(mask, by_shadow)
-    return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    mask = fill_holes(mask, by_shadow)
+    return remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
 def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
@@ -313,7 +320,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
         fitted = np.full_like(values, np.median(values))
         for _ in range(6):
             off = np.abs(values - fitted)
-            agree = off <= 4 * deviation(off, LEAST_CONTRAST / 8)
+            agree = off <= 4 * deviation(off, MIN_CONTRAST / 8)
             factors = np.linalg.lstsq(terms[agree], values[agree], rcond=None)[0]
             fitted = terms @ factors
         behind[..., channel] = np.clip(powers @ factors, values[agree].min(), values[agree].max())
@@ -353,7 +360,7 @@ def _outlined(
         lines = np.arange(rows.start, rows.stop) // factor
         mask[rows] = (contrast(rows) > found.threshold) & maybe[lines][:, columns] | surely[lines][:, columns]
     fine = factor**2 * OUTLINE**2
-    return without_specks(filled(mask, fine), fine)
+    return remove_small_regions(fill_small_holes(mask, fine), fine)
 
 
 def _factor(pixels: NDArray[np.float32]) -> int:

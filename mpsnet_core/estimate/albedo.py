@@ -28,7 +28,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.
-LEAST_SHADING = 0.1
+MIN_SHADING = 0.1
 # Below this cosine, shadows of a light cannot be detected, and it adds little.
 GRAZING = 0.1
 # A light's visibility, as a share of the most visible light's: below the first, a shadow blocks it; above the second,
@@ -83,10 +83,10 @@ def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float3
         shading = np.maximum(normals.vectors @ capture.white_light.astype(np.float32), 0)
     albedo = white
     for rows in bands(len(albedo)):
-        albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(LEAST_SHADING))
+        albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(MIN_SHADING))
         albedo[rows][~capture.mask[rows]] = 0
     # Measure the scale on well-lit pixels that are not clipped, if there are any.
-    measure = capture.mask & (shading > LEAST_SHADING)
+    measure = capture.mask & (shading > MIN_SHADING)
     if capture.white_clipped is not None:
         measure &= ~capture.white_clipped.any(axis=-1)
     measured = albedo[measure if measure.any() else capture.mask]

@@ -27,7 +27,7 @@ FEATURE_CHANNELS = {
 # One value for the whole capture, of size 1 x 1: they cannot be stacked with maps.
 CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
 # Lower limit of a channel's mean, as a share of the largest: an all-black channel must not divide by zero.
-LEAST_MEAN = 1e-4
+MIN_MEAN = 1e-4
 
 
 def divide_by_means(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
@@ -94,7 +94,7 @@ def feature_map(name: str, crop: PhotoCrop) -> NDArray[np.float32]:
     if name == "lights":
         return directions.astype(np.float32).reshape(9, 1, 1)
     if name == "channel_means":
-        floor = np.maximum(means, LEAST_MEAN * max(float(means.mean()), 1e-30))
+        floor = np.maximum(means, MIN_MEAN * max(float(means.mean()), 1e-30))
         shares: NDArray[np.float64] = floor / floor.mean()
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":

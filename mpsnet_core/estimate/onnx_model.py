@@ -19,7 +19,7 @@ from mpsnet_core.estimate.features import CONSTANTS, channel_count
 from mpsnet_core.estimate.operators import check_operators
 from mpsnet_core.estimate.patches import predict_patches
 from mpsnet_core.estimate.registry import DEFAULT_TILE
-from mpsnet_core.io.files import existing_file, located
+from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -75,7 +75,7 @@ class OnnxModel:
         self.tile = tile
         check_operators(self.path)
         self.session = _session(self.path, provider, threads)
-        with located(f"model file {self.path} cannot be used"):
+        with prefix_errors(f"model file {self.path} cannot be used"):
             metadata = _metadata(self.session)
             self.card = card_from_metadata(metadata)
             if passes is not None:

@@ -30,14 +30,14 @@ from mpsnet_core.estimate.distant_lights import lights_in
 Floats = NDArray[np.floating[Any]]
 
 # Lower limit of the white photo's values, as a share of their channel's mean: below, they are mostly noise.
-LEAST_WHITE = 0.02
+MIN_WHITE = 0.02
 # Weight of the prior that each light's share has the same mean over the object, in squares of the pixels' distances
 # from the plane. It decides if a flat surface does not determine the plane, or gloss bends it.
 EVEN_SHARES = 1.0
 ROUNDS = 10  # of the robust fit
-LEAST_SPREAD = 0.005  # of the distances from the plane
-MOST = 20.0  # largest factor between the gains and those for which all shares have one mean
-LEAST_PIXELS = 16
+MIN_SPREAD = 0.005  # of the distances from the plane
+MAX_GAIN_FACTOR = 20.0  # largest factor between the gains and those for which all shares have one mean
+MIN_PIXELS = 16
 HIGHEST = 95  # percentile; above it are highlights, and pixels that the white lamp hardly reaches
 # Below this share of a light's median, the light hardly reaches a pixel. Another lamp's shading is not the sum of the
 # lights' there.
@@ -77,7 +77,7 @@ class WhitePhoto(NamedTuple):
             photo_values, white_values = photo @ unmixing_before.T, white @ unmixing_before.T
             means = white_values.mean(axis=0) if len(white) else np.zeros(3)
             if (means > 0).all():
-                lower_limits = LEAST_WHITE * means
+                lower_limits = MIN_WHITE * means
                 bright = (white_values > lower_limits).all(axis=-1)
                 known = strengths if strengths.ndim == 1 else strengths[bright]
                 gains, spread = _gains(photo_values[bright], white_values[bright], unmixing_after, known)
@@ -160,7 +160,7 @@ def _gains(
 ) -> tuple[NDArray[np.float64], float]:
     """The gains, and the pixels' spread about the plane, infinity if the fit fails. unmixing: applied to the ratio."""
     mixed = np.linalg.inv(unmixing).sum(axis=1)
-    if len(photo) < LEAST_PIXELS or (mixed <= 0).any():
+    if len(photo) < MIN_PIXELS or (mixed <= 0).any():
         return np.ones(3), np.inf
     ratio = photo / white
     share = mixed / max(float(strengths.sum(axis=-1).mean()), 0.1)
@@ -169,17 +169,17 @@ def _gains(
     # Each channel's part of Σ_k t_k q_k; multiplied by the right factors, they add up to 1 in every pixel.
     parts = ratio * equal_means * (strengths @ unmixing)
     light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
-    weights, spread, factors = light, 4 * LEAST_SPREAD, np.ones(3)
+    weights, spread, factors = light, 4 * MIN_SPREAD, np.ones(3)
     for _ in range(ROUNDS):
         if (strengths != 1).any():  # lit by another lamp than the rig's lights
             shares = (ratio * equal_means * factors) @ unmixing.T
             reached = (shares > REACHED * np.median(shares, axis=0)).all(axis=-1)
-            weights = weights * reached if np.count_nonzero(reached) >= LEAST_PIXELS else weights
+            weights = weights * reached if np.count_nonzero(reached) >= MIN_PIXELS else weights
         even = EVEN_SHARES * spread**2
         equations = np.einsum("ni,nj,n->ij", parts, parts, weights) / weights.sum() + even * np.eye(3)
         factors = np.linalg.solve(equations, weights @ parts / weights.sum() + even)
         distances = np.abs(parts @ factors - 1)
-        spread = deviation(distances, LEAST_SPREAD)
+        spread = deviation(distances, MIN_SPREAD)
         weights = light / (1 + (distances / spread) ** 2)
-    gains: NDArray[np.float64] = equal_means * np.clip(factors, 1 / MOST, MOST)
+    gains: NDArray[np.float64] = equal_means * np.clip(factors, 1 / MAX_GAIN_FACTOR, MAX_GAIN_FACTOR)
     return gains, spread

@@ -117,16 +117,16 @@ class Train(Operation):
         return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
 
     def _places(self, output: Path) -> "Places":
-        from mpsnet_core.io.files import check_apart, makeable_folder, writable_path
+        from mpsnet_core.io.files import check_no_overwrite, creatable_folder, writable_path
         from mpsnet_core.learning.training.loop import Places
 
         checkpoint = Path(self.checkpoint) if self.checkpoint else output.with_suffix(".checkpoint")
         places = Places(
             checkpoint=writable_path(checkpoint),
             resume=_resumed(self.resume) if self.resume else None,
-            logs=makeable_folder(self.logs, "logs") if self.logs else None,
+            logs=creatable_folder(self.logs, "logs") if self.logs else None,
         )
-        check_apart([checkpoint, *([places.resume] if places.resume else [])], [output])
+        check_no_overwrite([checkpoint, *([places.resume] if places.resume else [])], [output])
         return places
 
 
@@ -154,12 +154,12 @@ class Quantize(Operation):
 
     def run(self, progress: Progress = silent) -> ModelQuantized:
         """Write the int8 model, and report what it costs in accuracy."""
-        from mpsnet_core.io.files import check_apart
+        from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.learning.training.quantize import quantise
 
         output = _model_path(self.output)
         model = find_network(self.model).path
-        check_apart([model], [output])
+        check_no_overwrite([model], [output])
         samples = [Path(folder) for folder in self.samples]
         errors = quantise(model, samples, output, count=self.count, progress=progress)
         return ModelQuantized(

@@ -85,7 +85,7 @@ def test_noise_in_a_proven_colour_is_averaged_out(scenes: dict[str, Scene], monk
     scene = scenes["distant"]
     capture = painted(scene, PAINT * np.random.default_rng(1).normal(1, 0.015, scene.image.shape))
     mended = refined(capture, network(scene))
-    monkeypatch.setattr(refine, "LEAST_OBJECT", np.inf)
+    monkeypatch.setattr(refine, "MIN_OBJECT", np.inf)
     alone = refined(capture, network(scene))
     assert errors(alone, scene)[scene.lit].mean() < 3
     assert errors(mended, scene)[scene.lit].mean() < 0.7 * errors(alone, scene)[scene.lit].mean()

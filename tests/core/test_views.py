@@ -126,13 +126,13 @@ class Table:
 
     def _run(self, *arguments: str | Path) -> str:
         good: list[str | Path] = ["--model", "lambertian", "--size", "64", "--space", "object"]
-        words, complaint = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(words), contextlib.redirect_stderr(complaint):
+        words, errors = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(words), contextlib.redirect_stderr(errors):
             code = main(["views", *map(str, [*good, "-o", self / "texture.png", *arguments])])
         if code:
-            (line,) = complaint.getvalue().splitlines()
+            (line,) = errors.getvalue().splitlines()
             raise InputError(line)
-        sys.stderr.write(complaint.getvalue())
+        sys.stderr.write(errors.getvalue())
         return words.getvalue()
 
     def texture(self) -> np.ndarray:

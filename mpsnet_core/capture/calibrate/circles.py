@@ -14,7 +14,7 @@ from mpsnet_core.scene.camera import Camera
 
 # Longer side of the image in which circles are detected.
 SEARCHED_SIDE = 400
-LEAST_SIDE = 16
+MIN_SIDE = 16
 # Range of a ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
@@ -22,11 +22,11 @@ CANDIDATES = 12
 # they were moved to outlines.
 ALIKE, SAME = 0.1, 0.02
 # A circle with less of its outline visible, or a larger residual (as a share of the radius), is no ball.
-LEAST_SEEN = 0.2
+MIN_SEEN = 0.2
 ROUGHEST = 0.01
 # Pixels above this share of the brightest are mirrored lights, if they are a small share of the photo.
 BRIGHT = 0.5
-MOST_BRIGHT = 0.03
+MAX_BRIGHT = 0.03
 
 # An overlapping circle with this share of the ball's score may be the ball instead.
 RIVAL = 0.6
@@ -47,7 +47,7 @@ def find_balls(
     visible outline are chosen. Warns of an overlapping circle that is nearly as likely. Raises GeometryError if fewer
     are found.
     """
-    if min(image.shape[:2]) < LEAST_SIDE:
+    if min(image.shape[:2]) < MIN_SIDE:
         raise GeometryError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
     small = block_means(image, step)
@@ -69,7 +69,7 @@ def find_balls(
             ball = sharp_outline(photo, ball, mirror=mirror)
         except GeometryError:
             continue
-        if ball.seen >= LEAST_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
+        if ball.seen >= MIN_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
             scored.append((_score(ball), ball))
     scored.sort(key=lambda pair: -pair[0])
     chosen: list[tuple[float, Ball]] = []
@@ -119,7 +119,7 @@ def _bright(image: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(H, W) the brightest pixels; none if they are too many to be mirrored lights."""
     brightness = image.max(axis=-1)
     bright = brightness > BRIGHT * brightness.max()
-    return bright if bright.mean() < MOST_BRIGHT else np.zeros_like(bright)
+    return bright if bright.mean() < MAX_BRIGHT else np.zeros_like(bright)
 
 
 def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circle]:

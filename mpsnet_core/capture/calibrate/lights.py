@@ -12,7 +12,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.capture.calibrate.highlights import Highlight
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.scene.camera import camera_of_lens
 
 log = logging.getLogger(__name__)
@@ -214,7 +214,7 @@ def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequenc
     """
     rows = np.asarray(directions, np.float64)
     lines = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, rows, strict=True)]
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 

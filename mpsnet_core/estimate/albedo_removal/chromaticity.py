@@ -16,7 +16,7 @@ from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import (
-    LEAST_PIXELS,
+    MIN_PIXELS,
     SAMPLED,
     Floats,
     Pixels,
@@ -36,8 +36,8 @@ CELLS = round(2 * HALF_WIDTH / CELL)
 AGREEMENT = np.radians(5.0)
 # Weight of the mean albedo in each cell, as a share of the object's pixels.
 PRIOR = 0.001
-LEAST_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo would be mostly noise
-LEAST_ALBEDO = 0.02  # as a share of the median
+MIN_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo would be mostly noise
+MIN_ALBEDO = 0.02  # as a share of the median
 
 
 def divide_out_chromaticity_albedo(photo: Capture, grey: Capture, normals: NormalMap) -> Capture:
@@ -56,10 +56,10 @@ def divide_out_chromaticity_albedo(photo: Capture, grey: Capture, normals: Norma
     if fit is None or white is None:
         return grey
     chromaticities, albedos, weights = _sample(photo, grey, normals, fit, white)
-    if len(albedos) < LEAST_PIXELS or weights.sum() <= 0:
+    if len(albedos) < MIN_PIXELS or weights.sum() <= 0:
         return grey
     cells, shares = _corners(chromaticities)
-    offset = np.log(np.maximum(albedos / np.median(albedos), LEAST_ALBEDO))
+    offset = np.log(np.maximum(albedos / np.median(albedos), MIN_ALBEDO))
     offset -= np.average(offset, weights=weights)
     total, count = (_smoothed_sums(cells, shares * values[:, None]) for values in (weights * offset, weights))
     brightness = (total / (count + PRIOR * len(weights))).astype(np.float32)
@@ -92,7 +92,7 @@ def _albedos(pixels: Pixels) -> Floats:
     """(...) least-squares albedo over the three lights."""
     cosines = np.maximum(pixels.cosines, 0)
     brightness = (np.maximum(pixels.light, 0) * cosines).sum(axis=-1)
-    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), LEAST_SQUARES)
+    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), MIN_SQUARES)
     return albedos
 
 

@@ -14,7 +14,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 # Weights of two estimates are this power of the ratio of their expected errors, where the second's error is increased
 # by this factor because its photo is a guess.
 POWER, CAUTION = 8, 1.05
-LEAST_ERROR = 0.003  # as a share of a right angle
+MIN_ERROR = 0.003  # as a share of a right angle
 
 
 def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Capture, progress: Progress) -> NormalMap:
@@ -42,18 +42,18 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
         del first  # a large photo takes much memory
         return network(flattened, _run_progress("second estimate", progress, 0.25, 1.0))
     first = network(grey, _run_progress("first estimate", progress, 0.0, 0.4))
-    flattened = divide_out_clustered_albedo(grey, first)
-    if flattened is None:
+    one_colour = divide_out_clustered_albedo(grey, first)
+    if one_colour is None:
         return first
     better = blend_by_confidence(
-        first, network(flattened, _run_progress("second estimate", progress, 0.4, 0.6), passes=1)
+        first, network(one_colour, _run_progress("second estimate", progress, 0.4, 0.6), passes=1)
     )
-    del flattened
-    flattened = divide_out_clustered_albedo(grey, better)
-    if flattened is None:
+    del one_colour
+    one_colour = divide_out_clustered_albedo(grey, better)
+    if one_colour is None:
         return better
     del better
-    return blend_by_confidence(first, network(flattened, _run_progress("third estimate", progress, 0.6, 1.0)))
+    return blend_by_confidence(first, network(one_colour, _run_progress("third estimate", progress, 0.6, 1.0)))
 
 
 def _run_progress(name: str, progress: Progress, start: float, end: float) -> Progress:
@@ -66,7 +66,7 @@ def blend_by_confidence(first: NormalMap, second: NormalMap) -> NormalMap:
 
     def weigh(rows: slice) -> None:
         one, two = (
-            np.maximum(1 - estimate.confidence[rows].astype(np.float32), LEAST_ERROR) for estimate in (first, second)
+            np.maximum(1 - estimate.confidence[rows].astype(np.float32), MIN_ERROR) for estimate in (first, second)
         )
         share = 1 / (1 + (one / (CAUTION * two)) ** POWER)  # of the first
         vectors = second.vectors[rows] + (first.vectors[rows] - second.vectors[rows]) * share[..., None]

@@ -60,7 +60,7 @@ class MeasuresModels(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Run the test, and write rows and report if requested."""
-        from mpsnet_core.io.files import check_apart, writable_path
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
@@ -69,7 +69,7 @@ class MeasuresModels(Operation):
             writable_path(self.json)
         if self.output:
             page_path(self.output)
-        check_apart([], [file for file in (self.json, self.output) if file])
+        check_no_overwrite([], [file for file in (self.json, self.output) if file])
         return evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
 
 

@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
+from mpsnet_core.io.files import ensure_folder, writable_path, write_json, write_transaction
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
@@ -100,7 +100,7 @@ def evaluate_patch_sizes(
         ]
         table = _table(rows)
         measured = Measured(rows=[asdict(row) for row in rows], published=published, text=table)
-        with written_together():
+        with write_transaction():
             if json:
                 write_json(json, measured.figures())
             if page:

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
-from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
+from mpsnet_core.io.files import atomic_write, temporary_folder, writable_path
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 
@@ -50,7 +50,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
     model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
     _check_equal_outputs(network, model)
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_bytes(model.SerializeToString())
 
 

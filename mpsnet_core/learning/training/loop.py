@@ -32,7 +32,7 @@ from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer, Scale
 from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model
-from mpsnet_core.learning.training.signals import held_signals
+from mpsnet_core.learning.training.signals import delay_signals
 from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
@@ -189,7 +189,7 @@ def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
     """One step on this process's share of the batch. Signals are held back until it is done."""
     rank, count = run.processes.rank, run.processes.count
     scales = run.photographer.batch(run.step * count + rank, run.recipe.batch // count)
-    with held_signals():
+    with delay_signals():
         try:
             return run.advance(model, scales)
         except RuntimeError as error:

@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
-from mpsnet_core.estimate.features import LEAST_MEAN
+from mpsnet_core.estimate.features import MIN_MEAN
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
 from mpsnet_core.learning.training.jpeg import jpeg_losses
@@ -35,7 +35,7 @@ COARSEST = (64.0, 128.0)  # pixels of the object's longer side on the first scal
 # How many scales follow the first one.
 FINER_SHARES = (0.1, 0.4, 0.25, 0.15, 0.1)
 NEAREST_SHARE = 0.7  # of the frames are among the two in which the first light stands most nearly straight up
-LEAST_COVERED = 0.02  # share of a coarse pixel that the mask must cover for it to count
+MIN_COVERED = 0.02  # share of a coarse pixel that the mask must cover for it to count
 # Planes of an arranged sample; those of the white photo follow where there is one.
 PHOTO, NORMALS, LIT, MASK, WHITE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 10), slice(10, 13)
 
@@ -295,7 +295,7 @@ def _photographed(
         light = light * seen.float()
         if level == 0:
             means = _means(light, seen)
-            means = torch.maximum(means, LEAST_MEAN * means.mean(dim=1, keepdim=True))
+            means = torch.maximum(means, MIN_MEAN * means.mean(dim=1, keepdim=True))
         mean = means[chosen]
         photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
@@ -346,10 +346,10 @@ def _window(example: _Example, level: int, window: int) -> Tensor:
         grid = torch.stack([x.expand(window, -1), y[:, None].expand(-1, window)], dim=-1)[None]
         mode = "bicubic" if example.bicubic else "bilinear"
         found = functional.grid_sample(planes[None], grid, mode=mode, align_corners=False)[0]
-    least = LEAST_COVERED if level < example.finest and size[0] <= height else 0.5
+    least = MIN_COVERED if level < example.finest and size[0] <= height else 0.5
     covered = (found[MASK] > least).float()
     # Products with masks, here and below: on CPUs torch.where takes ten times as long.
-    found = found * (covered / found[MASK].clamp(min=LEAST_COVERED))
+    found = found * (covered / found[MASK].clamp(min=MIN_COVERED))
     for channels in _photos(example.draw):
         found[channels].clamp_(min=0)
     found[MASK] = covered

@@ -28,7 +28,7 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard, record_from_metadata
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
+from mpsnet_core.io.files import atomic_write, temporary_folder, writable_path
 from mpsnet_core.learning.training.export import RIGHT_ANGLE
 from mpsnet_core.learning.training.inputs import with_previous
 from mpsnet_core.learning.training.networks import Prediction
@@ -103,7 +103,7 @@ def quantise(
     int8_card = replace(card, name=f"{card.name}-int8")
     del quantised.metadata_props[:]
     onnx.helper.set_model_props(quantised, {CARD_KEY: int8_card.to_json(), TRAINING_KEY: json.dumps(record)})
-    with written_whole(output) as unfinished:
+    with atomic_write(output) as unfinished:
         unfinished.write_bytes(quantised.SerializeToString())
     return figures
 

@@ -11,7 +11,7 @@ from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.scene.mesh import Mesh
 
 # Triangles below this fraction of the largest area are degenerate, apart from rounding.
-LEAST_AREA = 1e-12
+MIN_AREA = 1e-12
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def layout_of(mesh: Mesh, size: int) -> Layout:
     corners = texel_coordinates(mesh.uvs, size)
     areas = mesh.world_areas
     order = np.argsort(islands.of_triangle, kind="stable").astype(np.int32)
-    order = order[areas[order] > LEAST_AREA * areas.max()]
+    order = order[areas[order] > MIN_AREA * areas.max()]
     laid = triangle_of_texel(corners[order], size)
     triangle = np.where(laid >= 0, order[laid], np.int32(-1))
     island = np.where(laid >= 0, islands.of_triangle[triangle], np.int32(-1))

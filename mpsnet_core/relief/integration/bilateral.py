@@ -7,14 +7,14 @@ from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.integration.fast import equations, fast
-from mpsnet_core.relief.integration.gradients import LEAST_FACING, Gradients
+from mpsnet_core.relief.integration.gradients import MIN_FACING, Gradients
 from mpsnet_core.relief.integration.multigrid import Links, sums_of_blocks
 from mpsnet_core.relief.integration.poisson import relaxed, solved
 
 # Sharpness of a pixel's choice between its two neighbours (k in the paper, with its value), for changes in pixels.
 SHARPNESS = np.float32(2)
 # Least weight of a neighbour: a part that is cut off all around stays where least squares put it.
-LEAST = np.float32(1e-5)
+MIN_WEIGHT = np.float32(1e-5)
 # Residual of a pixel's equation, in pixels times `facing`, on its chosen side, at which its weight is halved. The first
 # two are for the first and last pass at the coarsest level, because early cuts are seldom undone. The third is for all
 # passes at finer levels, where breaks are nearly in place.
@@ -62,7 +62,7 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
         done, all_done = (STARTED + (1 - STARTED) * count / len(offs) for count in (number, number + 1))
         step = part(progress, done, all_done, "finding depth's edges")
         weights, pulls = chosen_sides(wanted, depth, off)
-        depth = solved(weights, pulls, depth, most=ITERATIONS, progress=step)
+        depth = solved(weights, pulls, depth, max_iterations=ITERATIONS, progress=step)
     return depth
 
 
@@ -78,7 +78,7 @@ def _halved(wanted: Gradients) -> Gradients:
 def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Depth of all pixels of the mask, from that of their 2 x 2 blocks and the blocks' gradients."""
     doubled = np.zeros(mask.shape, np.float32)
-    facing = np.maximum(smaller.facing, LEAST_FACING)
+    facing = np.maximum(smaller.facing, MIN_FACING)
     right, down = smaller.right / facing, smaller.down / facing
     for row, column in np.ndindex(2, 2):
         pixels = doubled[row::2, column::2]
@@ -170,7 +170,7 @@ def _along(
     ahead = np.tanh(steeper * (SHARPNESS / 2)) * np.float32(0.5) + np.float32(0.5)
     first = ahead[:-1] / (1 + np.square((facing[:-1] * change - wanted[:-1]) / np.float32(off)))
     second = (1 - ahead[1:]) / (1 + np.square((facing[1:] * change - wanted[1:]) / np.float32(off)))
-    counts = np.maximum(first, LEAST) * facing[:-1], np.maximum(second, LEAST) * facing[1:]
+    counts = np.maximum(first, MIN_WEIGHT) * facing[:-1], np.maximum(second, MIN_WEIGHT) * facing[1:]
     weight = (counts[0] * facing[:-1] + counts[1] * facing[1:]) * linked
     pull = (counts[0] * wanted[:-1] + counts[1] * wanted[1:]) * linked
     return weight, pull

@@ -15,10 +15,10 @@ from mpsnet_core.relief.integration.multigrid import Grid, Links, corrected, gri
 
 log = logging.getLogger(__name__)
 
-# Limit of iterations up to a megapixel. Larger images have fewer, for the same run time, but at least LEAST. A smooth
-# surface takes about ten, one whose parts are connected by thin strips more than a hundred.
-MOST, LEAST = 250, 60
-# After LEAST iterations, stop once the mean correction is below this many pixels: noise isolates single pixels at rims,
+# Limit of iterations up to a megapixel. Larger images have fewer, for the same run time, but at least MIN_ITERATIONS. A
+# smooth surface takes about ten, one whose parts are connected by thin strips more than a hundred.
+MAX_ITERATIONS, MIN_ITERATIONS = 250, 60
+# After MIN_ITERATIONS, stop once the mean correction is below this many pixels: noise isolates single pixels at rims,
 # which would take a hundred more.
 ENOUGH = 1e-3
 # Accumulated rounding errors are removed after every so many iterations.
@@ -35,7 +35,7 @@ def solved(
     pulls: Links,
     start: NDArray[np.float32],
     *,
-    most: int | None = None,
+    max_iterations: int | None = None,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
     """(H, W) weighted least-squares values u whose change over each link is closest to pull / weight.
@@ -45,19 +45,21 @@ def solved(
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction is below TOLERANCE, or the precision of float32, everywhere,
-    or after `most` iterations. By default there are up to MOST; then it also ends once the mean correction is below
-    ENOUGH, and logs a note if a large correction remains.
+    or after `max_iterations`. By default there are up to MAX_ITERATIONS; then it also ends once the mean correction is
+    below ENOUGH, and logs a note if a large correction remains.
     """
     grids = grids_of(weights)
     linked = np.count_nonzero(grids[0].step)
-    by_default, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
+    by_default = max_iterations is None
+    if max_iterations is None:
+        max_iterations = max(MIN_ITERATIONS, MAX_ITERATIONS * min(2**20, start.size) // start.size)
     u = start.copy()
     left = gathered(pulls)
     residual(grids[0], u, left, left)
     towards, along = np.zeros_like(u), np.empty_like(u)
     before, first, done = np.float32(1), 0.0, 0.0
     parts: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
-    for number in range(most):
+    for number in range(max_iterations):
         if number % ROUNDED == ROUNDED - 1:
             parts = parts or labelled(grids[0].step > 0)
             _balance(left, *parts)
@@ -65,12 +67,12 @@ def solved(
         remaining = float(np.abs(correction).max())
         if remaining <= TOLERANCE + 1e-6 * float(np.abs(u).max()):
             break
-        if by_default and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
+        if by_default and number >= MIN_ITERATIONS and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / TOLERANCE), 1e-6)
         # The correction may grow from one iteration to the next, but progress must not go back.
-        done = max(done, number / most, min(float(gained), 1.0))
+        done = max(done, number / max_iterations, min(float(gained), 1.0))
         progress(done, "integrating")
         now = np.vdot(left, correction)
         towards *= now / before

@@ -12,7 +12,7 @@ from mpsnet_core.relief.material.gradients import gradients_of
 # Block means per side that a smooth polynomial is fitted to; every pixel would not be more exact.
 FITTED = 128
 # Weight in the fit at the image's edge; 1 at its centre.
-LEAST_WEIGHT = 0.03
+MIN_WEIGHT = 0.03
 
 _legvander: Any = np.polynomial.legendre.legvander  # untyped
 
@@ -72,7 +72,7 @@ def _window(side: int, factor: int) -> NDArray[np.float64]:
 
     At the ends a weave is cut off within a period; the remainder would look like a bend.
     """
-    window: NDArray[np.float64] = LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
+    window: NDArray[np.float64] = MIN_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
     return _sizes(side, factor) * window
 
 

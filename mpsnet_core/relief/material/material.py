@@ -24,7 +24,7 @@ from mpsnet_core.relief.material.flatten import evened, flattened
 from mpsnet_core.relief.material.gradients import normals_of
 from mpsnet_core.relief.material.periodic_heights import periodic_height, without_slow_waves
 from mpsnet_core.relief.material.resampling import sampled
-from mpsnet_core.relief.material.seam import LEAST_JOINED, Seam, measured_seam, wrapped
+from mpsnet_core.relief.material.seam import MIN_JOINED, Seam, measured_seam, wrapped
 from mpsnet_core.relief.material.tiling import Tiling, find_tiling
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
@@ -169,10 +169,10 @@ def check_material(size: int | None, overlap: float, bend: int) -> None:
 
 
 def _check_joined(pixels: int, overlap: float) -> None:
-    if pixels < LEAST_JOINED:
+    if pixels < MIN_JOINED:
         raise SettingsError(
             f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
-            f"{LEAST_JOINED}; choose a larger overlap, size or photo"
+            f"{MIN_JOINED}; choose a larger overlap, size or photo"
         )
 
 

@@ -11,7 +11,7 @@ from mpsnet_core.arrays.mask_regions import box_sums
 # Pixels of cross-fade on either side of the cut.
 FEATHER = 2
 # Rows that a cut needs: its own, and the feather on either side.
-LEAST_JOINED = 2 * FEATHER + 1
+MIN_JOINED = 2 * FEATHER + 1
 # Differences coarser than the overlap divided by this are faded over all of it: a cut would show them as an edge.
 FADED = 8
 

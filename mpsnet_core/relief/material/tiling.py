@@ -11,16 +11,16 @@ from mpsnet_core.arrays.block_means import block_means
 LONGEST = 2048
 REFINED = 512
 # A tile of a weave is at least this fraction of the photo.
-LEAST = 0.4
+MIN_TILE = 0.4
 # Largest rotation of a weave, and deviation of its threads from a right angle, as gradients.
 TURN, SKEW = 0.1, 0.03
 # Least autocorrelation of a weave. Materials that do not repeat reach 0.1 or 0.2; one that reaches more by chance is
 # joined all the better.
-ALIKE = 0.25
+MIN_CORRELATION = 0.25
 # Steps count as equally good down to this fraction of the best one. If there are very many, as in a fine weave, the
 # longest ones are kept.
 NEARLY = 0.9
-MOST_PEAKS = 1000
+MAX_PEAKS = 1000
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation
     """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` over x with both in the image; steps s along columns."""
     height, width, channels = seen.shape
     last = max(1, min(int(most), width - 1))
-    least, across = max(1, int(LEAST * last)), max(1, min(int(TURN * last), height // 4))
+    least, across = max(1, int(MIN_TILE * last)), max(1, min(int(TURN * last), height // 4))
     shape = tuple(-(-side // 128) * 128 for side in (height + across, width + last))
     product = np.zeros((2 * across + 1, last - least + 1))
     for channel in range(channels):
@@ -115,8 +115,8 @@ def _peaks(alike: _Autocorrelation) -> _Peaks:
     peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == highest
     heights = np.where(peaks & (np.abs(aside) <= TURN * along), values, -1.0)
     best = heights.max()
-    rows, columns = np.nonzero(heights >= max(NEARLY * best, ALIKE))
-    order = np.argsort(-columns, kind="stable")[:MOST_PEAKS]
+    rows, columns = np.nonzero(heights >= max(NEARLY * best, MIN_CORRELATION))
+    order = np.argsort(-columns, kind="stable")[:MAX_PEAKS]
     places = [
         (
             alike.least + column + _peak(values[row, column - 1 : column + 2]),

@@ -18,7 +18,7 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
-from mpsnet_core.io.image_writing import is_whole
+from mpsnet_core.io.image_writing import is_complete_image
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples, write_sheet
@@ -98,7 +98,7 @@ def make_samples(
     place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)
     clear_unfinished(folder)
-    there = _whole_samples(folder, progress)
+    there = _complete_samples(folder, progress)
     numbers = [number for number in range(job.count) if number not in there]
     tally = _Tally(job.count, job.count - len(numbers), progress)
     sheet = _GrowingSheet(folder)
@@ -122,12 +122,12 @@ def make_samples(
     return tally.outcome
 
 
-def _whole_samples(folder: Path, progress: Progress) -> set[int]:
+def _complete_samples(folder: Path, progress: Progress) -> set[int]:
     there = sorted(samples_there(folder))
     whole = set()
     for place, number in enumerate(there):
         progress(0.0, f"looking through what is there, {place} of {len(there)}")
-        if is_whole(sample_path(folder, number)):
+        if is_complete_image(sample_path(folder, number)):
             whole.add(number)
     return whole
 

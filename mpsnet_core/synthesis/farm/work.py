@@ -26,7 +26,7 @@ from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, remove_abandoned
-from mpsnet_core.io.image_writing import is_whole
+from mpsnet_core.io.image_writing import is_complete_image
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # Placeholder in a worker's command for the Python that starts it, whose path differs between machines.
@@ -60,7 +60,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
 
     Redirects stdout to stderr for all other code: the real stdout is for answers only.
 
-    make: writes the sample with a number to a path, atomically (:func:`mpsnet_core.io.files.written_whole`). If it
+    make: writes the sample with a number to a path, atomically (:func:`mpsnet_core.io.files.atomic_write`). If it
         raises InputError, that sample has failed, and work continues.
     """
     parent = Parent()
@@ -88,7 +88,7 @@ def _requested(request: Mapping[str, Any]) -> int:
 
 def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, int, Path], None]) -> Answer:
     try:
-        if is_whole(path):
+        if is_complete_image(path):
             return Answer(number, "there")
         check_no_link(path)
         make(job, number, path)
@@ -147,7 +147,7 @@ class Worker:
             except ChildEnded as death:
                 if self._ended:
                     raise
-                if is_whole(sample_path(self._folder, number)):
+                if is_complete_image(sample_path(self._folder, number)):
                     return Answer(number, "made")  # it died after writing, before answering
                 if attempt == 2:
                     return Answer(number, "failed", f"the worker died of it twice ({death})")
@@ -187,7 +187,7 @@ class Worker:
         state, error = result.get("state"), result.get("error", "")
         if result.get("number") != number or state not in get_args(State) or not isinstance(error, str):
             raise self._refusal(message)
-        if state in ("made", "there") and not is_whole(sample_path(self._folder, number)):
+        if state in ("made", "there") and not is_complete_image(sample_path(self._folder, number)):
             return Answer(number, "failed", f"its worker says that it is {state}, but it is not in the folder")
         return Answer(number, state, error)
 

@@ -45,7 +45,7 @@ ANSWER = 9  # normals, expected error, gains, weight of the formula, share of th
 MAX_GAIN = 2.0  # limit of the log gains
 RIG = 15  # light directions, channel means, flags: coarser scale available, white photo, exact rig
 CELL = 4  # factor of both steps of averaging: pixels to measure the local colour on, then cells to smooth it over
-LEAST_EVIDENCE = 0.0003  # with less evidence the local colour counts as grey
+MIN_EVIDENCE = 0.0003  # with less evidence the local colour counts as grey
 SURE = 0.15  # radians; normals with a larger expected error count little for the colour
 BRIGHT = 0.25  # brightness relative to a white surface; darker pixels may be in shadow
 
@@ -139,7 +139,7 @@ def _local_colour(photo: Tensor, mask: Tensor, answer: Tensor, lights: Tensor) -
     sure = mask / (1 + (answer[:, 3:4] / SURE) ** 2)
     weight = sure * photo / (photo + BRIGHT)
     found = torch.cat([weight * photo * shading, weight * shading * shading], dim=1)
-    found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + LEAST_EVIDENCE
+    found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + MIN_EVIDENCE
     colour = torch.log(found[:, 0:3]) - torch.log(found[:, 3:6])
     colour = (colour - colour.mean(dim=1, keepdim=True)).clamp(-2, 2)
     return functional.interpolate(colour, scale_factor=CELL * CELL, mode="bilinear", align_corners=False)
