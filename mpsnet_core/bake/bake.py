@@ -293,7 +293,7 @@ class _Bake:
                         sums = ViewAccumulator.kept(here, texels)
                     position, normal = surface.points(place)
                     for projector in batch:
-                        sums.add(*projector.look(position, normal))
+                        sums.add(*projector.sample_points(position, normal))
                     if last:
                         self._finish(here, texels, surface, place, normal, sums)
                     else:

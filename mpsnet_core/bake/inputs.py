@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mpsnet_core.bake.base_detail_removal import BaseMap, note_shares, remove_base_details
-from mpsnet_core.bake.low_frequency_correction import levelling, turned
+from mpsnet_core.bake.base_detail_removal import BaseMap, log_shares, remove_base_details
+from mpsnet_core.bake.low_frequency_correction import apply_levelling, find_levelling
 from mpsnet_core.bake.projection import View
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
@@ -96,7 +96,7 @@ class ViewReader:
                     shares.append(found)
                 views.append(view)
         if known is None:
-            note_shares(shares)
+            log_shares(shares)
         return views, shares
 
     def prepared(
@@ -108,8 +108,8 @@ class ViewReader:
         estimated = replace(view, normals=normals)
         if not self.level:
             return estimated, estimated, 0.0, shares
-        by = levelling(normals, view.camera, mesh, scene, scale=self.level)
-        return estimated, replace(view, normals=turned(normals, by)), by.mean_angle, shares
+        levelling = find_levelling(normals, view.camera, mesh, scene, scale=self.level)
+        return estimated, replace(view, normals=apply_levelling(normals, levelling)), levelling.mean_angle, shares
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:

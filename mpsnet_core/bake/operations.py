@@ -110,7 +110,7 @@ class MakesTextures(Operation):
 
 
 @dataclass(frozen=True)
-class LaysOnto(MakesTextures):
+class BakesDetail(MakesTextures):
     """How the photos' detail is used: its strength, and a normal map that it goes on top of."""
 
     heading: ClassVar[str] = "the photos' detail"
@@ -250,7 +250,7 @@ class FramesBaked(Result):
 
 
 @dataclass(frozen=True)
-class Bake(LaysOnto):
+class Bake(BakesDetail):
     """Bake normal maps into a texture on a mesh's UVs."""
 
     command: ClassVar[str] = "bake"
@@ -454,7 +454,7 @@ class ViewsBaked(TexturesBaked):
 
 
 @dataclass(frozen=True)
-class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
+class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     """Bake posed photos from all around into one texture."""
 
     command: ClassVar[str] = "views"
@@ -531,12 +531,12 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     def run(self, progress: Progress = silent) -> ViewsBaked:
         """Write the textures, and report and figures if requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
-        from mpsnet_core.bake.base_detail_removal import note_shares
+        from mpsnet_core.bake.base_detail_removal import log_shares
         from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, check_photos, estimate_views, sources_of
-        from mpsnet_core.bake.view_agreement import agreement, note_doubts
+        from mpsnet_core.bake.view_agreement import agreement, warn_of_doubts
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.joined_mesh import join_meshes
@@ -570,14 +570,14 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             known = estimate_views(
                 views, sources, photography, estimator, stored, agreed, progress=part(progress, 0.02, 0.72)
             )
-            note_shares(stored.shares)
+            log_shares(stored.shares)
             if self.white:
                 stored.gains = colour_gains(agreed.colours)
             baked = bake_texture_sets(
                 plan.meshes, stored, plan.texture_sets, baking, progress=part(progress, 0.72, 1.0)
             )
             table = agreed.views(stored.gains.tolist() if self.white else None)
-            note_doubts(table)
+            warn_of_doubts(table)
             how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
             before = f"; {known} kept from before" if known else ""
             summary = f"{len(views)} view(s) by {estimator.name}, {how}{before}"

@@ -46,20 +46,20 @@ def is_taken_as_linear(name: str, image: Image, mask: NDArray[np.bool_], rig: Li
             name,
         )
         return True
-    _note(name, rather)
+    _warn(name, rather)
     return False
 
 
-def note_doubtful_curve(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> None:
+def warn_of_doubtful_curve(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> None:
     """Warn if a file without a stated encoding, read as sRGB, may be linear. image: without correction."""
-    _note(name, _evidence(image, mask, rig))
+    _warn(name, _evidence(image, mask, rig))
 
 
 def _evidence(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> float:
     return evidence_for_linear(image.pixels, mask, rig) if image.assumed else 0.0
 
 
-def _note(name: str, rather: float) -> None:
+def _warn(name: str, rather: float) -> None:
     if rather > CLOSE:
         log.warning(
             "%s does not state its colour encoding and was read as sRGB, but MAY BE LINEAR; if so, set the "

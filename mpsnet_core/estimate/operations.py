@@ -342,7 +342,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None) -> "Outcome":
         """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence."""
         from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import note_doubtful_curve
+        from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
         from mpsnet_core.estimate.sequence.run import estimate_sequence
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.io.provenance import operation_facts
@@ -364,7 +364,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                 capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
             found = found or (step is not None and frame.mask == MASK and not has_alpha and not capture.mask.all())
             if notes != "none":
-                note_doubtful_curve(frame.name, image, capture.mask, rig)
+                warn_of_doubtful_curve(frame.name, image, capture.mask, rig)
             noted.add(has_alpha)
             return capture
 

@@ -73,7 +73,7 @@ def read_image(
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
         raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)
-    _note_pixel_aspect(path, spec)
+    _warn_of_pixel_aspect(path, spec)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     if requested is None:
         decoded, assumed = stated_encoding(path, spec)
@@ -106,7 +106,7 @@ def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]
     return colour
 
 
-def _note_pixel_aspect(path: Path, spec: Any) -> None:
+def _warn_of_pixel_aspect(path: Path, spec: Any) -> None:
     aspect = image_attribute(spec, "PixelAspectRatio", float)
     if aspect is not None and 0 < aspect < np.inf and abs(np.log(aspect)) > SAME_SIDES:
         log.warning(

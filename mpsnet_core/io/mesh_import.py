@@ -58,7 +58,7 @@ def read_scene(path: Path) -> Iterator[Any]:
                 _check_size(header, unpacked_limit(path, MAX_BYTES))
                 _check_parts(header)
                 _check_plain(header)
-                _note_other_uvs(header, path)
+                _warn_of_other_uvs(header, path)
                 content = _with_plain_materials(file, header)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
@@ -139,7 +139,7 @@ def _check_parts(header: dict[str, Any]) -> None:
         raise FormatError("it has too many objects, or nests them too deeply; join them first")
 
 
-def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
+def _warn_of_other_uvs(header: dict[str, Any], path: Path) -> None:
     """Warn if a material's normal map uses another UV set than the first, the only one that is read."""
     for material in header.get("materials", ()):
         texture = material.get("normalTexture", {})

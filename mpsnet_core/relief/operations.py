@@ -518,7 +518,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
-        from mpsnet_core.capture.capture import note_doubts
+        from mpsnet_core.capture.capture import warn_of_doubts
         from mpsnet_core.io.files import check_no_overwrite, creatable_folder
         from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.relief.material.material import check_material, flat_material
@@ -535,7 +535,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         estimator = self.estimator()
         progress(0.0, f"reading {Path(self.image).name}")
         capture, pixel_mm = self._capture(length_mm, pixels, crop)
-        note_doubts(capture)
+        warn_of_doubts(capture)
         material = flat_material(
             capture,
             estimator(capture, part(progress, 0.05, 0.5)),
@@ -559,7 +559,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
             deep,
             seam,
             text=f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {deep:.3g} mm deep; "
-            f"{_repeats(material.tiling.alike)}; seam {seam:.2f}, where 1 is none",
+            f"{_repeats(material.tiling.correlation)}; seam {seam:.2f}, where 1 is none",
         )
 
     def _checked_name(self) -> str:
@@ -578,9 +578,9 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     ) -> "tuple[Capture, float]":
         """The part of the photo to use, and the size of a pixel in millimetres."""
         from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import note_doubtful_curve
+        from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
         from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.relief.material.material import filled_part
+        from mpsnet_core.relief.material.material import crop_to_filled_part
         from mpsnet_core.relief.material.scale import parse_ruler
         from mpsnet_core.scene.rig import read_rig
 
@@ -589,13 +589,13 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         mask = "none" if image.alpha is None else "alpha"
         with prefix_errors(self.image):
             capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth)
-            note_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
+            warn_of_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
             height, width = capture.mask.shape
             if self.ruler:
                 parse_ruler(self.ruler).check_within(height, width)
-            return filled_part(capture, crop), length_mm / (pixels or width)
+            return crop_to_filled_part(capture, crop), length_mm / (pixels or width)
 
 
-def _repeats(alike: tuple[float | None, float | None]) -> str:
-    repeats = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
+def _repeats(correlation: tuple[float | None, float | None]) -> str:
+    repeats = [f"{share:.0%} alike {way}" for share, way in zip(correlation, ("across", "down"), strict=True) if share]
     return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"

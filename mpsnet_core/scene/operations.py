@@ -89,7 +89,7 @@ class WriteCameras(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.io.files import prefix_errors, write_transaction
-        from mpsnet_core.io.image import note_saturated
+        from mpsnet_core.io.image import warn_of_saturation
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.camera import write_camera
@@ -98,7 +98,7 @@ class WriteCameras(ReadsPictures):
         assert view.lens is not None
         with prefix_errors(view.photo):
             image = read_image(view.photo, encoding=self.encoding)
-            note_saturated(view.photo, image)
+            warn_of_saturation(view.photo, image)
             pixels = undistorted(image.pixels, view.camera, view.lens)
             shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
             alpha = undistorted_mask(shown, view.camera, view.lens)

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from mpsnet_core.estimate.features import PhotoCrop, feature_map
-from mpsnet_core.learning.training.inputs import map_of
+from mpsnet_core.learning.training.inputs import feature_tensor
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import WINDOW, Frames, Photographer, Scale
@@ -76,7 +76,7 @@ def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
         scales = photographer.batch(step, 4)
         assert len(scales) == max(len(finer), 1)
         for scale in scales:
-            found = map_of("initial_normals", scale.maps)
+            found = feature_tensor("initial_normals", scale.maps)
             # Where shadow begins is between two pixels.
             lit = inside(scale.lit * scale.maps["mask"]) & (scale.maps["photo"].amin(dim=1) > 0.1)
             assert lit.any()
@@ -179,7 +179,9 @@ def test_maps_are_those_that_estimates_are_made_from(spheres: PackedSamples) -> 
             light, maps["mask"][0, 0].numpy() > 0, directions, maps["channel_means"].flatten().double().numpy()
         )
         for name in ("photo", "grey_world", "initial_normals", "initial_normals_grey_world", "lights", "channel_means"):
-            np.testing.assert_allclose(map_of(name, maps)[0].numpy(), feature_map(name, seen), atol=2e-5, err_msg=name)
+            np.testing.assert_allclose(
+                feature_tensor(name, maps)[0].numpy(), feature_map(name, seen), atol=2e-5, err_msg=name
+            )
 
 
 def test_photos_have_a_mean_of_one_over_the_whole_mask(spheres: PackedSamples) -> None:
@@ -198,7 +200,7 @@ def test_examples_that_have_a_white_photo_are_painted_grey(painted: PackedSample
         for without, scale in zip(plain.batch(step, 2), white.batch(step, 2), strict=True):
             given = scale.maps["given"][:, 1, 0, 0] > 0
             assert torch.equal(without.maps["photo"][~given], scale.maps["photo"][~given])
-            off = torch.rad2deg(angle_between(map_of("initial_normals", scale.maps), scale.truth))
+            off = torch.rad2deg(angle_between(feature_tensor("initial_normals", scale.maps), scale.truth))
             lit = inside(scale.lit * scale.maps["mask"]) & (scale.maps["photo"].amin(dim=1) > 0.1)
             for number, has_white in enumerate(given.tolist()):
                 seen[has_white] += off[number][lit[number]].tolist()

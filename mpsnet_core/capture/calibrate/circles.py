@@ -81,11 +81,11 @@ def find_balls(
         number = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
         raise GeometryError(f"{number} found in the photo; give the circle by hand (x,y,r), or a mask of the ball")
     for score, ball in chosen:
-        _note_rival(score, ball, scored)
+        _warn_of_rival(score, ball, scored)
     return sorted(balls, key=lambda ball: ball.circle.x)
 
 
-def _note_rival(score: float, ball: Ball, scored: list[tuple[float, Ball]]) -> None:
+def _warn_of_rival(score: float, ball: Ball, scored: list[tuple[float, Ball]]) -> None:
     """Warn of an overlapping circle that is nearly as likely to be the ball."""
     for other_score, other in scored:
         a, b = ball.circle, other.circle

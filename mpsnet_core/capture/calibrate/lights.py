@@ -134,7 +134,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     origins, rays = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
     blur = np.stack([sighting.uncertainties() for sighting in sightings])
     target = np.mean([sighting.ball.centre for sighting in sightings], axis=0)
-    _note_doubts(sightings)
+    _warn_of_doubts(sightings)
     precision = 1 / blur**2
     mean = normalised(np.einsum("pni,pn->ni", rays, precision))
     # The effect of the lens is the same at all places, so averaging does not reduce it.
@@ -227,7 +227,7 @@ def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
     return found
 
 
-def _note_doubts(sightings: Sequence[Sighting]) -> None:
+def _warn_of_doubts(sightings: Sequence[Sighting]) -> None:
     for sighting in sightings:
         ball = sighting.ball
         if ball.residual > 0.004 * ball.circle.radius or ball.seen < 0.5:

@@ -33,7 +33,7 @@ MAX_NAMED = 16
 
 
 @dataclass(frozen=True)
-class LooksAtBall(ReadsPhotos, HasLens):
+class UsesBall(ReadsPhotos, HasLens):
     """The ball in the photo, the camera, and outputs besides the rig."""
 
     heading: ClassVar[str] = "the ball, and extra output files"
@@ -134,7 +134,7 @@ class _Chosen:
 
 
 @dataclass(frozen=True)
-class CalibrateLights(LooksAtBall):
+class CalibrateLights(UsesBall):
     """Find the lights' directions or positions from photos of a mirror ball."""
 
     command: ClassVar[str] = "calibrate lights"
@@ -275,7 +275,7 @@ class CalibrateLights(LooksAtBall):
             names = [file.stem for file in chosen.files] if chosen.files else chosen.names
             write_lp(self.output, found.directions, names)
             return
-        _note_replaced(Path(self.output))
+        _log_replaced_rig(Path(self.output))
         if found.positions is not None and not self.distant:
             write_rig(self.output, near_rig(found.positions, found.target))
         else:
@@ -319,7 +319,7 @@ class CalibrateLights(LooksAtBall):
         if writable_path(self.output).suffix.lower() != ".json":
             raise FileError(f"{self.output}: a rig of three lights is a .json file; name one")
         rig = LightRig(directions[numbers])
-        _note_replaced(Path(self.output))
+        _log_replaced_rig(Path(self.output))
         write_rig(self.output, rig)
         lights = directions_facts(rig.directions, CHANNELS, [names[k] for k in numbers])
         text = "\n".join([f"{self.output}:", *map(str, lights)])
@@ -350,7 +350,7 @@ class MixingCalibrated(Result):
 
 
 @dataclass(frozen=True)
-class CalibrateMixing(LooksAtBall):
+class CalibrateMixing(UsesBall):
     """Find the mixing matrix from photos of a grey ball or card."""
 
     command: ClassVar[str] = "calibrate mixing"
@@ -372,7 +372,7 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.capture.calibrate.mixing import equation_2_error
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
-        from mpsnet_core.capture.reading import note_other_exposures
+        from mpsnet_core.capture.reading import warn_of_other_exposures
         from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
         from mpsnet_core.io.image_writing import write_picture
@@ -384,7 +384,7 @@ class CalibrateMixing(LooksAtBall):
         photos = self._photos(files, mirror=False)
         progress(0.0, "reading the photos")
         read = [photos.read(file) for file in files]
-        note_other_exposures(files, read)
+        warn_of_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
         calibrated = replace(rig, mixing=found.mixing, exact=False)
@@ -530,7 +530,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     return True
 
 
-def _note_replaced(file: Path) -> None:
+def _log_replaced_rig(file: Path) -> None:
     """Report that overwriting the rig file discards its mixing, which belongs to other lights."""
     import numpy as np
 

@@ -17,7 +17,7 @@ from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
 from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
-from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
+from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer
 from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model, read_recipe
@@ -114,8 +114,8 @@ def _validated(
     """Train one network, or resume its training, and measure it. Also returns the training time in seconds."""
     checkpoint = runs / f"{recipe.name}.checkpoint"
     progress(0.0, recipe.title)
-    places = Places(checkpoint, checkpoint if checkpoint.exists() else None)
-    trained = train(recipe, samples, [], places=places, progress=progress)
+    paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None)
+    trained = train(recipe, samples, [], paths=paths, progress=progress)
     photographer = Photographer.of(
         trained.network,
         held_out,

@@ -83,7 +83,7 @@ def record_of(trained: Trained) -> dict[str, Any]:
     }
 
 
-class _Answer(nn.Module):
+class _ExportedNetwork(nn.Module):
     """A network with the outputs of its card."""
 
     def __init__(self, network: Network) -> None:
@@ -99,7 +99,7 @@ class _Answer(nn.Module):
 
 
 def _onnx_of(network: Network) -> onnx.ModelProto:
-    answer = _Answer(network)
+    answer = _ExportedNetwork(network)
     inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
     outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
     size = {} if network.kind == "patch" else {2: "height", 3: "width"}
@@ -127,7 +127,7 @@ def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:
     for side in sides:
         inputs = _examples(network, 3, side)
         with torch.no_grad():
-            expected = _Answer(network)(*inputs)
+            expected = _ExportedNetwork(network)(*inputs)
         expected = expected if isinstance(expected, tuple) else (expected,)
         found = session.run(None, {name: values.numpy() for name, values in zip(network.inputs, inputs, strict=True)})
         for ours, theirs in zip(expected, found, strict=True):

@@ -44,10 +44,10 @@ class Scale(NamedTuple):
     """N windows on one scale. Maps are (N, C, H, W), zero outside the known mask.
 
     maps: by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous" and those that
-    :func:`mpsnet_core.learning.training.inputs.map_of` makes of them. truth: (N, 3, H, W) true unit normals. weights:
-    (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it. examples: (N,) which examples of
-    the batch these are. places: (N, 2) where in the window of the scale before this one begins, in that one's pixels;
-    it covers half of its side.
+    :func:`mpsnet_core.learning.training.inputs.feature_tensor` makes of them. truth: (N, 3, H, W) true unit normals.
+    weights: (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it. examples: (N,) which
+    examples of the batch these are. places: (N, 2) upper left corner of each window in the window of the scale before,
+    in that scale's pixels; it covers half of that window's side.
     """
 
     maps: dict[str, Tensor]

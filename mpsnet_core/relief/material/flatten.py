@@ -17,8 +17,8 @@ MIN_WEIGHT = 0.03
 _legvander: Any = np.polynomial.legendre.legvander  # untyped
 
 
-def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
-    """Gradients (H, W, 2) of the flattened surface, and its tilt in degrees.
+def flatten_normals(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
+    """Gradients (H, W, 2) of the flatten_normals surface, and its tilt in degrees.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is rotated to +z. Then large bends are subtracted
     from the gradients: their :func:`trend` with up to `bend` half waves across the image.
@@ -30,7 +30,7 @@ def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float
     return gradients - trend(gradients, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
 
 
-def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
+def flatten_albedo(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
     """The albedo (H, W, 3) without low-frequency changes across the image. Each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)

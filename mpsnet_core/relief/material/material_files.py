@@ -136,7 +136,7 @@ def _description(material: Material, low: float, high: float, bend: float) -> di
         "photo": {
             "step_right": material.tiling.right.tolist(),
             "step_down": material.tiling.down.tolist(),
-            "alike": list(material.tiling.alike),
+            "alike": list(material.tiling.correlation),
             "tilt_degrees": material.tilt,
         },
         "seam": asdict(material.seam),
