@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 @contextmanager
-def at_the_pointer(manager: Any) -> Iterator[Progress]:
+def cursor_progress(manager: Any) -> Iterator[Progress]:
     """Progress of a script's work: at the mouse pointer, and occasionally as a line in the log."""
     logged = time.monotonic()
 
@@ -75,7 +75,7 @@ class Pace:
         return since * (1 - done) / share
 
 
-def in_words(seconds: float | None) -> str:
+def time_left_text(seconds: float | None) -> str:
     """ "40 s left", "3 min left", "2 h 10 min left"; "" for None. Rounded like an estimate, never to zero."""
     if seconds is None:
         return ""

@@ -14,9 +14,9 @@ from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import target_of
+from .photo_inputs import lacks_file, lacks_named
 from .step import Step
 from .text import wrapped
-from .what_counts import lacks_file, lacks_named
 
 
 class MPS_PT_bake(Step):

@@ -11,13 +11,13 @@ from ..child_process.trust import SCRIPTS_OFF
 from ..photo.camera import is_real
 from ..photo.pick_points import picking
 from ..provenance import made_by
-from ..rig.light_rig import drawn_rig, rig_camera
+from ..rig.light_rig import last_evaluated_rig, rig_camera
 from ..scene.camera import scene_camera
 from ..scene.objects import target_of
 from ..settings.record import notes_of
+from .photo_inputs import lacks_file, lacks_mask, lights_of
 from .step import Step, sentence
 from .text import wrapped
-from .what_counts import lacks_file, lacks_mask, lights_of
 
 
 class MPS_PT_photo(Step):
@@ -37,7 +37,7 @@ class MPS_PT_photo(Step):
         if cls.verb(context) == "open_photo":
             return ""
         try:
-            drawn_rig(scene)
+            last_evaluated_rig(scene)
             scene_camera(rig_camera(scene), scene)
         except InputError as error:
             return str(error)

@@ -17,7 +17,7 @@ from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import check_in_scene
-from ..settings.declared import as_typed
+from ..settings.declared import round_as_typed
 from ..settings.estimate import MODELS
 from ..slices import Slices
 from .camera import is_real, write_photo_camera
@@ -104,7 +104,7 @@ def _viewpoint_options(
             "whose camera is used"
         )
     if rig.near is not None and settings.distance:
-        viewpoint["distance"] = as_typed(settings.distance)
+        viewpoint["distance"] = round_as_typed(settings.distance)
     elif rig.near is not None and settings.surface is not None and not settings.lens:
         check_in_scene(scene, settings.surface, "surface")
         context.view_layer.update()
@@ -120,7 +120,7 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
     """
     if lens:
-        return {"focal": as_typed(lens)}
+        return {"focal": round_as_typed(lens)}
     camera = folder / "camera.json"
     if not write_photo_camera(camera, scene, image):
         if not scene.mps.rig.lights:

@@ -335,7 +335,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
         was = (area.spaces.active.image, area.spaces.active.ui_mode) if area else None
         if area is None:
-            area = _beside_viewport(context)
+            area = _split_off_image_editor(context)
         space = area.spaces.active
         space.image, space.ui_mode = photo, "VIEW"
         self._picking = _Picking(window, area.as_pointer(), was)
@@ -386,7 +386,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         self._picking.leave(put_back=False)
 
 
-def _beside_viewport(context: Any) -> Any:
+def _split_off_image_editor(context: Any) -> Any:
     """Split an Image Editor off the viewport. Raises InputError if there is no viewport, or no room."""
     screen = context.window.screen
     views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]

@@ -22,7 +22,7 @@ from ..errors import operator_report
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import render_path, with_escaped_braces
-from ..rig.light_rig import drawn_rig, rig_camera, rig_parts
+from ..rig.light_rig import last_evaluated_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import surfaces
@@ -72,7 +72,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     photo, (camera, _, lights) = scene.mps.photo, rig_parts(scene)
     with _studio(scene) as studio, temporary_folder() as folder:
         depsgraph = studio.view_layers[0].depsgraph
-        rig = drawn_rig(scene, depsgraph)
+        rig = last_evaluated_rig(scene, depsgraph)
         taken_by = scene_camera(camera.evaluated_get(depsgraph), scene, (photo.width, photo.height))
         notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)

@@ -14,7 +14,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
-from ..settings.declared import as_typed, take_given
+from ..settings.declared import apply_given_settings, round_as_typed
 from .several_rigs import result_name, rig_at
 
 _OVERLAY = "MPS Calibration"
@@ -33,8 +33,8 @@ class _Calibrates(RunsCore, CalibrateSettings):
         circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
         return {
             "encoding": self.encoding.lower(),
-            "radius": as_typed(self.ball_radius),
-            "focal": as_typed(self.lens) if self.lens else None,
+            "radius": round_as_typed(self.ball_radius),
+            "focal": round_as_typed(self.lens) if self.lens else None,
             "circle": tuple(f"{x:g},{y:g},{radius:g}" for x, y, radius in circles) if circles[0][2] > 0 else (),
             "overlay": str(self._overlay),
             "output": str(rig),
@@ -75,7 +75,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
     bl_label = "Find Lights"
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateLights, Sequence[Path]]:
-        take_given(self, CalibrateSettings, context.scene.mps.calibrate)
+        apply_given_settings(self, CalibrateSettings, context.scene.mps.calibrate)
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
@@ -98,7 +98,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateMixing, Sequence[Path]]:
         scene = context.scene
-        take_given(self, CalibrateSettings, scene.mps.calibrate)
+        apply_given_settings(self, CalibrateSettings, scene.mps.calibrate)
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Rig")

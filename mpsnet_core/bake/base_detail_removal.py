@@ -142,7 +142,7 @@ def log_shares(shares: Sequence[Sequence[float]]) -> None:
     taken = [share for of_view in shares for share in of_view if share]
     if taken:
         share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
-        log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)
+        log.info("%s show %.0f%% of the existing map's relief, which is not added to it again", views, 100 * share)
 
 
 def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:

@@ -119,7 +119,7 @@ class BakesDetail(MakesTextures):
         default=None,
         metavar="on|off|SCALE",
         help=LEVEL,
-        unset="off, or on with a present map",
+        unset="off, or on with an existing map",
         provenance="none",  # the parsed scale is recorded
     )
     strength: float = option(
@@ -149,7 +149,7 @@ class BakesDetail(MakesTextures):
         provenance="files",
     )
     onto_convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the present map points"
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the existing map points"
     )
     onto_shown: Literal["auto", "yes", "no"] = option(
         default="auto",
@@ -158,11 +158,11 @@ class BakesDetail(MakesTextures):
             "yes": "the map was made from the same object",
             "no": "the map was sculpted or painted",
         },
-        help="whether the photos already show the present map's relief, which is then not added twice",
+        help="whether the photos already show the existing map's relief, which is then not added twice",
     )
 
     def check_onto(self) -> None:
-        """Raise SettingsError if the detail cannot go on top of the present map, or its options lack the map."""
+        """Raise SettingsError if the detail cannot go on top of the existing map, or its options lack the map."""
         from mpsnet_core.bake.detail_blending import check_blending
 
         if self.onto:

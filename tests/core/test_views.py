@@ -735,7 +735,7 @@ def test_views_that_do_not_belong_together_are_reported(table: Table) -> None:
 
 
 def test_a_preset_names_the_texture_and_detail_goes_on_top_of_a_map(table: Table) -> None:
-    """Of all views together: where none sees, the present map stays as it is."""
+    """Of all views together: where none sees, the existing map stays as it is."""
     v, u = np.mgrid[:64, :64] / 64 * 2 * np.pi
     waves = np.stack([0.4 * np.sin(u), 0.3 * np.cos(v), np.ones_like(u)], -1)
     waves /= np.linalg.norm(waves, axis=-1, keepdims=True)
