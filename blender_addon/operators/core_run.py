@@ -43,11 +43,11 @@ class _Run:
 class _Job:
     """Work in the background. It outlives Blender's operator, whose data is lost when it is removed.
 
-    held: resources released at its end. runs: the remaining ones, of which the first is active. finished: number of
+    resources: released at its end. runs: the remaining ones, of which the first is active. finished: number of
     those before.
     """
 
-    held: ExitStack
+    resources: ExitStack
     runs: list[_Run]
     finished: int = 0
     process: CoreProcess | None = None
@@ -71,7 +71,7 @@ class _Job:
         if self.process is not None:
             self.process.cancel()
         manager.mps.running = manager.mps.left = ""
-        self.held.close()
+        self.resources.close()
         redraw_panels(manager)
 
 
@@ -143,9 +143,9 @@ class RunsCore(ReportingOperator):
     def run_here(self, context: Any) -> None:
         """Prepare a run, wait for it and finish it."""
         manager = context.window_manager
-        with ExitStack() as held:
-            folder = held.enter_context(temporary_folder())
-            held.callback(close_slices, self._slices)
+        with ExitStack() as resources:
+            folder = resources.enter_context(temporary_folder())
+            resources.callback(close_slices, self._slices)
             work, outputs = self._prepared(context, folder)
             for _ in chain.from_iterable(self._slices):
                 pass
@@ -189,10 +189,10 @@ class RunsCore(ReportingOperator):
     def _start(self, context: Any) -> None:
         begun = time.monotonic()
         manager = context.window_manager
-        with ExitStack() as held:
-            runs = [self._run(context, run_context, held) for run_context in self.run_contexts()]
-            held.callback(manager.event_timer_remove, manager.event_timer_add(TICK_SECONDS, window=context.window))
-            self._job = _Job(held.pop_all(), runs)
+        with ExitStack() as resources:
+            runs = [self._run(context, run_context, resources) for run_context in self.run_contexts()]
+            resources.callback(manager.event_timer_remove, manager.event_timer_add(TICK_SECONDS, window=context.window))
+            self._job = _Job(resources.pop_all(), runs)
         self.__dict__.update(runs[0].known)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
@@ -201,9 +201,9 @@ class RunsCore(ReportingOperator):
         self._show(context)
         manager.modal_handler_add(self)
 
-    def _run(self, context: Any, run_context: RunContext, held: ExitStack) -> _Run:
-        folder, self._slices = held.enter_context(temporary_folder()), []
-        held.callback(close_slices, self._slices)
+    def _run(self, context: Any, run_context: RunContext, resources: ExitStack) -> _Run:
+        folder, self._slices = resources.enter_context(temporary_folder()), []
+        resources.callback(close_slices, self._slices)
         with run_context():
             work, outputs = self._prepared(context, folder)
         program = self.program(folder)

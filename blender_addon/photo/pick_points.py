@@ -34,14 +34,14 @@ class _Picking:
     """The state while points are picked: the photo's editor, and what is drawn.
 
     editor: pointer of the area. was: what the area showed before; None if it was created for this. half: the first
-    point of an incomplete pair, with its location. held: index of the pair that is dragged, and its location.
+    point of an incomplete pair, with its location. dragged: index of the pair that is dragged, and its location.
     """
 
     window: Any
     editor: int
     was: tuple[Any, str] | None
     half: dict[Side, Sequence[float]] = field(default_factory=dict)
-    held: tuple[int, Side] | None = None
+    dragged: tuple[int, Side] | None = None
     pressed: bool = False
     fitted: bool = False
     hint: str = ""
@@ -99,7 +99,7 @@ class _Picking:
         """Grab a marker, or set a point. Returns whether the click was used."""
         number = spot.marker(_pairs(context))
         if number is not None:
-            self.held = number, spot.side
+            self.dragged = number, spot.side
             return True
         found = spot.found(context)
         if found is None:
@@ -114,7 +114,7 @@ class _Picking:
         return True
 
     def drag(self, context: Any, spot: "_Spot | None") -> None:
-        number, side = self.held or (0, "pixel")
+        number, side = self.dragged or (0, "pixel")
         pairs = _pairs(context)
         found = spot.found(context) if spot and spot.side == side and number < len(pairs) else None
         if found is not None:
@@ -360,12 +360,12 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
     def _use(self, context: Any, event: bpy.types.Event) -> bool:
         """Handle a key or mouse event. Returns whether it was consumed."""
         mine, pressed = self._picking, event.value in {"PRESS", "DOUBLE_CLICK"}
-        if event.type == "MOUSEMOVE" and mine.held:
+        if event.type == "MOUSEMOVE" and mine.dragged:
             mine.drag(context, _spot(context, event))
             return True
         if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-            held, mine.held, mine.pressed = mine.pressed, None, False
-            return held
+            dragged, mine.dragged, mine.pressed = mine.pressed, None, False
+            return dragged
         takes_back = event.type == "Z" and (event.ctrl or event.oskey) and not event.shift
         if pressed and (takes_back or event.type == "BACK_SPACE"):
             mine.take_back(context)

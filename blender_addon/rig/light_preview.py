@@ -74,12 +74,12 @@ class LightPreview:
     mesh_of: str = ""
     shown: str = ""
     process: CoreProcess | None = None
-    held: ExitStack = field(default_factory=ExitStack)
+    resources: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
-        self.folder = self.held.enter_context(temporary_folder())
+        self.folder = self.resources.enter_context(temporary_folder())
         self.icons = bpy.utils.previews.new()
-        self.held.callback(bpy.utils.previews.remove, self.icons)
+        self.resources.callback(bpy.utils.previews.remove, self.icons)
 
     @property
     def scene(self) -> Any:
@@ -142,7 +142,7 @@ class LightPreview:
     def close(self) -> None:
         if self.process is not None:
             self.process.cancel()
-        self.held.close()
+        self.resources.close()
         redraw_panels(bpy.context.window_manager)
 
 

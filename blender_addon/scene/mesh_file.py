@@ -230,8 +230,9 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
 
     polygons: (T,) polygon of each triangle. Arrays per triangle are pairs or views, for :func:`_written`.
     """
-    held = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
-    labels = [_label(held.get(number, one), obj) for number, one in enumerate(mesh.materials)] or [_label(None, obj)]
+    by_object = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
+    labels = [_label(by_object.get(number, one), obj) for number, one in enumerate(mesh.materials)]
+    labels = labels or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # much faster than the triangles' own
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)

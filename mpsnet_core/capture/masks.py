@@ -182,13 +182,13 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: boo
 
     Raises GeometryError if nothing stands out.
     """
-    factor, white, photo, behind = _reduced(pixels)
+    factor, white, photo, behind = _downscale(pixels)
 
     def contrast(rows: slice) -> NDArray[np.float32]:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
         return _contrast(_display_values(pixels[rows], white), behind[lines][:, columns])
 
-    return _outlined(_standing_out(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
+    return _refine_outline(_segment(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
 
 
 def background_mask(
@@ -211,22 +211,22 @@ def background_mask(
     def contrast(rows: slice) -> NDArray[np.float32]:
         return _contrast(_display_values(pixels[rows], white), _display_values(background[rows], scale))
 
-    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
+    return _refine_outline(_segment(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
 
 # --- what stands out --------------------------------------------------------------------------------------------------
 
 
-class _Found(NamedTuple):
+class _Segmentation(NamedTuple):
     """The object's mask in the small image, and the threshold of its contrast."""
 
     mask: NDArray[np.bool_]
     threshold: float
 
 
-def _standing_out(
+def _segment(
     photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes, clearly: bool = False
-) -> _Found:
+) -> _Segmentation:
     """The object, where a photo differs from its background; both (H, W, 3) display values."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
@@ -234,7 +234,7 @@ def _standing_out(
     least = max(MIN_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
     threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(threshold)), least)
-    mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
+    mask = _clean_up(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
     if not mask.any() or (clearness < CLEAR and (clearly or mask.mean() < NOISE_SHARE)):
         raise NoObject("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
@@ -243,10 +243,10 @@ def _standing_out(
     if notes != "none":
         for doubt in _doubts(mask, clearness):
             log.warning("%s [doubtful-mask]", doubt)
-    return _Found(mask, threshold)
+    return _Segmentation(mask, threshold)
 
 
-def _mended(
+def _clean_up(
     mask: NDArray[np.bool_], contrast: NDArray[np.float32], threshold: float, *, dark: bool
 ) -> NDArray[np.bool_]:
     """The mask without specks, with gaps closed and holes filled that a shadow may have made."""
@@ -297,7 +297,7 @@ def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
 # --- the background ---------------------------------------------------------------------------------------------------
 
 
-def _reduced(
+def _downscale(
     pixels: NDArray[np.float32],
 ) -> tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Reduction factor of the small photo, its white (3,), its display values and their background, both (H, W, 3)."""
@@ -346,8 +346,8 @@ def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_
 # --- sizes and scales -------------------------------------------------------------------------------------------------
 
 
-def _outlined(
-    found: _Found, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
+def _refine_outline(
+    found: _Segmentation, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
     """(H, W) the small mask at full size: along its outline each pixel is thresholded by its own contrast."""
     if factor == 1:

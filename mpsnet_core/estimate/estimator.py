@@ -14,7 +14,7 @@ from mpsnet_core.estimate.distant_lights import convert_to_distant_lights
 from mpsnet_core.estimate.features import divide_by_means
 from mpsnet_core.estimate.fireflies import remove_fireflies
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
-from mpsnet_core.estimate.uniform_albedo import refined
+from mpsnet_core.estimate.uniform_albedo import refine_normals
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
@@ -94,7 +94,7 @@ class Estimator:
                 normals = estimate_with_albedo_removed(self._network, photo, capture, seen)
             else:
                 normals = self._network(capture, seen)
-            normals = refined(capture, normals, part(progress, 0.8, 1.0))
+            normals = refine_normals(capture, normals, part(progress, 0.8, 1.0))
         else:
             normals = self._network(capture, progress)
         progress(1.0, "normals estimated")

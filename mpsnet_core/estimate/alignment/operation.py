@@ -180,10 +180,10 @@ class Align(RunsModel, ReadsPhotos):
         """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
 
-        from mpsnet_core.estimate.alignment.mirror import better_mirrored
+        from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-        from mpsnet_core.estimate.alignment.refine import measured, refined
-        from mpsnet_core.estimate.alignment.search import moved_onto_mask, searched
+        from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+        from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import Camera, read_camera
 
         height, width = capture.mask.shape
@@ -200,20 +200,20 @@ class Align(RunsModel, ReadsPhotos):
         if rough is None:
             usual = Camera("perspective", width, height, np.full(2, max(height, width) * USUAL_FOCAL))
             begin, rest = shown.camera(lens or usual), part(progress, 0.4, 0.9)
-            fits = searched(estimate, faces, begin, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            fits = search_cameras(estimate, faces, begin, fix_focal=fixed, count=CANDIDATES, progress=rest)
         else:
             progress(0.4, "aligning")
             begin = shown.camera(rough)
             if by_points is None:
-                begin = moved_onto_mask(estimate, faces, begin)
-            fits = [refined(estimate, faces, begin, fix_focal=fixed)]
+                begin = move_onto_mask(estimate, faces, begin)
+            fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
         if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
-            fits = [measured(estimate, faces, begin)]
+            fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
         progress(0.9, "comparing with the mirrored mesh")
-        image = better_mirrored(estimate, faces, best)
+        image = find_better_mirrored(estimate, faces, best)
         turned_over = image is not None and not _is_poor(image, small.mask)
         return [shown.whole(fit) for fit in fits], by_points, turned_over
 

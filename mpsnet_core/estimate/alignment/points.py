@@ -112,14 +112,14 @@ def _fits(
     kept = np.argsort(cost.reshape(len(used), -1), axis=1)[:, :PROMISING]
     kept = (kept + np.arange(len(used))[:, None] * STARTS * len(focals)).ravel()
     weight = weight[kept]
-    poses, _ = _solved(begun.chosen(kept), pixels, local, weight, known, STEPS)
+    poses, _ = _solved(begun.subset(kept), pixels, local, weight, known, STEPS)
     off = np.linalg.norm(poses.projected(poses.in_camera(local)) - pixels, axis=2)
     behind = (poses.in_camera(local)[..., 2] > -1e-6).any(axis=1)
     count = weight.sum(axis=1)
     error = np.where(behind, np.inf, np.sqrt((weight * off**2).sum(axis=1) / count))
     error = np.where(np.isfinite(error), error, np.inf)
     best = error.reshape(len(used), -1).argmin(axis=1) + np.arange(len(used)) * PROMISING
-    found = poses.chosen(best)
+    found = poses.subset(best)
     # From the points' normalised frame back to world space.
     translation = found.translation * size - np.einsum("kij,j->ki", found.rotation, middle)
     world = Poses(found.rotation, translation, found.focal, found.centre)

@@ -79,7 +79,7 @@ class _Scale:
     across: Floats = field(repr=False)
 
 
-def refined(
+def refine_camera(
     estimate: NormalMap,
     faces: MeshFaces,
     start: Camera,
@@ -124,10 +124,10 @@ def refined(
         if scale.factor == 1:
             break
     camera = _world(local, faces.scene).camera(width, height)
-    return measured(estimate, faces, camera)
+    return measure_fit(estimate, faces, camera)
 
 
-def measured(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
+def measure_fit(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
     """Measure how well the mesh, seen by a camera, fits the photo."""
     local = _local(Poses.of(camera), faces.scene)
     scale = _scale(estimate, 256)

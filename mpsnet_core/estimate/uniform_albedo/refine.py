@@ -28,7 +28,7 @@ from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
 from mpsnet_core.estimate.uniform_albedo.fit import MIN_SPREAD, Floats, UniformAlbedo, find_uniform_albedo
-from mpsnet_core.estimate.uniform_albedo.halving import halved, mend
+from mpsnet_core.estimate.uniform_albedo.halving import add_upsampled_changes, halve
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -90,7 +90,7 @@ class _Hypothesis(NamedTuple):
     left: float = 0.0
 
 
-def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
+def refine_normals(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
     """Refine a network's normals of `capture` where the photo proves a matt surface of one colour.
 
     Without such a proof all normals stay as they are.
@@ -105,31 +105,31 @@ def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) 
     progress : callable
         Called with the share done, 0 to 1, and a message.
     """
-    return _refined(capture, estimate, find_uniform_albedo(*_sample(capture, estimate)), progress)
+    return _refine_normals(capture, estimate, find_uniform_albedo(*_sample(capture, estimate)), progress)
 
 
-def _refined(
+def _refine_normals(
     capture: Capture, estimate: NormalMap, albedo: UniformAlbedo | None, progress: Progress = silent
 ) -> NormalMap:
-    """As :func:`refined`, with the albedo found at this resolution.
+    """As :func:`refine_normals`, with the albedo found at this resolution.
 
     If noise hides the albedo, or makes the lengths differ, the normals are first corrected at half the resolution.
     """
     exact = albedo is not None and albedo.spread <= MIN_SPREAD
     if not exact and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
-        small, before = halved(capture, estimate)
+        small, before = halve(capture, estimate)
         found = find_uniform_albedo(*_sample(small, before, SAMPLED_HALVED))
         if albedo is None or (found is not None and found.spread < QUIETER * albedo.spread):
             vectors, confidence = before.vectors.copy(), before.confidence.copy()
-            after = _refined(small, before, found, part(progress, 0.0, 0.2))
-            mend(estimate, after, after.vectors - vectors, after.confidence - confidence)
+            after = _refine_normals(small, before, found, part(progress, 0.0, 0.2))
+            add_upsampled_changes(estimate, after, after.vectors - vectors, after.confidence - confidence)
             progress = part(progress, 0.2, 1.0)
     if albedo is None:
         return estimate
     longer = max(side.stop - side.start for side in bounding_box(capture.mask))
     around = int(np.clip(longer * AROUND, MIN_AROUND, MAX_AROUND))
     waiting: list[tuple[slice, Floats, Floats]] = []  # finished bands that the next band still reads
-    for rows, vectors, confidence in _refined_bands(capture, estimate, albedo, around):
+    for rows, vectors, confidence in _refine_bands(capture, estimate, albedo, around):
         for done, *values in waiting:
             estimate.vectors[done], estimate.confidence[done] = values
         waiting = [(rows, vectors, confidence)]
@@ -163,7 +163,7 @@ def _picture(capture: Capture, estimate: NormalMap, rows: slice) -> _Pixels:
     )
 
 
-def _refined_bands(
+def _refine_bands(
     capture: Capture, estimate: NormalMap, albedo: UniformAlbedo, around: int
 ) -> Iterator[tuple[slice, Floats, Floats]]:
     """Bands of rows with their normals (h, W, 3) and confidence (h, W).

@@ -278,7 +278,7 @@ def _photographed(
         shown = [*range(photos), *whites]
         owners = [chosen[number] for number in shown]
         numbers = chosen + [count + k for k in owners[photos:]]
-        drawn, mask = draws.chosen(owners), planes[:, MASK] > 0
+        drawn, mask = draws.subset(owners), planes[:, MASK] > 0
         finer = torch.tensor([examples[k].finest - level for k in owners], device=device)
         if level == 0:
             exposure[numbers] = _exposures(light, mask[shown], drawn)
@@ -414,7 +414,7 @@ class _Draws(NamedTuple):
             )
         )
 
-    def chosen(self, which: Tensor | Sequence[int]) -> "_Draws":
+    def subset(self, which: Tensor | Sequence[int]) -> "_Draws":
         return _Draws(*(values[which] for values in self))
 
 
@@ -470,7 +470,7 @@ def _shot(light: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generat
     light[~stored] = unbounded
     rounded = torch.nonzero(own & stored).flatten()
     if len(rounded):
-        light[rounded] = _stored(light[rounded], draws.chosen(rounded))
+        light[rounded] = _stored(light[rounded], draws.subset(rounded))
     return light
 
 
