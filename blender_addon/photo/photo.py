@@ -95,7 +95,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         result_is = f"its photo is in {result['output']}"
         rig = rig_at(self.scene(result_is), self._rig_place, result_is)
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
-        _take(rig, image)
+        _set_photo(rig, image)
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
@@ -141,7 +141,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
             image.source = "SEQUENCE"
         self._made_from = self.provenance(context)
         self.made(image)
-        _take(context.scene.mps, image)
+        _set_photo(context.scene.mps, image)
         context.scene.mps.way = "PHOTOGRAPH"
 
 
@@ -177,11 +177,11 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         image = load_photo(photo, photo.stem)
         self.made(image)
         rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states that it is linear
-        _take(rig, image)
+        _set_photo(rig, image)
         self.report({"INFO"}, f"Photo written to {photo}")
 
 
-def _take(rig: Any, image: bpy.types.Image) -> None:
+def _set_photo(rig: Any, image: bpy.types.Image) -> None:
     """Make an image the photo of a rig, and reset settings of the previous photo."""
     if rig.photo.image not in (None, image):
         # They belong to the previous photo.

@@ -57,7 +57,7 @@ class _Picking:
             self.handles.append((space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")))
         _running.append(self)
 
-    def leave(self, *, put_back: bool = True) -> None:
+    def leave(self, *, restore: bool = True) -> None:
         """Remove what is drawn, and restore the window unless it is being closed. Further calls do nothing."""
         if self not in _running:
             return
@@ -66,11 +66,11 @@ class _Picking:
             space.draw_handler_remove(handle, "WINDOW")
         for workspace in bpy.data.workspaces:  # it may have moved to another one
             workspace.status_text_set(None)
-        if put_back:
-            self._put_back()
+        if restore:
+            self._restore_area()
             _redraw(self.window)
 
-    def _put_back(self) -> None:
+    def _restore_area(self) -> None:
         area = self.area()
         if area is None or area.type != "IMAGE_EDITOR":
             return
@@ -121,7 +121,7 @@ class _Picking:
             setattr(pairs[number], side, found)
             pairs[number].residual = -1.0
 
-    def take_back(self, context: Any) -> None:
+    def undo_pick(self, context: Any) -> None:
         pairs = _pairs(context)
         if self.half:
             self.half.clear()
@@ -368,7 +368,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
             return dragged
         takes_back = event.type == "Z" and (event.ctrl or event.oskey) and not event.shift
         if pressed and (takes_back or event.type == "BACK_SPACE"):
-            mine.take_back(context)
+            mine.undo_pick(context)
             return True
         spot = _spot(context, event) if pressed and event.type in {"LEFTMOUSE", *_DELETES} else None
         if spot is None or event.alt or event.ctrl or event.oskey or event.shift:
@@ -383,7 +383,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
 
     def cancel(self, context: Any) -> None:
         """Also called by Blender if another file is opened or the window is closed."""
-        self._picking.leave(put_back=False)
+        self._picking.leave(restore=False)
 
 
 def _split_off_image_editor(context: Any) -> Any:

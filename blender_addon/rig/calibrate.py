@@ -47,7 +47,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
             raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
         return path
 
-    def _take(self, table: Sequence[Sequence[str]]) -> None:
+    def _show_results(self, table: Sequence[Sequence[str]]) -> None:
         """Show the overlay and the table of results (headings first), and use the rig for estimates.
 
         Rows with only two cells are shown as separate lines below the table.
@@ -87,7 +87,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
             (light["name"].title(), f"{light['slant']:.1f}°", f"{light['tilt']:.1f}°", f"{light['uncertainty']:.1f}°")
             for light in result["lights"]
         ]
-        self._take([("", "Slant", "Tilt", "±"), *lights])
+        self._show_results([("", "Slant", "Tilt", "±"), *lights])
 
 
 class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
@@ -112,7 +112,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         unexplained = (UNEXPLAINED, f"{result['residual']:.1%}")
         off = result["equation_2_error"]
         equation_2 = [] if off is None else [(EQUATION_2, f"{off:.1f}°")]
-        self._take([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
+        self._show_results([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
 
 
 def _photo(path: str, what: str) -> str:

@@ -53,8 +53,8 @@ class BakeInputs:
 
         Those of meshes and cameras are of their content, because Blender writes the files anew for every run.
         """
-        held = [*self.meshes, *(view.camera for view in self.views)]
-        return [*map(content, held), *(identity(view.normals) for view in self.views)]
+        hashed_files = [*self.meshes, *(view.camera for view in self.views)]
+        return [*map(content, hashed_files), *(identity(view.normals) for view in self.views)]
 
 
 @dataclass(frozen=True)

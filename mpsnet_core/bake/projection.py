@@ -175,15 +175,15 @@ class Projector:
         y -= row
         across, down = _repeated(x, count), _repeated(y, count)
         flat, corner = self.samples.reshape(-1, count), row.astype(np.int64) * stride + column
-        above, beside = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
-        beside -= above
-        beside *= across
-        above += beside
+        above, right_texel = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
+        right_texel -= above
+        right_texel *= across
+        above += right_texel
         corner += stride
-        below, beside = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
-        beside -= below
-        beside *= across
-        below += beside
+        below, right_texel = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
+        right_texel -= below
+        right_texel *= across
+        below += right_texel
         below -= above
         below *= down
         mean: NDArray[np.float32] = np.add(above, below, out=above)

@@ -36,7 +36,7 @@ class Projectors:
             yield self.all
             return
         batch: list[Projector] = []
-        held = 0
+        bytes_in_memory = 0
         for number in range(len(self.views)):
             batch.append(Projector(self.views[number], self.scene, self.feather))
             values = batch[-1].samples.shape[2]
@@ -46,16 +46,16 @@ class Projectors:
                 )
             self.values = values
             size = _held_bytes(batch[-1])
-            held += size
+            bytes_in_memory += size
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
             # Reading the next view takes about as much memory as this one holds.
-            if held + size >= HELD_BYTES or number + 1 == len(self.views):
+            if bytes_in_memory + size >= HELD_BYTES or number + 1 == len(self.views):
                 yield batch
                 if batch is self.all:
                     return
                 batch.clear()  # a caller that keeps the list keeps no view in memory
-                held = 0
+                bytes_in_memory = 0
 
 
 def _held_bytes(projector: Projector) -> int:

@@ -198,9 +198,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             output_files,
         )
 
-        white_light, beside = self._white_light(), self._beside_photos()
+        white_light, other_files = self._white_light(), self._beside_photos()
         photos = expand_images(self.image)
-        inputs = [*photos, *expand_file_options(beside)]
+        inputs = [*photos, *expand_file_options(other_files)]
         # A folder with one frame is a sequence, too, unless its confidence is requested: sequences have none.
         if (
             len(photos) > 1

@@ -239,6 +239,6 @@ def _outline_error(
         across: NDArray[np.float64] = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
         return across * focal
     distance = np.linalg.norm(centre)
-    beside = np.linalg.norm(np.cross(away, centre / distance), axis=1)
-    angle: NDArray[np.float64] = np.arcsin(np.clip(beside, 0, 1)) - np.arcsin(radius / distance)
+    sine_to_centre = np.linalg.norm(np.cross(away, centre / distance), axis=1)
+    angle: NDArray[np.float64] = np.arcsin(np.clip(sine_to_centre, 0, 1)) - np.arcsin(radius / distance)
     return angle * focal

@@ -150,8 +150,10 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
         for _ in range(2):  # there may be a second ball of the same size
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))
             found.append((votes[row, column] / np.sqrt(size), Circle(2 * column + 1, 2 * row + 1, float(size))))
-            gone = int(size) // 2
-            votes[max(row - gone, 0) : row + gone + 1, max(column - gone, 0) : column + gone + 1] = 0
+            suppressed = int(size) // 2
+            votes[
+                max(row - suppressed, 0) : row + suppressed + 1, max(column - suppressed, 0) : column + suppressed + 1
+            ] = 0
     rows, columns = np.nonzero(bright)
     chosen: list[Circle] = []
     for _, circle in sorted(found, key=lambda pair: -pair[0]):

@@ -164,9 +164,9 @@ def _with_positions(
     away = points - found.target
     distance = np.linalg.norm(away, axis=1)
     ahead = np.einsum("pni,pni->n", points - origins, rays) > 0
-    far = ~ahead | (errors > UNSURE * distance)
-    if far.any():
-        names = ", ".join(str(k + 1) for k in np.flatnonzero(far))
+    unsure_lights = ~ahead | (errors > UNSURE * distance)
+    if unsure_lights.any():
+        names = ", ".join(str(k + 1) for k in np.flatnonzero(unsure_lights))
         log.info(
             "light %s: the rays from the ball's places are nearly parallel, so it is far away; "
             "these are directions alone",

@@ -148,25 +148,25 @@ def _fitted(
     weight: NDArray[np.float64] = np.ones(colours.shape)
     scale = float(colours.std())
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
-    there = _surface(ball, rig, points)
+    at_ball = _surface(ball, rig, points)
     for turn in range(ROUNDS):
-        basis = _shading(*there, rig, moved[3:])
+        basis = _shading(*at_ball, rig, moved[3:])
         jacobian = np.zeros((len(points), 3, OTHERS))
         if turn == 0:
             answer = _joint_step(basis, jacobian, colours, weight, np.eye(OTHERS), moved, free)[0]
         for number, size in enumerate(STEPS):
-            aside = moved + size * np.eye(OTHERS)[number]
+            perturbed = moved + size * np.eye(OTHERS)[number]
             # Only the first three unknowns move the ball's surface.
-            place, normal = _surface(drawn.nudged(*aside[:3]), rig, points) if number < 3 else there
-            beside = _shading(place, normal, rig, aside[3:])
-            jacobian[..., number] = (beside - basis) @ answer / size
+            place, normal = _surface(drawn.nudged(*perturbed[:3]), rig, points) if number < 3 else at_ball
+            perturbed_basis = _shading(place, normal, rig, perturbed[3:])
+            jacobian[..., number] = (perturbed_basis - basis) @ answer / size
         prior = precision * scale**2
         answer, step, left = _joint_step(basis, jacobian, colours, weight, prior, moved, free)
         step[:3] = np.clip(step[:3], -MAX_NUDGE, MAX_NUDGE)
         moved = moved + step
         ball = drawn.nudged(*moved[:3])
-        there = _surface(ball, rig, points)
-        error = _shading(*there, rig, moved[3:]) @ answer - colours
+        at_ball = _surface(ball, rig, points)
+        error = _shading(*at_ball, rig, moved[3:]) @ answer - colours
         scale = deviation(error[weight > 0])
         lighter = biweight(error, scale)
         settled = turn > 3 and np.abs(lighter - weight).mean() < 1e-3 and np.abs(step).max() < 1e-3

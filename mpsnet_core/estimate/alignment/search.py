@@ -156,11 +156,11 @@ def _place_camera(
     small_focal, distance = _small(faces, frame, focal)
     rotation = _turn(angle).T @ rotation
     scale = frame.spread / view.spread
-    far = distance * focal / small_focal / scale
+    camera_distance = distance * focal / small_focal / scale
     # The mesh's centre is at the centre of the small image.
     offset = _pixel_turn(angle) @ (SIDE - view.middle) * scale
     x, y = (frame.middle + offset - centre) / focal * (1, -1)
-    translation = np.array([x, y, -1.0]) * far - rotation @ faces.scene.middle
+    translation = np.array([x, y, -1.0]) * camera_distance - rotation @ faces.scene.middle
     return Poses(rotation[None], translation[None], np.array([focal]), centre).camera(width, height)
 
 

@@ -109,13 +109,13 @@ def find_uniform_albedo(
                 spreads.append(max(2 * found, MIN_SPREAD))
     length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
     length = np.where(positive, length, 0)
-    beside = (_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2
+    density_outside = (_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2
     close = np.abs(length - 1) < 2 * SPREADS[-1]
     result = UniformAlbedo(
         gains,
         _peak(length, 2 * SPREADS[-1])[1],
         float(np.linalg.eigvalsh(equations)[0]),
-        max(beside, MIN_DENSITY),
+        max(density_outside, MIN_DENSITY),
         float(close.mean()),
     )
     proven = (

@@ -34,8 +34,8 @@ class Layout:
         triangle = self.triangle[rows]
         covered = triangle >= 0
         row, column = np.nonzero(covered)
-        held = triangle[covered]
-        corners = self.corners[held]
+        hit_triangles = triangle[covered]
+        corners = self.corners[hit_triangles]
         x, y = column - corners[:, 0, 0], row + rows.start - corners[:, 0, 1]
         (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         area = ax * by - ay * bx
@@ -44,7 +44,7 @@ class Layout:
         found = []
         for layer in layers:
             values = np.zeros((*triangle.shape, layer.shape[-1]))
-            values[covered] = np.einsum("nc,nck->nk", weights, layer[held])
+            values[covered] = np.einsum("nc,nck->nk", weights, layer[hit_triangles])
             found.append(values)
         return found
 
@@ -70,9 +70,9 @@ class Layout:
             inside = ((texel >= 0) & (texel < size)).all(axis=-1)
             x, y = np.moveaxis(np.clip(texel, 0, size - 1), -1, 0)
             offset = places - texel
-            far = np.linalg.norm(offset, axis=-1)
-            nearer = inside & (self.island[y, x] == islands) & (far < nearest)
-            texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], far[nearer]
+            distances = np.linalg.norm(offset, axis=-1)
+            nearer = inside & (self.island[y, x] == islands) & (distances < nearest)
+            texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], distances[nearer]
         number = np.cumsum(self.triangle >= 0) - 1
         return Seams(places, np.where(texels >= 0, number[texels], -1).astype(np.int32), offsets)
 

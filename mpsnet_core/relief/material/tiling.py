@@ -132,9 +132,9 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
     """The step across and the step down; None for one without repetition. frame: (2,) room for the tile alone."""
     pairs = [across.steps[:, None], down.steps[None]]
     skew = np.abs(pairs[0][..., 1] / pairs[0][..., 0] + pairs[1][..., 0] / pairs[1][..., 1])
-    room = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
+    fits = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
     area = pairs[0][..., 0] * pairs[1][..., 1] - pairs[0][..., 1] * pairs[1][..., 0]
-    area = np.where(room & (skew <= SKEW), area, 0)
+    area = np.where(fits & (skew <= SKEW), area, 0)
     if area.max(initial=0) > 0:
         i, j = np.unravel_index(np.argmax(area), area.shape)
         return [(across.steps[i], float(across.correlation[i])), (down.steps[j], float(down.correlation[j]))]
@@ -187,8 +187,8 @@ def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
     elif down is not None:
         steps = _across(np.array([down[0][1], -down[0][0]]), down[0], frame, 0), down[0]
     else:
-        room = np.floor(frame)
-        steps = np.array([room[0], 0.0]), np.array([0.0, room[1]])
+        longest = np.floor(frame)
+        steps = np.array([longest[0], 0.0]), np.array([0.0, longest[1]])
     return Tiling(*steps, (right and right[1], down and down[1]))
 
 
@@ -197,6 +197,6 @@ def _across(
 ) -> NDArray[np.float64]:
     """The longest step along `square`, mostly along the axis, for which there is room next to the other step."""
     square = square / square[axis]
-    room = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
-    step_across: NDArray[np.float64] = square * np.floor(room.min())
+    lengths = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
+    step_across: NDArray[np.float64] = square * np.floor(lengths.min())
     return step_across
