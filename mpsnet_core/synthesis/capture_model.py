@@ -1,7 +1,7 @@
 """Capture model: the numbers of the cameras, lights and files that photographs of samples come from.
 
 Every range stands in :class:`CaptureModel`, with its source. What is drawn from them is applied by
-:mod:`mpsnet_core.learning.training.photographing`.
+:mod:`mpsnet_core.learning.training.photo_simulation`.
 """
 
 from dataclasses import dataclass, replace

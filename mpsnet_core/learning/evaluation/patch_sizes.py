@@ -19,7 +19,7 @@ from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
 from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model, read_recipe
 from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, part, silent
@@ -116,7 +116,7 @@ def _validated(
     progress(0.0, recipe.title)
     paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None)
     trained = train(recipe, samples, [], paths=paths, progress=progress)
-    photographer = Photographer.of(
+    simulator = PhotoSimulator.of(
         trained.network,
         held_out,
         capture_model(recipe.capture),
@@ -125,7 +125,7 @@ def _validated(
         augment=recipe.augment,
         shuffled=False,
     )
-    return validate(trained.network, photographer, a_picture), trained.seconds
+    return validate(trained.network, simulator, a_picture), trained.seconds
 
 
 def _chart(rows: Sequence[PatchRow]) -> str:

@@ -10,7 +10,7 @@ from torch.nn import functional
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.learning.training.networks import Network, Prediction
 from mpsnet_core.learning.training.networks.network import unit
-from mpsnet_core.learning.training.photographing import Scale, unmixed
+from mpsnet_core.learning.training.photo_simulation import Scale, unmixed
 
 
 class Batch(NamedTuple):

@@ -30,7 +30,7 @@ from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
 from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model
 from mpsnet_core.learning.training.signals import delay_signals
 from mpsnet_core.learning.training.validation import Figures, validate
@@ -188,7 +188,7 @@ def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress
 def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
     """One step on this process's share of the batch. Signals are held back until it is done."""
     rank, count = run.processes.rank, run.processes.count
-    scales = run.photographer.batch(run.step * count + rank, run.recipe.batch // count)
+    scales = run.simulator.batch(run.step * count + rank, run.recipe.batch // count)
     with delay_signals():
         try:
             return run.advance(model, scales)
@@ -262,15 +262,15 @@ class _Run:
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        photographer = partial(
-            Photographer.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
+        simulator = partial(
+            PhotoSimulator.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
         )
         packed = PackedSamples(samples, progress)
-        self.photographer = photographer(packed, seed=recipe.seed, window=recipe.crop)
-        self.held_out: Photographer | None = None
+        self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
+        self.held_out: PhotoSimulator | None = None
         if validation:
             held_out = PackedSamples(validation, progress)
-            self.held_out = photographer(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
+            self.held_out = simulator(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _resolved_precision(precision, device)
         torch.backends.cudnn.deterministic = True
@@ -381,7 +381,7 @@ class _Run:
             self.step,
             self.seconds,
             figures,
-            len(self.photographer.samples),
+            len(self.simulator.samples),
             self.fingerprint,
             self.processes.hardware,
             self.precision,
@@ -426,7 +426,7 @@ class _Run:
                 f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
             )
         self.network.eval()
-        batch = self._batch(self.photographer.batch(0, NORM_EXAMPLES), 0)
+        batch = self._batch(self.simulator.batch(0, NORM_EXAMPLES), 0)
         load_exported_weights(self.network, exported, batch.inputs)
         fit_lit_layer(self.network, batch)
         self.mean_weights = self._weights()

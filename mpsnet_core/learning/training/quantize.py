@@ -33,7 +33,7 @@ from mpsnet_core.learning.training.export import RIGHT_ANGLE
 from mpsnet_core.learning.training.inputs import inputs_with_previous_scale
 from mpsnet_core.learning.training.networks import Prediction
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
 from mpsnet_core.learning.training.validation import validation_errors
 from mpsnet_core.progress import Progress, part, silent
 
@@ -90,12 +90,12 @@ def quantise(
     if not inner:
         raise FormatError(f"model file {source.path} has no layer between its first and its last; leave it as it is")
     packed = PackedSamples(samples)
-    photographer = Photographer.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
+    simulator = PhotoSimulator.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
     source_model = _SessionModel(source.session, card)
-    quantised = _quantised(graph, inner, _Photographs(photographer, source_model, count, part(progress, 0, 0.5)))
+    quantised = _quantised(graph, inner, _CalibrationInputs(simulator, source_model, count, part(progress, 0, 0.5)))
     session = onnxruntime.InferenceSession(quantised.SerializeToString(), providers=["CPUExecutionProvider"])
     first = -(-count // len(packed)) * len(packed)  # start of the epoch after those used for calibration
-    errors = _errors([source_model, _SessionModel(session, card)], photographer, first, count, part(progress, 0.5, 1))
+    errors = _errors([source_model, _SessionModel(session, card)], simulator, first, count, part(progress, 0.5, 1))
     figures = QuantizationErrors(*errors)
     record = record_from_metadata({entry.key: entry.value for entry in graph.metadata_props})
     record["int8"] = {"of": card.name, "photographs": count, "mae_deg": round(figures.mae_deg, 3)}
@@ -126,13 +126,13 @@ class _SessionModel:
         return Prediction(outputs["normals"], None if confidence is None else (1 - confidence) * RIGHT_ANGLE)
 
 
-class _Photographs:
+class _CalibrationInputs:
     """A model's inputs for `count` photographs, scale by scale, as onnxruntime reads calibration data."""
 
-    def __init__(self, photographer: Photographer, model: _SessionModel, count: int, progress: Progress) -> None:
+    def __init__(self, simulator: PhotoSimulator, model: _SessionModel, count: int, progress: Progress) -> None:
         self.inputs = (
             model.named(seen)
-            for scales in _photographs(photographer, 0, count, progress)
+            for scales in _photographs(simulator, 0, count, progress)
             for seen in inputs_with_previous_scale(model, model.inputs, scales)
         )
 
@@ -140,13 +140,13 @@ class _Photographs:
         return next(self.inputs, None)
 
 
-def _photographs(photographer: Photographer, first: int, count: int, progress: Progress) -> Iterator[list[Scale]]:
+def _photographs(simulator: PhotoSimulator, first: int, count: int, progress: Progress) -> Iterator[list[Scale]]:
     for number in range(count):
         progress(number / count, f"photograph {number + 1} of {count}")
-        yield photographer.batch(first + number, 1)
+        yield simulator.batch(first + number, 1)
 
 
-def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photographs) -> onnx.ModelProto:
+def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _CalibrationInputs) -> onnx.ModelProto:
     prepared = onnx.ModelProto()
     prepared.CopyFrom(graph)
     onnx.helper.set_model_props(prepared, PREPARED)
@@ -212,11 +212,11 @@ def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
 
 
 def _errors(
-    models: Sequence[_SessionModel], photographer: Photographer, first: int, count: int, progress: Progress
+    models: Sequence[_SessionModel], simulator: PhotoSimulator, first: int, count: int, progress: Progress
 ) -> list[float]:
     """Mean angular error in degrees of each model, over all valid pixels of `count` photographs."""
     errors: list[list[NDArray[np.float32]]] = [[] for _ in models]
-    for scales in _photographs(photographer, first, count, progress):
+    for scales in _photographs(simulator, first, count, progress):
         for own, model in zip(errors, models, strict=True):
             own += [error for error, _ in validation_errors(model, model.inputs, scales)]
     return [float(np.concatenate(own).mean(dtype=np.float64)) for own in errors]

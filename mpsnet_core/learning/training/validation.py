@@ -11,7 +11,7 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.learning.training.inputs import Batch, concatenate_scales, inputs_with_previous_scale, sample_patches
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction
-from mpsnet_core.learning.training.photographing import Photographer, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
 
 PATCHES_A_PICTURE = 200
 PATCHES_AT_ONCE = 1000
@@ -32,17 +32,17 @@ class Figures(NamedTuple):
 
 
 @torch.no_grad()
-def validate(network: Network, photographer: Photographer, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
+def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
     """Errors over all windows on all scales of each held-out sample, photographed once.
 
     patches_a_picture: number of pixels per sample, drawn with a fixed seed, that a patch-wise network estimates.
     """
     network.eval()
     errors, expected = [], []
-    for start in range(0, len(photographer.samples), PICTURES_AT_ONCE):
-        scales = photographer.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
+    for start in range(0, len(simulator.samples), PICTURES_AT_ONCE):
+        scales = simulator.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
         for scale in scales:  # the last batch repeats samples that were counted already; ignore them
-            scale.weights[scale.examples >= len(photographer.samples) - start] = 0
+            scale.weights[scale.examples >= len(simulator.samples) - start] = 0
         if network.kind == "patch":
             batch = concatenate_scales(scales, inputs_with_previous_scale(network, network.inputs, scales))
             patches = _patches(network, batch, patches_a_picture, start)

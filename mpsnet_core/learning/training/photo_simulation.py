@@ -1,6 +1,6 @@
-"""Photographing: packed samples become training photographs, on the device that trains.
+"""Photo simulation: packed samples become training photos, on the device that trains.
 
-The capture model's numbers are drawn in :mod:`mpsnet_core.synthesis.capture_model`; here they are applied to a whole
+The capture model's parameters are drawn in :mod:`mpsnet_core.synthesis.capture_model`; here they are applied to a whole
 batch at once. Networks that go from coarse to fine see an example at several scales: first the whole object, then
 windows of it, each at twice the resolution. The finest is the camera's own pixels, with its blur, mosaic, noise, levels
 and JPEG; the others are means of those. Beyond the sample's own resolution the picture is magnified, as soft as large
@@ -71,7 +71,7 @@ class _Example:
     bicubic: bool
 
 
-class Photographer:
+class PhotoSimulator:
     """Draws batches of examples: `batch(step, size)` depends on nothing but the samples, the seed and the step.
 
     Parameters
@@ -125,7 +125,7 @@ class Photographer:
         augment: bool = True,
         shuffled: bool = True,
         device: torch.device | None = None,
-    ) -> "Photographer":
+    ) -> "PhotoSimulator":
         """For the photographs that a network, or the one of a card, sees.
 
         augment: whether in any frame where the network's is the camera's.
@@ -142,8 +142,8 @@ class Photographer:
         noise = torch.Generator(self.device).manual_seed(new_seed(rng))
         examples = [self._example(self.samples[self._index(step * size + k)], rng) for k in range(size)]
         if len(self.finer):
-            return _photographed(examples, self.window, rng, noise)
-        (whole,) = _photographed(examples, _side(examples, self.window), rng, noise)
+            return _simulated(examples, self.window, rng, noise)
+        (whole,) = _simulated(examples, _side(examples, self.window), rng, noise)
         return [_cut(whole, self.window, rng) if self.window else whole]
 
     def _index(self, number: int) -> int:
@@ -174,7 +174,7 @@ class Photographer:
         return example
 
 
-def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
+def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
     """Photograph a sample's own pixels in camera space, under three lights at once.
 
     Returns the capture, whose rig and mask have the draw's errors, and (H, W, 3) true normals, zero where unknown.
@@ -257,7 +257,7 @@ def _side(examples: Sequence[_Example], least: int = 0) -> int:
     return -(-max(least, *(side for example in examples for side in example.coarse)) // 16) * 16
 
 
-def _photographed(
+def _simulated(
     examples: list[_Example], window: int, rng: np.random.Generator, generator: torch.Generator
 ) -> list[Scale]:
     """All scales of some examples; the finer ones of those that have them."""
