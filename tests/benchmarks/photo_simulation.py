@@ -1,4 +1,4 @@
-"""What simulating the photo of an example costs, as a share of the step that learns from it: one core, recipe multiscale.
+"""What simulating an example's photo costs, as a share of the step that learns from it: one core, recipe multiscale.
 
 python tests/benchmarks/photo_simulation.py SAMPLES [--steps 12]
 

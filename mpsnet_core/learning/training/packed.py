@@ -1,7 +1,8 @@
 """Packed samples: a cache of training samples in half floats that reads fast.
 
-Reading a sample's EXR takes longer than simulating its photo. So each is read once, cropped to the object, and stored in
-the folder ``packed`` next to it, which can be deleted at any time. A sample that was made again is packed again.
+Reading the EXR of a sample takes longer than simulating its photo. So each is read once, cropped to the object, and
+stored in the folder ``packed`` next to it, which can be deleted at any time. A sample that was made again is packed
+again.
 """
 
 import logging
