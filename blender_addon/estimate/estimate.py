@@ -75,7 +75,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         confidence, albedo = (self._beside(what) if getattr(self, what) else None for what in ("confidence", "albedo"))
         operation = Estimate(
             image=(str(photo),),
-            **rig_and_camera_options(context, image, folder, self.later, rig_file),
+            **rig_and_camera_options(context, image, folder, self.schedule, rig_file),
             **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
             passes=None if moves or self.average_passes else 1,

@@ -72,7 +72,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         self._output = output
         operation = MakeMaterial(
             image=str(photo),
-            **rig_and_camera_options(context, image, folder, self.later),
+            **rig_and_camera_options(context, image, folder, self.schedule),
             **reading_without_mask(scene.mps.estimate),
             **network(self),
             width=f"{self._width(scene, image, folder):.9g}m",
