@@ -7,7 +7,7 @@ from collections.abc import Generator
 Slices = Generator[bool, None, None]
 
 
-def give_up(slices: list[Slices]) -> None:
+def close_slices(slices: list[Slices]) -> None:
     """Close unfinished slices, which lets them clean up."""
     for one in slices:
         one.close()

@@ -17,7 +17,7 @@ from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.relief.material.material import Material, flat_material
 from mpsnet_core.relief.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
-from mpsnet_core.relief.material.seam import measured_seam
+from mpsnet_core.relief.material.seam import measure_seam
 from mpsnet_core.relief.relight import relit
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import contact_sheet, photo_picture
@@ -64,7 +64,7 @@ def tell(name: str, swatch: Swatch, capture: Capture, normals: NormalMap, materi
     print(f"  normals wrong by {errors[0]:.1f}°, {DEFAULT_MODEL}'s by {errors[1]:.1f}° (with the photo's tilt)")
     print(f"  spread of the heights {spread[0]:.3f} mm, truth {spread[1]:.3f} mm")
     print(f"  mean albedo {means(material.albedo)}, truth {means(swatch.albedo)}")
-    plain = measured_seam(normals.vectors[:rows, :columns], np.zeros((rows, columns), bool))
+    plain = measure_seam(normals.vectors[:rows, :columns], np.zeros((rows, columns), bool))
     for what, seam in (("joined", material.seam), ("cut out plainly", plain)):
         mean, worst = seam.border
         print(f"  step across the border, {what}: {mean:.2f} of those within, 95th percentile {worst:.2f}")

@@ -40,7 +40,7 @@ def main() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
-    step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy wearing them")
+    step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy with them")
     bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=1024, output=str(OUTPUT))
     scene = bpy.context.scene
     detailed, low = (scene.objects[f"Demo {name}"] for name in ("Detailed", "Low Poly"))

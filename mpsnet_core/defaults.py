@@ -13,7 +13,7 @@ MASK = "alpha-or-auto"
 CONVENTIONS = {"opengl": "green is up: Blender, glTF, Unity, Godot", "directx": "green is down: Unreal Engine"}
 
 # A lens's 35 mm equivalent focal length, in millimetres: about 8 for a fisheye, a few thousand for a telescope.
-LEAST_FOCAL, MOST_FOCAL = 1.0, 10_000.0
+MIN_FOCAL, MAX_FOCAL = 1.0, 10_000.0
 
 # Textures: side and padding (by how far UV islands are dilated), in texels, and the highest factor on detail.
 TEXTURE_SIZE = 2048

@@ -112,10 +112,10 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
     _link_normal(tree, normal, True)
-    leave_normals_uncorrected(material)
+    disable_bump_correction(material)
 
 
-def leave_normals_uncorrected(material: Any) -> None:
+def disable_bump_correction(material: Any) -> None:
     """Switch off Cycles' bump map correction, until :func:`remove_object_normals`."""
     if hasattr(material, "cycles"):
         # The correction darkens where normals and surface differ, for surfaces without relief; this one is displaced.
@@ -125,7 +125,7 @@ def leave_normals_uncorrected(material: Any) -> None:
 
 
 def remove_object_normals(material: Any) -> None:
-    """Undo :func:`show_object_normals` and :func:`leave_normals_uncorrected` on a material."""
+    """Undo :func:`show_object_normals` and :func:`disable_bump_correction` on a material."""
     for name in (OBJECT_TEXTURE_NODE, OBJECT_NORMAL_NODE):
         node = find_node(material.node_tree, name)
         if node is not None:

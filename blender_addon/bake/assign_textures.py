@@ -18,11 +18,11 @@ from ..appearance.nodes import (
 )
 from ..image_records import remember
 from .texture_owners import store_owners
-from .texture_sets import AssignedTexture, own_materials
+from .texture_sets import AssignedTexture, ensure_own_materials
 
 
 def assign_textures(
-    worn: Sequence[AssignedTexture], space: str, convention: str, frames: range = range(0)
+    assigned: Sequence[AssignedTexture], space: str, convention: str, frames: range = range(0)
 ) -> list[str]:
     """Assign textures to all materials of objects.
 
@@ -31,11 +31,11 @@ def assign_textures(
 
     frames: of the timeline, if the texture is an image sequence with these frame numbers.
     """
-    materials = own_materials(worn)
-    store_owners(worn)
+    materials = ensure_own_materials(assigned)
+    store_owners(assigned)
     sentences = [
         f'The displacement of "{one.target.name}" is off, it would show the relief twice; displace the object again'
-        for one in worn
+        for one in assigned
         if space == "TANGENT" and remove_displacement(one.target)
     ]
     for material, (image, uv_map) in materials.items():
@@ -54,13 +54,13 @@ def assign_textures(
     return sentences
 
 
-def assign_albedo(worn: Sequence[AssignedTexture]) -> list[str]:
+def assign_albedo(assigned: Sequence[AssignedTexture]) -> list[str]:
     """Assign albedos as base colours to all materials of objects.
 
     Returns a sentence for each node that one replaced, and for each material that cannot take one.
     """
-    materials, sentences = own_materials(worn), []
-    store_owners(worn)
+    materials, sentences = ensure_own_materials(assigned), []
+    store_owners(assigned)
     for material, (image, uv_map) in materials.items():
         nodes, links = material.node_tree.nodes, material.node_tree.links
         colours = [socket for node in nodes if (socket := _base_colour(node))]
@@ -85,10 +85,10 @@ def _base_colour(node: Any) -> Any:
     return node.inputs.get("Color" if node.type == "BSDF_DIFFUSE" else "Base Color")
 
 
-def mark_assets(worn: Sequence[AssignedTexture], what: str) -> None:
+def mark_assets(assigned: Sequence[AssignedTexture], what: str) -> None:
     """Mark the textured "MATERIAL" or "OBJECT" as asset, or "NONE"."""
-    materials = [slot.material for one in worn for slot in one.target.material_slots]
-    for datablock in {"NONE": [], "MATERIAL": materials, "OBJECT": [one.target for one in worn]}[what]:
+    materials = [slot.material for one in assigned for slot in one.target.material_slots]
+    for datablock in {"NONE": [], "MATERIAL": materials, "OBJECT": [one.target for one in assigned]}[what]:
         mark_asset(datablock)
 
 

@@ -13,17 +13,17 @@ from mpsnet_core.errors import GeometryError, InputError, SettingsError
 from ..image_records import remembered
 from ..images import frame_pattern, image_file, load_frames, picture_size
 from ..outputs import FORMATS, output_frames
-from ..photo.camera import cameras_place, chosen_camera, lacks_camera, write_photo_camera
+from ..photo.camera import camera_provenance, chosen_camera, lacks_camera, write_photo_camera
 from ..provenance import Provenance, chosen, stamp
 from ..rig.light_rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..settings.bake import BakeSettings
-from ..settings.declared import take_given
+from ..settings.declared import apply_given_settings
 from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
 from .assign_textures import assign_textures, mark_assets
-from .bakes_onto import BakesOnto, bake_target, targets_place, texture_name
+from .bake_operator import BakeOperator, bake_target, target_provenance, texture_name
 from .base_maps import store_base_map
 from .coverage import coverage_folder
 from .options import bits, level, sampling
@@ -33,7 +33,7 @@ from .texture_sets import AssignedTexture
 NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
 
 
-class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
+class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
     """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
 
     bl_idname = "mps.bake"
@@ -54,13 +54,13 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return {
             "Normals": stamps,
             **chosen(BakeSettings, settings, without=("output", "mark_asset")),
-            **targets_place(settings),
-            **cameras_place(context.scene, context.scene.mps.estimate.image),
+            **target_provenance(settings),
+            **camera_provenance(context.scene, context.scene.mps.estimate.image),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
-        take_given(self, BakeSettings, scene.mps.bake)
+        apply_given_settings(self, BakeSettings, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)
@@ -135,7 +135,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
                 camera = CAMERAS
                 place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
             begun = place.begin(self._frames)
-        self.later(begun.slices)
+        self.schedule(begun.slices)
         self._bake_targets = [bake_target(target, begun)]
         if camera != CAMERAS:
             self._write_camera(scene, folder / camera, normals_image)
@@ -198,10 +198,10 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         scene.mps.bake.image = image
         if (None, None) in self._bases:
             store_base_map(image, self._bases[None, None])
-        worn = [AssignedTexture(target, (image,), onto.uv_map)]
-        for sentence in assign_textures(worn, self.space, self.convention, self._frames):
+        assigned = [AssignedTexture(target, (image,), onto.uv_map)]
+        for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
-        mark_assets(worn, self.mark_asset)
+        mark_assets(assigned, self.mark_asset)
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake,))

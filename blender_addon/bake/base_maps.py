@@ -25,15 +25,15 @@ from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, BakeTarget, Part, parts_of
 
-Worn = TypeVar("Worn", bound=Sized)
+Maps = TypeVar("Maps", bound=Sized)
 
 # Stored with a baked image: the object's previous normal map, and the convention of its green channel.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
-_BY_FILE = "choose the file of a present map"
+_BY_FILE = "choose the file of an existing map"
 
 
 @dataclass(frozen=True)
-class WornMap:
+class AssignedMap:
     """A normal map: the session UID of its image, and its convention, OPENGL or DIRECTX."""
 
     uid: int
@@ -41,7 +41,7 @@ class WornMap:
 
 
 @dataclass(frozen=True)
-class BaseMapFile(WornMap):
+class BaseMapFile(AssignedMap):
     """A base map with its file. That of UDIM tiles has <UDIM> in its name."""
 
     file: Path
@@ -68,7 +68,7 @@ def base_map_file(
     return BaseMapFile(image.session_uid, convention, read(image, "normal map", _BY_FILE))
 
 
-def store_base_map(image: Any, base: WornMap | None) -> None:
+def store_base_map(image: Any, base: AssignedMap | None) -> None:
     """Store the object's previous normal map with a baked image; None for none."""
     if base is None:
         for key in {_BASE, _BASE_CONVENTION} & set(image.keys()):
@@ -79,14 +79,14 @@ def store_base_map(image: Any, base: WornMap | None) -> None:
         image[_BASE], image[_BASE_CONVENTION] = found, base.convention
 
 
-def worn_before(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
+def maps_before_bake(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, AssignedMap | None]:
     """Each part's map, as :func:`base_map_file` finds it, None for those without one. Parts with a map that detail
     cannot be added to are left out."""
-    bases: dict[Part, WornMap | None] = {}
+    bases: dict[Part, AssignedMap | None] = {}
     for part in parts_of(onto, file):
         with suppress(InputError):
-            found = _worn_map(targets, onto, part)
-            bases[part] = None if found is None else WornMap(found[0].session_uid, found[1])
+            found = _assigned_map(targets, onto, part)
+            bases[part] = None if found is None else AssignedMap(found[0].session_uid, found[1])
     return bases
 
 
@@ -96,7 +96,7 @@ def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Pat
     Raises InputError if no part has one, or as :func:`base_map_file` does.
     """
     found = {part: base_map_file(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
-    return _some(targets, {part: one for part, one in found.items() if one is not None})
+    return _require_any(targets, {part: one for part, one in found.items() if one is not None})
 
 
 def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[Any]:
@@ -105,26 +105,26 @@ def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) 
     Raises InputError as that function does, except for missing files.
     """
     found = [_usable_map(targets, onto, part, TILE in file.name) for part in parts_of(onto, file)]
-    return [image for image, _ in _some(targets, [one for one in found if one is not None])]
+    return [image for image, _ in _require_any(targets, [one for one in found if one is not None])]
 
 
-def _some(targets: Sequence[Any], worn: Worn) -> Worn:
-    if not worn:
+def _require_any(targets: Sequence[Any], assigned: Maps) -> Maps:
+    if not assigned:
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
-    return worn
+    return assigned
 
 
 def _usable_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, tiles: bool) -> tuple[Any, str] | None:
-    found = _worn_map(targets, onto, part)
+    found = _assigned_map(targets, onto, part)
     if found is not None:
         refuse_unsaved(found[0], "normal map")
     if found is not None and found[0].source == "TILED" and not tiles:
-        raise InputError(f'the present normal map "{found[0].name}" has UDIM tiles; switch UDIM Tiles on')
+        raise InputError(f'the existing normal map "{found[0].name}" has UDIM tiles; switch UDIM Tiles on')
     return found
 
 
-def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:
+def _assigned_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:
     """The image of :func:`base_map_file` and its convention, whether or not it has a file."""
     found: dict[tuple[Any, str], str] = {}
     for target, one in zip(targets, onto, strict=True):
@@ -184,28 +184,28 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
     if texture is not None and texture == find_node(normal.id_data, GREEN_NODE):
         convention, texture = "DIRECTX", node_before(texture, 0)
     if texture is None or texture.type != "TEX_IMAGE" or texture.image is None:
-        raise InputError(f"the present normal map does not come straight from an image texture; {_BY_FILE}")
-    for placed in (normal.uv_map or rendered, _placed_by(texture, rendered)):
+        raise InputError(f"the existing normal map does not come straight from an image texture; {_BY_FILE}")
+    for placed in (normal.uv_map or rendered, _uv_map_of_texture(texture, rendered)):
         if placed != uv_map:
-            raise InputError(f'the present normal map is on UV map "{placed}"; bake onto that one')
+            raise InputError(f'the existing normal map is on UV map "{placed}"; bake onto that one')
     if texture.name == TEXTURE_NODE:
         base = texture.image.get(_BASE)
         if not isinstance(base, bpy.types.Image):
             raise InputError(f'the only normal map is "{texture.image.name}", which was baked here; {_BY_FILE}')
         return base, "DIRECTX" if texture.image.get(_BASE_CONVENTION) == "DIRECTX" else "OPENGL"
     if normal.space != "TANGENT":
-        raise InputError(f'the present normal map "{texture.image.name}" is not in tangent space; {_BY_FILE}')
+        raise InputError(f'the existing normal map "{texture.image.name}" is not in tangent space; {_BY_FILE}')
     strength = normal.inputs["Strength"]
     if strength.is_linked or strength.default_value != 1:
-        raise InputError(f'the present normal map "{texture.image.name}" is not worn at strength 1; set it to 1')
+        raise InputError(f'the existing normal map "{texture.image.name}" is not used at strength 1; set it to 1')
     return texture.image, convention
 
 
-def _placed_by(texture: Any, rendered: str) -> str:
+def _uv_map_of_texture(texture: Any, rendered: str) -> str:
     """The UV map of an image texture. Raises InputError if the texture is transformed on it."""
     end = texture.inputs["Vector"]
     before = node_before(texture, "Vector")
-    if before is not None and before.type == "MAPPING" and _moves_nothing(before):
+    if before is not None and before.type == "MAPPING" and _is_identity(before):
         end, before = before.inputs["Vector"], node_before(before, "Vector") or before
     if texture.projection == "FLAT":
         if before is None or (before.type == "TEX_COORD" and output_before(end).name == "UV"):
@@ -213,12 +213,12 @@ def _placed_by(texture: Any, rendered: str) -> str:
         if before.type == "UVMAP":
             return str(before.uv_map or rendered)
     raise InputError(
-        f'the present normal map "{texture.image.name}" does not lie straight on a UV map; link its texture to a UV '
+        f'the existing normal map "{texture.image.name}" does not lie straight on a UV map; link its texture to a UV '
         f"Map node, or {_BY_FILE}"
     )
 
 
-def _moves_nothing(mapping: Any) -> bool:
+def _is_identity(mapping: Any) -> bool:
     still = {"Location": 0, "Rotation": 0, "Scale": 1}
     ends = [(mapping.inputs[name], value) for name, value in still.items() if name in mapping.inputs]
     same_place = all(not end.is_linked and set(end.default_value) == {value} for end, value in ends)

@@ -65,9 +65,9 @@ def hides_materials(space: Any) -> bool:
 def _begin(context: Any) -> None:
     scene = context.scene
     refuse_linked_scene(scene)
-    shown = [obj for obj in scene.objects if _worn(obj) and obj.visible_get()]
+    shown = [obj for obj in scene.objects if _assigned(obj) and obj.visible_get()]
     if not shown:
-        raise InputError("no object that wears a baked texture is visible; show one")
+        raise InputError("no object that uses a baked texture is visible; show one")
     for obj in shown:
         _, radius = bounding_sphere(context.evaluated_depsgraph_get(), [obj])
         overlay = obj.copy()
@@ -75,10 +75,10 @@ def _begin(context: Any) -> None:
         overlay.hide_render = overlay.hide_select = True
         scene.mps.bake.overlays.add().object = overlay
         scene.collection.objects.link(overlay)
-        worn = _worn(obj)
+        assigned = _assigned(obj)
         for number, slot in enumerate(overlay.material_slots):
             slot.link = "OBJECT"
-            slot.material = _material(*worn[min(number, len(worn) - 1)])
+            slot.material = _material(*assigned[min(number, len(assigned) - 1)])
         out = overlay.modifiers.new(NAME, "DISPLACE")
         out.strength, out.mid_level = _OUT * radius / max(max(map(abs, obj.matrix_world.to_scale())), 1e-9), 0
     space = context.space_data
@@ -107,7 +107,7 @@ def _end(bake: Any) -> None:
     bake.shading = ""
 
 
-def _worn(obj: Any) -> list[tuple[Any, str]]:
+def _assigned(obj: Any) -> list[tuple[Any, str]]:
     """The coverage of the textures in an object's materials, with their UV maps; none for a copy."""
     found = []
     for slot in obj.material_slots if obj.type == "MESH" else ():

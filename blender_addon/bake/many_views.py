@@ -22,13 +22,13 @@ from ..outputs import file_name, requested_path, unique_name
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
-from ..rig.light_rig import light_rig, lights_stand, rig_camera
+from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.bake import BakeSettings
-from ..settings.declared import take_given
+from ..settings.declared import apply_given_settings
 from ..settings.estimate import EstimateSettings
 from ..settings.views import ViewsSettings
-from .bakes_onto import BakesOnto, targets_place
+from .bake_operator import BakeOperator, target_provenance
 from .coverage import coverage_folder
 from .options import bits, level, sampling
 from .texture_sets import without_tokens
@@ -37,7 +37,7 @@ from .texture_sets import without_tokens
 _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
 
 
-class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
+class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
     """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
 
     Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
@@ -53,12 +53,12 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         shared = ("model", "model_file", *photo)
         # Settings of the step Bake for a single photo, and those that do not affect the texture.
         others = ("output", "mark_asset", "level", "level_scale", "animated", "all_rigs")
-        stand = {} if scene.estimate.rig_file else lights_stand(context.scene)
+        stand = {} if scene.estimate.rig_file else lights_provenance(context.scene)
         behind = [] if scene.views.cameras else _with_photos(context.scene)
         return {
             "Background images": ", ".join(stamp(image) for _, image in behind),
             "Cameras' places": ", ".join(f"{rounded(obj.matrix_world, 4)} {lens_stamp(obj)}" for obj, _ in behind),
-            **targets_place(scene.bake),
+            **target_provenance(scene.bake),
             **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
             **chosen(EstimateSettings, scene.estimate, only=shared),
             **chosen(BakeSettings, scene.bake, without=others),
@@ -69,7 +69,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
         scene = context.scene
-        take_given(self, ViewsSettings, scene.mps.views)
+        apply_given_settings(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
         targets = self.baked_objects(context)
         self._output = output = self.texture_file(context, targets)

@@ -44,7 +44,7 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
         groups = {surface_group(tree) for tree in trees if find_node(tree, NORMAL_NODE) and _shown(tree) is not None}
         if not groups:
             name = f'"{target.name}"' if target is not None else "the active object"
-            raise InputError(f"{name} wears no baked texture; choose the object that it was baked onto")
+            raise InputError(f"{name} uses no baked texture; choose the object that it was baked onto")
         for group in groups:
             mark_asset(group)
         self.report({"INFO"}, f"Made {', '.join(sorted(group.name for group in groups))}; find it in the Asset Browser")

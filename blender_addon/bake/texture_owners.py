@@ -23,14 +23,14 @@ from .texture_sets import TILE, AssignedTexture, BakeTarget, Part, parts_of
 FRAME = "<FRAME>"
 
 
-def store_owners(worn: Sequence[AssignedTexture]) -> None:
+def store_owners(assigned: Sequence[AssignedTexture]) -> None:
     """Store the names of the meshes that each image was made for.
 
     Mesh names, because duplicates of an object have its textures, but usually their own mesh, and objects are renamed
     more often.
     """
-    for image in {image for one in worn for image in one.images}:
-        remember(image, "onto", json.dumps(sorted({one.target.data.name for one in worn if image in one.images})))
+    for image in {image for one in assigned for image in one.images}:
+        remember(image, "onto", json.dumps(sorted({one.target.data.name for one in assigned if image in one.images})))
 
 
 class _TextureName(NamedTuple):
@@ -57,7 +57,7 @@ def _has_faces(onto: BakeTarget, part: Part) -> bool:
     return name in (None, onto.name) and (material is None or material in onto.used)
 
 
-def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
+def refuse_to_overwrite_other_objects(files: Mapping[Path, Collection[Any]]) -> None:
     """Raise InputError if a result would be written over a texture or heights that were made for another object.
 
     Object names that differ only in a space or a dot yield the same file name. Objects that share a mesh share its
@@ -67,14 +67,14 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
     files: the files to write (tiles named with <UDIM>, frames with :data:`FRAME`), with their objects.
     """
     for image in (image for image in bpy.data.images if image.filepath):
-        targets = next((files[file] for file in files if _holds(file, image)), None)
+        targets = next((files[file] for file in files if _is_file_of(file, image)), None)
         if targets is None:
             continue
-        wearers = [obj for obj in _placed() if image in _images_on(obj)]
-        its_own, meshes = any(_meant(image, obj) for obj in targets), {obj.data for obj in targets}
-        others = [obj for obj in wearers if _meant(image, obj) and obj.data not in meshes]
-        if not (its_own or others or any(obj.data in meshes for obj in wearers)):
-            others = wearers  # the owners' meshes were renamed or replaced since
+        users = [obj for obj in _objects_in_use() if image in _images_on(obj)]
+        its_own, meshes = any(_made_for(image, obj) for obj in targets), {obj.data for obj in targets}
+        others = [obj for obj in users if _made_for(image, obj) and obj.data not in meshes]
+        if not (its_own or others or any(obj.data in meshes for obj in users)):
+            others = users  # the owners' meshes were renamed or replaced since
         if others:
             name = min(obj.name for obj in others)
             too, mend = (" too", "bake onto it as well, ") if its_own else ("", "")
@@ -89,7 +89,7 @@ def refuse_other_projects(files: Iterable[Path]) -> None:
 
     That is a file that exists, was not written in this session, and is not used by any image of the open file.
 
-    files: the files to write, named as for :func:`refuse_anothers`.
+    files: the files to write, named as for :func:`refuse_to_overwrite_other_objects`.
     """
     own = Path(bpy.data.filepath)
     for file in files:
@@ -97,7 +97,7 @@ def refuse_other_projects(files: Iterable[Path]) -> None:
         if not others or not any(file.parent.glob(escape(file.name).replace("<UDIM>", "[1-9]???"))):
             continue
         known = written_in_this_session(file) or any(
-            image.filepath and _holds(file, image) for image in bpy.data.images
+            image.filepath and _is_file_of(file, image) for image in bpy.data.images
         )
         if not known:
             raise FileError(
@@ -106,18 +106,18 @@ def refuse_other_projects(files: Iterable[Path]) -> None:
             )
 
 
-def _meant(image: Any, obj: Any) -> bool:
+def _made_for(image: Any, obj: Any) -> bool:
     return obj.data.name in from_json(remembered(image, "onto"), list) and obj.data.library == image.library
 
 
-def _placed() -> set[Any]:
+def _objects_in_use() -> set[Any]:
     """The objects in scenes and in instanced collections."""
     instanced = {obj.instance_collection for obj in bpy.data.objects} - {None}
     groups = [scene.objects for scene in bpy.data.scenes] + [collection.all_objects for collection in instanced]
     return {obj for objects in groups for obj in objects}
 
 
-def _holds(file: Path, image: Any) -> bool:
+def _is_file_of(file: Path, image: Any) -> bool:
     """Whether a file to write is an image's file. "Oak" and "oak" are the same on some systems."""
     path = origin(image)
     tile = str(image.tiles[0].number) if image.source == "TILED" and image.tiles else "<UDIM>"

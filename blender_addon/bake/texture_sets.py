@@ -69,7 +69,7 @@ class AssignedTexture:
     images: tuple[Any, ...]
     uv_map: str
 
-    def look(self, slot: int) -> tuple[Any, str]:
+    def texture_at(self, slot: int) -> tuple[Any, str]:
         """The image and UV map of the material in a slot."""
         return self.images[min(slot, len(self.images) - 1)], self.uv_map
 
@@ -104,30 +104,30 @@ def texture_of(onto: BakeTarget, target: Any, images: Mapping[Part, Any]) -> Ass
     return AssignedTexture(target, tuple(image or some for image in found), onto.uv_map) if some else None
 
 
-def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]:
+def ensure_own_materials(assigned: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]:
     """The objects' materials, and the texture that each will get.
 
     Missing ones are created. Those that are linked from another file, or shared with objects that get another texture,
     are copied.
     """
-    for one in worn:
+    for one in assigned:
         _give_slot(one.target)
-    wearing = {_wearer(slot): one for one in worn for slot in one.target.material_slots}
+    textures = {_slot_owner(slot): one for one in assigned for slot in one.target.material_slots}
     copies: dict[tuple[Any, Any, str], Any] = {}
     materials: dict[Any, tuple[Any, str]] = {}
-    for one in worn:
+    for one in assigned:
         for number, slot in enumerate(one.target.material_slots):
-            look = one.look(number)
+            texture = one.texture_at(number)
             if slot.material is None:
                 slot.material = bpy.data.materials.new(f"MPS {one.target.name}")
-            elif (slot.material, *look) in copies:
-                slot.material = copies[slot.material, *look]
+            elif (slot.material, *texture) in copies:
+                slot.material = copies[slot.material, *texture]
             else:
                 before = slot.material
-                if before.library or _shown_otherwise(before, look, wearing):
+                if before.library or _has_other_texture(before, texture, textures):
                     slot.material = before.copy()
-                copies[before, *look] = copies[slot.material, *look] = slot.material
-            materials[with_nodes(slot.material)] = look
+                copies[before, *texture] = copies[slot.material, *texture] = slot.material
+            materials[with_nodes(slot.material)] = texture
     return materials
 
 
@@ -135,7 +135,7 @@ def keep_materials_to_itself(target: Any) -> None:
     """Give an object whose mesh is shared its own material slots, so that other objects keep theirs."""
     _give_slot(target)
     slots = (slot for other in bpy.data.objects if other != target for slot in other.material_slots)
-    if target.data in {_wearer(slot) for slot in slots}:
+    if target.data in {_slot_owner(slot) for slot in slots}:
         for slot in target.material_slots:
             material, slot.link = slot.material, "OBJECT"
             slot.material = material
@@ -147,14 +147,15 @@ def _give_slot(target: Any) -> None:
         target.data.materials.append(None)
 
 
-def _wearer(slot: Any) -> Any:
+def _slot_owner(slot: Any) -> Any:
     """The owner of a slot's material: the object, or the mesh, which several objects may share."""
     return slot.id_data if slot.link == "OBJECT" else slot.id_data.data
 
 
-def _shown_otherwise(material: Any, look: tuple[Any, str], wearing: Mapping[Any, AssignedTexture]) -> bool:
+def _has_other_texture(material: Any, texture: tuple[Any, str], textures: Mapping[Any, AssignedTexture]) -> bool:
     return any(
-        slot.material == material and (_wearer(slot) not in wearing or wearing[_wearer(slot)].look(number) != look)
+        slot.material == material
+        and (_slot_owner(slot) not in textures or textures[_slot_owner(slot)].texture_at(number) != texture)
         for other in bpy.data.objects
         for number, slot in enumerate(other.material_slots)
     )

@@ -20,7 +20,7 @@ from ..photo.options import network, painted_mask, reading, rig_and_camera_optio
 from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
-from ..settings.declared import take_given
+from ..settings.declared import apply_given_settings
 from ..settings.estimate import EstimateSettings
 
 
@@ -53,7 +53,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
         scene = context.scene
         named = self.properties.is_property_set("rig_file")
-        take_given(self, EstimateSettings, scene.mps.estimate)
+        apply_given_settings(self, EstimateSettings, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
         rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
@@ -75,7 +75,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         confidence, albedo = (self._beside(what) if getattr(self, what) else None for what in ("confidence", "albedo"))
         operation = Estimate(
             image=(str(photo),),
-            **rig_and_camera_options(context, image, folder, self.later, rig_file),
+            **rig_and_camera_options(context, image, folder, self.schedule, rig_file),
             **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
             passes=None if moves or self.average_passes else 1,
@@ -158,7 +158,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene
-        take_given(self, EstimateSettings, scene.mps.estimate)
+        apply_given_settings(self, EstimateSettings, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")

@@ -12,7 +12,7 @@ from mpsnet_core.relief.operations import Integrate
 
 from ..appearance.displacement import (
     assign_displacement,
-    leave_normals_uncorrected,
+    disable_bump_correction,
     output_of,
     remove_heights,
     remove_object_normals,
@@ -21,9 +21,9 @@ from ..appearance.displacement import (
 )
 from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
-from ..bake.bakes_onto import BakesOnto
+from ..bake.bake_operator import BakeOperator
 from ..bake.texture_owners import store_owners
-from ..bake.texture_sets import AssignedTexture, keep_materials_to_itself, own_materials, with_tokens
+from ..bake.texture_sets import AssignedTexture, ensure_own_materials, keep_materials_to_itself, with_tokens
 from ..image_records import remembered
 from ..images import fine_preview, image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
@@ -31,14 +31,14 @@ from ..provenance import Provenance, chosen, stamp
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import world_scale
-from ..settings.declared import as_typed, take_given
+from ..settings.declared import apply_given_settings, round_as_typed
 from ..settings.displace import DisplaceSettings
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
-MOST_BASE_LEVELS = 3
+MAX_BASE_LEVELS = 3
 
 
-class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
+class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
     """Make the baked texture's heights on the target's UVs and displace its surface by them"""
 
     bl_idname = "mps.displace"
@@ -49,13 +49,13 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         target = scene.bake.target
-        worn = _textures(slot.material for slot in target.material_slots) if target is not None else set()
-        texture = worn.pop() if len(worn) == 1 else scene.bake.image
+        assigned = _textures(slot.material for slot in target.material_slots) if target is not None else set()
+        texture = assigned.pop() if len(assigned) == 1 else scene.bake.image
         return {"Texture": stamp(texture), **chosen(DisplaceSettings, scene.displace)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         bake = context.scene.mps.bake
-        take_given(self, DisplaceSettings, context.scene.mps.displace)
+        apply_given_settings(self, DisplaceSettings, context.scene.mps.displace)
         target = self.baked_object(context)
         image = _texture_of(target) or bake.image
         if image.source == "SEQUENCE":
@@ -73,7 +73,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
         depsgraph = context.evaluated_depsgraph_get()
         begun = begin_mesh(folder / "mesh.npz", target, depsgraph, _uv_map_of(target) or bake.uv_map, turn)
-        self.later(begun.slices)
+        self.schedule(begun.slices)
         self._uv_map = begun.uv_map
         known: dict[str, Any] = {
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
@@ -84,12 +84,12 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         if self.keep_normals and self._space == "TANGENT" and self.levels:
             self._normals = with_tokens(path.with_name(f"{path.stem}_normal{path.suffix}"), "ONE", tiled)
         # Catmull-Clark changes the surface. Otherwise facets keep their smooth shading, unless all bumps are kept.
-        self._smooth = self.subdivision == "SIMPLE" and as_typed(self.scale) > 0
+        self._smooth = self.subdivision == "SIMPLE" and round_as_typed(self.scale) > 0
         base = folder / "base.npz" if self.levels and not self._smooth else None
         if base:
-            with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
+            with subdivided(target, self.subdivision, min(self.levels, MAX_BASE_LEVELS)):
                 depsgraph = context.evaluated_depsgraph_get()
-                self.later(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
+                self.schedule(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
         operation = Integrate(
             normals=str(texture),
             height=str(self._output),
@@ -98,7 +98,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             object_space=str(self._normals) if self._normals else None,
             space=known["space"].lower(),
             convention=known["convention"].lower(),
-            scale=as_typed(self.scale),
+            scale=round_as_typed(self.scale),
             margin=bake.margin,
         )
         return operation, self._files()
@@ -142,11 +142,11 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             remove_modifier(target, DISPLACE)
         else:
             move_by_modifier(target, image, self._uv_map, strength, midlevel)
-        worn = [AssignedTexture(target, (image,), self._uv_map)]
-        store_owners(worn)
+        assigned = [AssignedTexture(target, (image,), self._uv_map)]
+        store_owners(assigned)
         keep_materials_to_itself(target)
         normals_off = False
-        for material in own_materials(worn):
+        for material in ensure_own_materials(assigned):
             if by_material and output_of(material) is None:
                 self.note(f'Material "{material.name}" has no Material Output and is not displaced')
             elif by_material:
@@ -162,7 +162,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
                 kept = self.keep_normals and not self.levels
                 normals_off |= show_normals(material, kept or self._space == "OBJECT")
                 if kept:
-                    leave_normals_uncorrected(material)
+                    disable_bump_correction(material)
         return normals_off
 
 
@@ -175,19 +175,21 @@ def _texture_of(target: Any) -> Any:
 
     Raises InputError if the object has several, or if only other objects have one.
     """
-    worn = _textures(slot.material for slot in target.material_slots)
-    if len(worn) > 1:
-        raise InputError(f'the materials of "{target.name}" wear several textures; bake them into one')
-    if not worn and _textures(bpy.data.materials):
-        raise InputError(f'"{target.name}" wears no baked texture; choose the object that it was baked onto')
-    return next(iter(worn), None)
+    assigned = _textures(slot.material for slot in target.material_slots)
+    if len(assigned) > 1:
+        raise InputError(f'the materials of "{target.name}" use several textures; bake them into one')
+    if not assigned and _textures(bpy.data.materials):
+        raise InputError(f'"{target.name}" uses no baked texture; choose the object that it was baked onto')
+    return next(iter(assigned), None)
 
 
 def _uv_map_of(target: Any) -> str:
     """The UV map of an object's baked texture; "" if there is no texture, or the UV map was removed."""
     trees = trees_of(target)
-    worn = (node.uv_map for tree in trees if (node := find_node(tree, NORMAL_NODE)) and find_node(tree, TEXTURE_NODE))
-    return next((name for name in worn if name in target.data.uv_layers), "")
+    assigned = (
+        node.uv_map for tree in trees if (node := find_node(tree, NORMAL_NODE)) and find_node(tree, TEXTURE_NODE)
+    )
+    return next((name for name in assigned if name in target.data.uv_layers), "")
 
 
 def _textures(materials: Iterable[Any]) -> set[Any]:

@@ -23,7 +23,7 @@ from ..photo.options import Viewpoint, seen_through
 from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..scene.surfaces import middle_of
-from ..settings.declared import as_typed, take_given
+from ..settings.declared import apply_given_settings, round_as_typed
 from ..settings.heights import HeightsSettings
 
 PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}
@@ -43,7 +43,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         scene = context.scene
-        take_given(self, HeightsSettings, scene.mps.heights)
+        apply_given_settings(self, HeightsSettings, scene.mps.heights)
         image = scene.mps.estimate.image
         if image.source == "SEQUENCE":
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
@@ -86,7 +86,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             lens = float(remembered(image, "lens") or lens)
         seen = seen_through(scene, image, lens, folder)
         if self.distance:
-            return {**seen, "distance": as_typed(self.distance)}
+            return {**seen, "distance": round_as_typed(self.distance)}
         target = mesh_of_photo(context)
         if "camera" in seen and target is not None:
             depth = float(read_camera(seen["camera"]).depth_row() @ np.array([*middle_of(target), 1]))
@@ -106,7 +106,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             shown = load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
             shown.use_fake_user = True  # it has no other user when the file is saved
         if self._mesh is not None:
-            estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
+            estimate.mesh = _import_surface(scene, self._mesh, estimate.mesh)
         self.report({"INFO"}, f"Heights written to {self._output}")
 
 
@@ -114,7 +114,7 @@ def _text(path: Path | None) -> str | None:
     return None if path is None else str(path)
 
 
-def _bring_in(scene: Any, file: Path, earlier: Any) -> Any:
+def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:
     """Import the mesh as an object of the scene. It replaces that of an earlier run, and keeps its materials."""
     name = "MPS Surface"
     known, layer = set(bpy.data.objects), bpy.context.view_layer

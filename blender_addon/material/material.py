@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
-from mpsnet_core.io.files import makeable_folder
+from mpsnet_core.io.files import creatable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
@@ -21,7 +21,7 @@ from ..outputs import requested_path
 from ..photo.options import network, reading_without_mask, rig_and_camera_options
 from ..preferences import output_folder
 from ..provenance import Provenance, chosen, stamp
-from ..settings.declared import as_typed, take_given
+from ..settings.declared import apply_given_settings, round_as_typed
 from ..settings.estimate import EstimateSettings
 from ..settings.material import MaterialSettings
 
@@ -55,13 +55,13 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeMaterial, Sequence[Path]]:
         scene = context.scene
-        take_given(self, MaterialSettings, scene.mps.material)
+        apply_given_settings(self, MaterialSettings, scene.mps.material)
         image = scene.mps.photo.image
         if image.source in {"SEQUENCE", "MOVIE"}:
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
         photo = image_file(image, "photo", "render or open one first")
         output = requested_path(self.output) if self.output else output_folder() / f"{photo.stem}_material"
-        makeable_folder(output, "material")
+        creatable_folder(output, "material")
         self._photo = str(photo)
         _check_own(output, self._photo)
         width, height = picture_size(image)
@@ -72,11 +72,11 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         self._output = output
         operation = MakeMaterial(
             image=str(photo),
-            **rig_and_camera_options(context, image, folder, self.later),
+            **rig_and_camera_options(context, image, folder, self.schedule),
             **reading_without_mask(scene.mps.estimate),
             **network(self),
             width=f"{self._width(scene, image, folder):.9g}m",
-            overlap=as_typed(self.overlap),
+            overlap=round_as_typed(self.overlap),
             crop=f"{self.crop_left},{self.crop_top},{across},{down}" if cropped else None,
             bend=self.bend,
             size=self.size or None,
@@ -110,9 +110,9 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         remember(images["normal"], _PHOTO, self._photo)
         material = _material_of(images["normal"], f"MPS {name}")
         plane = settings.plane
-        if plane is None or scene not in plane.users_scene or not _is_as_laid(plane.data, material):
+        if plane is None or scene not in plane.users_scene or not _is_unedited_plane(plane.data, material):
             settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
-        _lay(plane.data, size, self.repeats)
+        _make_plane(plane.data, size, self.repeats)
         black, white = made["height_of_black_mm"] * millimetre, made["height_of_white_mm"] * millimetre
         assign_pictures(material, images, black, white, self.relief)
         if self.relief != "DISPLACEMENT":
@@ -136,8 +136,8 @@ def _check_own(folder: Path, photo: str) -> None:
             raise FileError(f"{folder} holds the material of another photo; name another folder")
 
 
-def _is_as_laid(mesh: Any, material: Any) -> bool:
-    """Whether a mesh is as :func:`_lay` made it, for this material alone, and was not edited since."""
+def _is_unedited_plane(mesh: Any, material: Any) -> bool:
+    """Whether a mesh is as :func:`_make_plane` made it, for this material alone, and was not edited since."""
     return (
         list(mesh.materials) == [material] and mesh.users == 1 and len(mesh.vertices) == 4 and len(mesh.polygons) == 1
     )
@@ -161,7 +161,7 @@ def _new_plane(scene: Any, material: Any, width: float) -> Any:
     laid = [
         other
         for other in scene.objects
-        if other.type == "MESH" and any(worn and _MADE_OF in worn for worn in other.data.materials)
+        if other.type == "MESH" and any(one and _MADE_OF in one for one in other.data.materials)
     ]
     while near := next((one for one in laid if (one.location - plane.location).length < 1e-6), None):
         plane.location.x += 0.55 * (near.dimensions.x + width)
@@ -170,7 +170,7 @@ def _new_plane(scene: Any, material: Any, width: float) -> Any:
     return plane
 
 
-def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
+def _make_plane(mesh: Any, size: tuple[float, float], repeats: int) -> None:
     """Make a mesh a rectangle of `repeats` tiles each way, with one tile per UV unit."""
     across, down = (repeats * length / 2 for length in size)
     mesh.clear_geometry()

@@ -15,15 +15,15 @@ from mpsnet_core.io.files import resolved, temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..provenance import refuse_to_overwrite
-from ..slices import Slices, give_up
-from .progress import Pace, at_the_pointer, in_words, redraw_panels
+from ..slices import Slices, close_slices
+from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
 
 TICK_SECONDS = 0.1
 SLICE_SECONDS = 0.03
 
 # Returns the context in which an operator prepares and finishes one of its runs.
-Turn = Callable[[], AbstractContextManager[None]]
+RunContext = Callable[[], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class _Run:
 
     slices: list[Slices]
     start: Callable[[], CoreProcess]
-    turn: Turn = nullcontext
+    run_context: RunContext = nullcontext
     known: dict[str, Any] = field(default_factory=dict)
 
 
@@ -43,17 +43,17 @@ class _Run:
 class _Job:
     """Work in the background. It outlives Blender's operator, whose data is lost when it is removed.
 
-    held: resources released at its end. runs: the remaining ones, of which the first is active. finished: number of
+    resources: released at its end. runs: the remaining ones, of which the first is active. finished: number of
     those before.
     """
 
-    held: ExitStack
+    resources: ExitStack
     runs: list[_Run]
     finished: int = 0
     process: CoreProcess | None = None
     pace: Pace = field(default_factory=Pace)
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         """Do as many slices as fit between two redraws of the window. After the last slice, start the process."""
         run, until = self.runs[0], time.monotonic() + SLICE_SECONDS
         while run.slices:
@@ -71,7 +71,7 @@ class _Job:
         if self.process is not None:
             self.process.cancel()
         manager.mps.running = manager.mps.left = ""
-        self.held.close()
+        self.resources.close()
         redraw_panels(manager)
 
 
@@ -79,7 +79,7 @@ _jobs: list[_Job] = []
 
 
 class RunsCore(ReportingOperator):
-    """An operator whose work is a run of the core, or several one after the other, see :meth:`turns`.
+    """An operator whose work is a run of the core, or several one after the other, see :meth:`run_contexts`.
 
     From a button the run is modal: the window stays responsive, the panel shows progress, and Esc or ``mps.cancel``
     ends it. From a script it returns when the work is done. Between :meth:`prepare` and :meth:`finish`, anything may
@@ -101,7 +101,7 @@ class RunsCore(ReportingOperator):
         super().begin(context)
         self._slices, self._outputs = [], set()
 
-    def turns(self) -> Sequence[Turn]:
+    def run_contexts(self) -> Sequence[RunContext]:
         """For each run of the core, the context in which it is prepared and finished.
 
         All are prepared before the first one starts, from the scene as it is then. Each is finished as soon as it ends;
@@ -109,7 +109,7 @@ class RunsCore(ReportingOperator):
         """
         return [nullcontext]
 
-    def later(self, slices: Slices) -> None:
+    def schedule(self, slices: Slices) -> None:
         """Called by `prepare` to schedule long work, which is done slice by slice before the core starts."""
         self._slices.append(slices)
 
@@ -132,34 +132,34 @@ class RunsCore(ReportingOperator):
         """Remarks on the core's result, as sentences that stay with the step."""
         return ()
 
-    def look(self) -> None:
+    def refresh_results(self) -> None:
         """Show what the core has written so far; called ten times a second during a modal run."""
 
     def act(self, context: Any) -> None:
-        for turn in self.turns():
-            with turn():
+        for run_context in self.run_contexts():
+            with run_context():
                 self.run_here(context)
 
     def run_here(self, context: Any) -> None:
         """Prepare a run, wait for it and finish it."""
         manager = context.window_manager
-        with ExitStack() as held:
-            folder = held.enter_context(temporary_folder())
-            held.callback(give_up, self._slices)
+        with ExitStack() as resources:
+            folder = resources.enter_context(temporary_folder())
+            resources.callback(close_slices, self._slices)
             work, outputs = self._prepared(context, folder)
             for _ in chain.from_iterable(self._slices):
                 pass
-            with at_the_pointer(manager) as progress:
+            with cursor_progress(manager) as progress:
                 result = run(work, outputs, progress)
         self._finished(context, result)
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         work, outputs = self.prepare(context, folder)
-        self.will_write(outputs)
+        self.check_outputs(outputs)
         self._made_from = self.provenance(context)
         return work, outputs
 
-    def will_write(self, outputs: Sequence[Path]) -> None:
+    def check_outputs(self, outputs: Sequence[Path]) -> None:
         """Raise InputError if an output would overwrite an input, or the output of another run of this operator."""
         refuse_to_overwrite(verb_of(self.bl_idname), outputs)
         meant = {resolved(path) for path in outputs}
@@ -189,10 +189,10 @@ class RunsCore(ReportingOperator):
     def _start(self, context: Any) -> None:
         begun = time.monotonic()
         manager = context.window_manager
-        with ExitStack() as held:
-            runs = [self._run(context, turn, held) for turn in self.turns()]
-            held.callback(manager.event_timer_remove, manager.event_timer_add(TICK_SECONDS, window=context.window))
-            self._job = _Job(held.pop_all(), runs)
+        with ExitStack() as resources:
+            runs = [self._run(context, run_context, resources) for run_context in self.run_contexts()]
+            resources.callback(manager.event_timer_remove, manager.event_timer_add(TICK_SECONDS, window=context.window))
+            self._job = _Job(resources.pop_all(), runs)
         self.__dict__.update(runs[0].known)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
@@ -201,17 +201,17 @@ class RunsCore(ReportingOperator):
         self._show(context)
         manager.modal_handler_add(self)
 
-    def _run(self, context: Any, turn: Turn, held: ExitStack) -> _Run:
-        folder, self._slices = held.enter_context(temporary_folder()), []
-        held.callback(give_up, self._slices)
-        with turn():
+    def _run(self, context: Any, run_context: RunContext, resources: ExitStack) -> _Run:
+        folder, self._slices = resources.enter_context(temporary_folder()), []
+        resources.callback(close_slices, self._slices)
+        with run_context():
             work, outputs = self._prepared(context, folder)
         program = self.program(folder)
-        return _Run(self._slices, lambda: CoreProcess(work, outputs, program), turn, {**self.__dict__})
+        return _Run(self._slices, lambda: CoreProcess(work, outputs, program), run_context, {**self.__dict__})
 
     def _go_on(self, context: Any) -> None:
         try:
-            self._job.go_on()
+            self._job.advance()
         except BaseException:
             self._job.leave(context.window_manager)
             raise
@@ -228,7 +228,7 @@ class RunsCore(ReportingOperator):
             if process is None and not self.done(lambda: self._go_on(context)):
                 return self._ended()
             self._show(context)
-            self.look()
+            self.refresh_results()
             return {"PASS_THROUGH"}
         run = job.runs.pop(0)
         if not job.runs:
@@ -242,7 +242,7 @@ class RunsCore(ReportingOperator):
         return self._ended()
 
     def _end_run(self, context: Any, run: _Run, process: CoreProcess) -> None:
-        with run.turn():
+        with run.run_context():
             self._finished(context, process.result())
 
     def _ended(self) -> set[Any]:
@@ -257,7 +257,7 @@ class RunsCore(ReportingOperator):
         shown, job, process = context.window_manager.mps, self._job, self._job.process
         progress, message = (process.progress, process.message) if process else (0.0, "starting")
         progress, message = (job.finished + progress) / (job.finished + len(job.runs)), f"{self._whose}{message}"
-        left = in_words(job.pace.left(time.monotonic(), progress))
+        left = time_left_text(job.pace.left(time.monotonic(), progress))
         if (shown.progress, shown.message, shown.left) != (progress, message, left):
             shown.progress, shown.message, shown.left = progress, message, left
             redraw_panels(context.window_manager)

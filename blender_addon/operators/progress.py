@@ -13,14 +13,14 @@ LOG_SECONDS = 10.0
 
 # The time left is estimated after this fraction and this many seconds; before, the estimate would be worthless. In
 # longer work, a smaller fraction suffices.
-_LEAST_SHARE, _LEAST_SECONDS = 0.03, 2.0
-_LEAST_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
+_MIN_SHARE, _MIN_SECONDS = 0.03, 2.0
+_MIN_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
 
 log = logging.getLogger(__name__)
 
 
 @contextmanager
-def at_the_pointer(manager: Any) -> Iterator[Progress]:
+def cursor_progress(manager: Any) -> Iterator[Progress]:
     """Progress of a script's work: at the mouse pointer, and occasionally as a line in the log."""
     logged = time.monotonic()
 
@@ -70,12 +70,12 @@ class Pace:
             self._begun = now, done
         self._last = done
         since, share = now - self._begun[0], done - self._begun[1]
-        if since < _LEAST_SECONDS or share < (_LEAST_SHARE if since < _LATER_SECONDS else _LEAST_SHARE_LATER):
+        if since < _MIN_SECONDS or share < (_MIN_SHARE if since < _LATER_SECONDS else _MIN_SHARE_LATER):
             return None
         return since * (1 - done) / share
 
 
-def in_words(seconds: float | None) -> str:
+def time_left_text(seconds: float | None) -> str:
     """ "40 s left", "3 min left", "2 h 10 min left"; "" for None. Rounded like an estimate, never to zero."""
     if seconds is None:
         return ""

@@ -6,7 +6,7 @@ from typing import Any
 from mpsnet_core.errors import InputError
 
 from ..bake.bake import NO_CAMERA
-from ..bake.bakes_onto import check_can_wear
+from ..bake.bake_operator import check_shows_normals
 from ..bake.base_maps import usable_maps
 from ..bake.coverage import hides_materials
 from ..bake.texture_sets import BakeTarget, with_tokens
@@ -15,9 +15,9 @@ from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import check_in_scene, target_of
+from .photo_inputs import lacks_file, lacks_named
 from .step import Step
 from .text import wrapped
-from .what_counts import lacks_file, lacks_named
 
 
 class MPS_PT_bake(Step):
@@ -105,7 +105,7 @@ def lacks_base_map(context: Any) -> str:
 def _lacks_target(scene: Any, obj: Any) -> str:
     try:
         check_in_scene(scene, obj, "target")
-        check_can_wear(obj)
+        check_shows_normals(obj)
     except InputError as error:
         return str(error)
     if obj.modifiers or obj.mode == "EDIT":  # these may create faces and UVs

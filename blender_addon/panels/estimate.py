@@ -4,9 +4,9 @@ from typing import Any
 
 from ..settings.estimate import MODELS
 from .models import MPS_MT_estimate_models, model_menu
+from .photo_inputs import camera_of, lacks_of_estimate, lights_of
 from .step import Step
 from .text import wrapped
-from .what_counts import camera_of, lacks_of_estimate, lights_of
 
 
 class MPS_PT_estimate(Step):

@@ -4,8 +4,8 @@ from typing import Any
 
 from ..scene.objects import target_of
 from .bake import lacks_targets
+from .photo_inputs import lacks_file
 from .step import Step
-from .what_counts import lacks_file
 
 
 class MPS_PT_heights(Step):

@@ -4,9 +4,9 @@ from typing import Any
 
 from ..image_records import remembered
 from .models import MPS_MT_material_models, model_menu
+from .photo_inputs import lacks_file, lights_of
 from .step import Step
 from .text import wrapped
-from .what_counts import lacks_file, lights_of
 
 
 class MPS_PT_material(Step):

@@ -5,19 +5,19 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.alignment.points import LEAST_PAIRS
+from mpsnet_core.estimate.alignment.points import MIN_PAIRS
 
 from ..child_process.trust import SCRIPTS_OFF
 from ..photo.camera import is_real
 from ..photo.pick_points import picking
 from ..provenance import made_by
-from ..rig.light_rig import drawn_rig, rig_camera
+from ..rig.light_rig import last_evaluated_rig, rig_camera
 from ..scene.camera import scene_camera
 from ..scene.objects import target_of
 from ..settings.record import notes_of
+from .photo_inputs import lacks_file, lacks_mask, lights_of
 from .step import Step, sentence
 from .text import wrapped
-from .what_counts import lacks_file, lacks_mask, lights_of
 
 
 class MPS_PT_photo(Step):
@@ -37,7 +37,7 @@ class MPS_PT_photo(Step):
         if cls.verb(context) == "open_photo":
             return ""
         try:
-            drawn_rig(scene)
+            last_evaluated_rig(scene)
             scene_camera(rig_camera(scene), scene)
         except InputError as error:
             return str(error)
@@ -131,9 +131,9 @@ class MPS_PT_align(Step):
         photo = scene.mps.photo.image
         if lacking := super().lacks(context) or lacks_file(photo, "photo") or lights_of(scene).lacks:
             return lacking
-        missing = LEAST_PAIRS - len(photo.mps.pairs)
-        fewer = 0 < missing < LEAST_PAIRS
-        return f"{LEAST_PAIRS} points are the least: pick {missing} more, or remove them" if fewer else ""
+        missing = MIN_PAIRS - len(photo.mps.pairs)
+        fewer = 0 < missing < MIN_PAIRS
+        return f"{MIN_PAIRS} points are the least: pick {missing} more, or remove them" if fewer else ""
 
     @classmethod
     def result(cls, context: Any) -> Any:

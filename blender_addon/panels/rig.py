@@ -8,13 +8,13 @@ from mpsnet_core.scene.rig import LightRig
 from ..photo.camera import is_real
 from ..photo.options import rig_file_for
 from ..rig.light_preview import light_preview
-from ..rig.light_rig import COLOURS, drawn_rig
+from ..rig.light_rig import COLOURS, last_evaluated_rig
 from ..rig.rig import rig_objects
 from ..scene.surfaces import SURFACES
 from ..settings.declared import OWN_SENSE
+from .photo_inputs import Lights, lights_of, virtual_rig
 from .step import Kind, State, Step, sentence
 from .text import wrapped
-from .what_counts import Lights, lights_of, virtual_rig
 
 # Types of objects that can have a surface.
 _SURFACES = {*SURFACES, "EMPTY"}
@@ -47,7 +47,7 @@ class MPS_PT_rig(Step):
     def state(cls, context: Any) -> State:
         if context.scene.mps.way == "RENDER" and cls.result(context):
             try:
-                drawn_rig(context.scene)
+                last_evaluated_rig(context.scene)
             except InputError as error:
                 return State(Kind.FAILED, str(error))
         return super().state(context)

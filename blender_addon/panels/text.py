@@ -12,7 +12,7 @@ from mpsnet_core.errors import LONGEST, in_one_line
 # label, and the tabs at the region's edge.
 _BESIDE = 3.2
 _ICON = 1.1
-_LEAST = 4.0
+_MIN_WIDTH = 4.0
 _WIDGET = 20.0
 
 
@@ -66,7 +66,7 @@ def available(*, with_icon: bool = False) -> float:
     # Not the region's width: its contents may be zoomed.
     width = view.region_to_view(bpy.context.region.width, 0)[0] - view.region_to_view(0, 0)[0]
     beside = _BESIDE + _ICON if with_icon else _BESIDE
-    return max(width - beside * _unit(), _LEAST * _unit())
+    return max(width - beside * _unit(), _MIN_WIDTH * _unit())
 
 
 def text_width(text: str) -> float:

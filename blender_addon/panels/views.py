@@ -6,8 +6,8 @@ from ..bake.many_views import background
 from ..outputs import is_safe_to_open
 from ..provenance import made_by
 from .bake import lacks_base_map, lacks_targets
+from .photo_inputs import NO_LIGHTS
 from .step import Step
-from .what_counts import NO_LIGHTS
 
 
 class MPS_PT_views(Step):

@@ -24,7 +24,7 @@ from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
 from ..settings.align import AlignSettings
-from ..settings.declared import as_typed, from_option, take_given
+from ..settings.declared import apply_given_settings, from_option, round_as_typed
 from .camera import chosen_camera, is_real
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 
@@ -68,14 +68,14 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Align, Sequence[Path]]:
         scene = context.scene
-        take_given(self, AlignSettings, scene.mps.align)
+        apply_given_settings(self, AlignSettings, scene.mps.align)
         photo, estimate = scene.mps.photo.image, scene.mps.estimate
         file = image_file(photo, "photo", "open it again")
         if photo.source == "MOVIE":
             raise InputError(f"{file.name} is a video; open one of its frames as a picture and align that")
         target = find_object(scene, self.target) if self.target else mesh_of_photo(context)
         context.view_layer.update()
-        self.later(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
+        self.schedule(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
         overlay = output_path("", result_name(scene, "alignment"), "PNG")
         self._camera, self._overlay = overlay.with_name(f"{overlay.stem}_camera.json"), overlay
         self._photo, self._target = photo.session_uid, target.session_uid
@@ -104,7 +104,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             camera = find_object(scene, self.lens_of)
         if camera is None:
             lens = self.lens if given else scene.mps.estimate.lens
-            return {"focal": as_typed(lens)} if lens else {}
+            return {"focal": round_as_typed(lens)} if lens else {}
         check_in_scene(scene, camera, "camera of the lens")
         if camera.type != "CAMERA":
             raise InputError(f'the lens is to be that of "{camera.name}", which is no camera; name one')

@@ -52,7 +52,7 @@ REPORT_SECONDS = 0.5
 
 _REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # hours, minutes and seconds, as Cycles prints them
 # Limit of a render's estimated progress: one that takes longer than expected must not look done.
-_MOST = 0.98
+_MAX_SHARE = 0.98
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ class _Progress:
             self._takes = self._seconds() + 3600 * hours + 60 * minutes + seconds
 
     def report(self) -> None:
-        within = min(self._seconds() / self._takes, _MOST) if self._takes else 0.0
+        within = min(self._seconds() / self._takes, _MAX_SHARE) if self._takes else 0.0
         self._parent.send(progress=(self._done + within) / self._renders, message=self._words)
 
     def _seconds(self) -> float:

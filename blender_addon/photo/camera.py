@@ -46,7 +46,7 @@ def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None
     return camera is not None
 
 
-def cameras_place(scene: Any, image: Any) -> Provenance:
+def camera_provenance(scene: Any, image: Any) -> Provenance:
     """The pose and lens of a photo's camera object, as provenance; empty if there is no such object."""
     camera = chosen_camera(scene, image) if image else None
     if camera is None:

@@ -47,7 +47,7 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
         space.use_local_camera, space.camera = True, camera
         if not in_camera:
             bpy.ops.view3d.view_camera()
-        _take_frame(context.scene)
+        _use_photo_resolution(context.scene)
         _watch_on()
 
 
@@ -58,7 +58,7 @@ def _photos_camera(scene: Any) -> Any:
     return camera if camera is not None and scene.objects.get(camera.name) == camera else None
 
 
-def _take_frame(scene: Any) -> None:
+def _use_photo_resolution(scene: Any) -> None:
     """Set the scene's resolution to the photo's, and store the previous one with the scene."""
     photo, render = scene.mps.photo, scene.render
     before = _stored_frames(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
@@ -68,7 +68,7 @@ def _take_frame(scene: Any) -> None:
     scene[_BEFORE] = [*map(float, before), *(float(getattr(render, name)) for name in _FRAME)]
 
 
-def _put_back(scene: Any) -> None:
+def _restore_resolution(scene: Any) -> None:
     """Restore the scene's resolution, unless the user has changed it meanwhile."""
     numbers, render = _stored_frames(scene), scene.render
     del scene[_BEFORE]
@@ -107,7 +107,7 @@ def watch() -> float | None:
     windows = bpy.context.window_manager.windows
     for scene in _framed():
         if not any(window.scene == scene and _shows_photos_camera(window) for window in windows):
-            _put_back(scene)
+            _restore_resolution(scene)
     return WATCH_SECONDS if _framed() else None
 
 

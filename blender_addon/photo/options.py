@@ -17,7 +17,7 @@ from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import check_in_scene
-from ..settings.declared import as_typed
+from ..settings.declared import round_as_typed
 from ..settings.estimate import MODELS
 from ..slices import Slices
 from .camera import is_real, write_photo_camera
@@ -60,18 +60,18 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 
 
 def rig_and_camera_options(
-    context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
+    context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], rig_file: str | None = None
 ) -> RigAndViewpoint:
     """The core's options for the photo's rig and camera, by the scene's settings.
 
-    later: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
+    schedule: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
     settings if it applies to this photo.
     """
     scene = context.scene
     if rig_file is None:
         rig_file = rig_file_for(image, scene.mps.estimate)
     rig = rig_path(scene, image, folder, rig_file)
-    return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, later)}
+    return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, schedule)}
 
 
 def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
@@ -92,7 +92,7 @@ def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
 
 
 def _viewpoint_options(
-    context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]
+    context: Any, image: Any, rig: LightRig, folder: Path, schedule: Callable[[Slices], None]
 ) -> Viewpoint:
     """The core's options for the photo's camera and, for near lights, its distance to the object."""
     scene = context.scene
@@ -104,12 +104,12 @@ def _viewpoint_options(
             "whose camera is used"
         )
     if rig.near is not None and settings.distance:
-        viewpoint["distance"] = as_typed(settings.distance)
+        viewpoint["distance"] = round_as_typed(settings.distance)
     elif rig.near is not None and settings.surface is not None and not settings.lens:
         check_in_scene(scene, settings.surface, "surface")
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()
-        later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
+        schedule(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
         viewpoint["mesh"] = str(folder / "surface.npz")
     return viewpoint
 
@@ -120,7 +120,7 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
     """
     if lens:
-        return {"focal": as_typed(lens)}
+        return {"focal": round_as_typed(lens)}
     camera = folder / "camera.json"
     if not write_photo_camera(camera, scene, image):
         if not scene.mps.rig.lights:

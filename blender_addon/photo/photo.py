@@ -20,13 +20,13 @@ from ..image_records import read_sidecar, remember
 from ..images import frame_pattern, load_photo
 from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
-from ..operators.progress import at_the_pointer
+from ..operators.progress import cursor_progress
 from ..operators.reporting import ReportingOperator
 from ..outputs import output_frames, output_path, render_path
 from ..provenance import Provenance, chosen, file_stamp, rounded
-from ..rig.light_rig import light_rig, lights_stand, rig_camera
+from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
-from ..settings.declared import PATH, take_given
+from ..settings.declared import PATH, apply_given_settings
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
@@ -61,9 +61,9 @@ class _Renders(RunsCore):
 
     def run_here(self, context: Any) -> None:
         what, output = self.target(context.scene)
-        self.will_write([output])
+        self.check_outputs([output])
         self._notes = not_found(context.scene)
-        with at_the_pointer(context.window_manager) as progress:
+        with cursor_progress(context.window_manager) as progress:
             rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words))
         self._notes += [*blocked_scripts_note(), *rendered.notes]
         self._made_from = self.provenance(context)
@@ -85,7 +85,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
 
     def target(self, scene: Any) -> tuple[RenderKind, Path]:
-        take_given(self, PhotoSettings, scene.mps.photo)
+        apply_given_settings(self, PhotoSettings, scene.mps.photo)
         self._moves = self.animation
         if self._moves:
             return "frames", output_frames(self.output, result_name(scene, "photo"))
@@ -95,7 +95,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         result_is = f"its photo is in {result['output']}"
         rig = rig_at(self.scene(result_is), self._rig_place, result_is)
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
-        _take(rig, image)
+        _set_photo(rig, image)
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
@@ -141,7 +141,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
             image.source = "SEQUENCE"
         self._made_from = self.provenance(context)
         self.made(image)
-        _take(context.scene.mps, image)
+        _set_photo(context.scene.mps, image)
         context.scene.mps.way = "PHOTOGRAPH"
 
 
@@ -161,7 +161,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
-        take_given(self, SuperposeSettings, scene.mps.superpose)
+        apply_given_settings(self, SuperposeSettings, scene.mps.superpose)
         photos = [getattr(self, name) for name in _LIGHTS]
         for name, photo in zip(_LIGHTS, photos, strict=True):
             if not photo:
@@ -177,11 +177,11 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         image = load_photo(photo, photo.stem)
         self.made(image)
         rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states that it is linear
-        _take(rig, image)
+        _set_photo(rig, image)
         self.report({"INFO"}, f"Photo written to {photo}")
 
 
-def _take(rig: Any, image: bpy.types.Image) -> None:
+def _set_photo(rig: Any, image: bpy.types.Image) -> None:
     """Make an image the photo of a rig, and reset settings of the previous photo."""
     if rig.photo.image not in (None, image):
         # They belong to the previous photo.
@@ -195,7 +195,7 @@ def _take(rig: Any, image: bpy.types.Image) -> None:
 
 def _drawn(scene: Any) -> Provenance:
     """Lights and camera at Blender's last evaluation, as provenance; empty if they cannot take a photo."""
-    lights = lights_stand(scene)
+    lights = lights_provenance(scene)
     return {**lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
 
 

@@ -34,14 +34,14 @@ class _Picking:
     """The state while points are picked: the photo's editor, and what is drawn.
 
     editor: pointer of the area. was: what the area showed before; None if it was created for this. half: the first
-    point of an incomplete pair, with its location. held: index of the pair that is dragged, and its location.
+    point of an incomplete pair, with its location. dragged: index of the pair that is dragged, and its location.
     """
 
     window: Any
     editor: int
     was: tuple[Any, str] | None
     half: dict[Side, Sequence[float]] = field(default_factory=dict)
-    held: tuple[int, Side] | None = None
+    dragged: tuple[int, Side] | None = None
     pressed: bool = False
     fitted: bool = False
     hint: str = ""
@@ -57,7 +57,7 @@ class _Picking:
             self.handles.append((space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")))
         _running.append(self)
 
-    def leave(self, *, put_back: bool = True) -> None:
+    def leave(self, *, restore: bool = True) -> None:
         """Remove what is drawn, and restore the window unless it is being closed. Further calls do nothing."""
         if self not in _running:
             return
@@ -66,11 +66,11 @@ class _Picking:
             space.draw_handler_remove(handle, "WINDOW")
         for workspace in bpy.data.workspaces:  # it may have moved to another one
             workspace.status_text_set(None)
-        if put_back:
-            self._put_back()
+        if restore:
+            self._restore_area()
             _redraw(self.window)
 
-    def _put_back(self) -> None:
+    def _restore_area(self) -> None:
         area = self.area()
         if area is None or area.type != "IMAGE_EDITOR":
             return
@@ -99,7 +99,7 @@ class _Picking:
         """Grab a marker, or set a point. Returns whether the click was used."""
         number = spot.marker(_pairs(context))
         if number is not None:
-            self.held = number, spot.side
+            self.dragged = number, spot.side
             return True
         found = spot.found(context)
         if found is None:
@@ -114,14 +114,14 @@ class _Picking:
         return True
 
     def drag(self, context: Any, spot: "_Spot | None") -> None:
-        number, side = self.held or (0, "pixel")
+        number, side = self.dragged or (0, "pixel")
         pairs = _pairs(context)
         found = spot.found(context) if spot and spot.side == side and number < len(pairs) else None
         if found is not None:
             setattr(pairs[number], side, found)
             pairs[number].residual = -1.0
 
-    def take_back(self, context: Any) -> None:
+    def undo_pick(self, context: Any) -> None:
         pairs = _pairs(context)
         if self.half:
             self.half.clear()
@@ -335,7 +335,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
         was = (area.spaces.active.image, area.spaces.active.ui_mode) if area else None
         if area is None:
-            area = _beside_viewport(context)
+            area = _split_off_image_editor(context)
         space = area.spaces.active
         space.image, space.ui_mode = photo, "VIEW"
         self._picking = _Picking(window, area.as_pointer(), was)
@@ -360,15 +360,15 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
     def _use(self, context: Any, event: bpy.types.Event) -> bool:
         """Handle a key or mouse event. Returns whether it was consumed."""
         mine, pressed = self._picking, event.value in {"PRESS", "DOUBLE_CLICK"}
-        if event.type == "MOUSEMOVE" and mine.held:
+        if event.type == "MOUSEMOVE" and mine.dragged:
             mine.drag(context, _spot(context, event))
             return True
         if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-            held, mine.held, mine.pressed = mine.pressed, None, False
-            return held
+            dragged, mine.dragged, mine.pressed = mine.pressed, None, False
+            return dragged
         takes_back = event.type == "Z" and (event.ctrl or event.oskey) and not event.shift
         if pressed and (takes_back or event.type == "BACK_SPACE"):
-            mine.take_back(context)
+            mine.undo_pick(context)
             return True
         spot = _spot(context, event) if pressed and event.type in {"LEFTMOUSE", *_DELETES} else None
         if spot is None or event.alt or event.ctrl or event.oskey or event.shift:
@@ -383,10 +383,10 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
 
     def cancel(self, context: Any) -> None:
         """Also called by Blender if another file is opened or the window is closed."""
-        self._picking.leave(put_back=False)
+        self._picking.leave(restore=False)
 
 
-def _beside_viewport(context: Any) -> Any:
+def _split_off_image_editor(context: Any) -> Any:
     """Split an Image Editor off the viewport. Raises InputError if there is no viewport, or no room."""
     screen = context.window.screen
     views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]

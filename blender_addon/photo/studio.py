@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError, NoObject
-from mpsnet_core.io.files import temporary_folder, written_together, written_whole
+from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
@@ -22,7 +22,7 @@ from ..errors import operator_report
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import render_path, with_escaped_braces
-from ..rig.light_rig import drawn_rig, rig_camera, rig_parts
+from ..rig.light_rig import last_evaluated_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import surfaces
@@ -72,7 +72,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     photo, (camera, _, lights) = scene.mps.photo, rig_parts(scene)
     with _studio(scene) as studio, temporary_folder() as folder:
         depsgraph = studio.view_layers[0].depsgraph
-        rig = drawn_rig(scene, depsgraph)
+        rig = last_evaluated_rig(scene, depsgraph)
         taken_by = scene_camera(camera.evaluated_get(depsgraph), scene, (photo.width, photo.height))
         notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)
@@ -88,7 +88,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
             for other in others:
                 studio.collection.objects.link(other)
         load_openimageio()
-        with written_together():
+        with write_transaction():
             write_rig(sidecar(path, "rig"), replace(rig, exact=True))
             write_camera(sidecar(path, "camera"), taken_by)
             images = tuple(map(str, parts))
@@ -144,7 +144,7 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
     """
     render_path(path)
     camera, photo = rig_camera(scene), scene.mps.photo
-    with _studio(scene) as studio, written_together():
+    with _studio(scene) as studio, write_transaction():
         notes = _leave_target_out(studio, scene.mps.bake)
         studio.cycles.samples = _NORMAL_SAMPLES
         studio.cycles.max_bounces = 0
@@ -313,14 +313,14 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     settings.file_format = file_format
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
     studio.render.use_file_extension = False
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         studio.render.filepath = with_escaped_braces(unfinished)
         try:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
             raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
         load_openimageio()  # not needed at Blender's start
-        from mpsnet_core.io.image_writing import is_whole
+        from mpsnet_core.io.image_writing import is_complete_image
 
-        if not is_whole(unfinished):
+        if not is_complete_image(unfinished):
             raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

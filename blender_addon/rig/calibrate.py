@@ -18,7 +18,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
-from ..settings.declared import as_typed, take_given
+from ..settings.declared import apply_given_settings, round_as_typed
 from .several_rigs import all_rigs, result_name, rig_at
 
 _OVERLAY = "MPS Calibration"
@@ -37,8 +37,8 @@ class _Calibrates(RunsCore, CalibrateSettings):
         circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
         return {
             "encoding": self.encoding.lower(),
-            "radius": as_typed(self.ball_radius),
-            "focal": as_typed(self.lens) if self.lens else None,
+            "radius": round_as_typed(self.ball_radius),
+            "focal": round_as_typed(self.lens) if self.lens else None,
             "circle": tuple(f"{x:g},{y:g},{radius:g}" for x, y, radius in circles) if circles[0][2] > 0 else (),
             "overlay": str(self._overlay),
             "output": str(rig),
@@ -51,7 +51,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
             raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
         return path
 
-    def _take(self, table: Sequence[Sequence[str]]) -> None:
+    def _show_results(self, table: Sequence[Sequence[str]]) -> None:
         """Show the overlay and the table of results (headings first), and use the rig for estimates.
 
         Rows with only two cells are shown as separate lines below the table.
@@ -79,7 +79,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
     bl_label = "Find Lights"
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateLights, Sequence[Path]]:
-        take_given(self, CalibrateSettings, context.scene.mps.calibrate)
+        apply_given_settings(self, CalibrateSettings, context.scene.mps.calibrate)
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
@@ -91,7 +91,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
             (light["name"].title(), f"{light['slant']:.1f}°", f"{light['tilt']:.1f}°", f"{light['uncertainty']:.1f}°")
             for light in result["lights"]
         ]
-        self._take([("", "Slant", "Tilt", "±"), *lights])
+        self._show_results([("", "Slant", "Tilt", "±"), *lights])
 
 
 class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
@@ -102,7 +102,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateMixing, Sequence[Path]]:
         scene = context.scene
-        take_given(self, CalibrateSettings, scene.mps.calibrate)
+        apply_given_settings(self, CalibrateSettings, scene.mps.calibrate)
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Rig")
@@ -116,7 +116,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         unexplained = (UNEXPLAINED, f"{result['residual']:.1%}")
         off = result["equation_2_error"]
         equation_2 = [] if off is None else [(EQUATION_2, f"{off:.1f}°")]
-        self._take([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
+        self._show_results([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
 
 
 def _photo(path: str, what: str) -> str:

@@ -31,7 +31,7 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import write_surfaces
 from ..scene.objects import by_session_uid, rendered, view_layer
 from ..scene.surfaces import SURFACES
-from .light_rig import drawn_rig, light_rig, rig_camera
+from .light_rig import last_evaluated_rig, light_rig, rig_camera
 
 TICK_SECONDS = 0.3
 PIXELS = 256
@@ -74,12 +74,12 @@ class LightPreview:
     mesh_of: str = ""
     shown: str = ""
     process: CoreProcess | None = None
-    held: ExitStack = field(default_factory=ExitStack)
+    resources: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
-        self.folder = self.held.enter_context(temporary_folder())
+        self.folder = self.resources.enter_context(temporary_folder())
         self.icons = bpy.utils.previews.new()
-        self.held.callback(bpy.utils.previews.remove, self.icons)
+        self.resources.callback(bpy.utils.previews.remove, self.icons)
 
     @property
     def scene(self) -> Any:
@@ -87,7 +87,7 @@ class LightPreview:
         scene = by_session_uid(bpy.data.scenes, self.scene_uid)
         return scene if scene is not None and scene.mps.rig.lights else None
 
-    def go_on(self, scene: Any) -> None:
+    def update(self, scene: Any) -> None:
         """Show the child's result, and start the next one if something moved."""
         if self.process is not None:
             if self.process.running():
@@ -103,7 +103,7 @@ class LightPreview:
             self.moved, self.mesh_of, self.shown = False, "", ""
             return
         try:
-            objects, rig = _objects(scene), drawn_rig(scene)
+            objects, rig = _objects(scene), last_evaluated_rig(scene)
             camera = scene_camera(rig_camera(scene), scene, (scene.mps.photo.width, scene.mps.photo.height))
         except InputError:
             self.shown = ""  # trace again once the error is mended
@@ -142,7 +142,7 @@ class LightPreview:
     def close(self) -> None:
         if self.process is not None:
             self.process.cancel()
-        self.held.close()
+        self.resources.close()
         redraw_panels(bpy.context.window_manager)
 
 
@@ -174,7 +174,7 @@ def tick() -> float | None:
             _close()
             break
         try:
-            preview.go_on(scene)
+            preview.update(scene)
         except (InputError, CoreCrashed) as error:
             preview.fail(str(error))
         except OSError as error:

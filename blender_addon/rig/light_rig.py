@@ -32,10 +32,10 @@ def light_rig(scene: Any) -> LightRig:
     not determine a normal.
     """
     view_layer(scene).update()
-    return drawn_rig(scene)
+    return last_evaluated_rig(scene)
 
 
-def drawn_rig(scene: Any, depsgraph: Any = None) -> LightRig:
+def last_evaluated_rig(scene: Any, depsgraph: Any = None) -> LightRig:
     """:func:`light_rig` from Blender's last evaluation of the scene, for panels, which must not evaluate it.
 
     depsgraph: one that evaluates the rig. The scene's own omits objects that are disabled in viewports.
@@ -55,10 +55,10 @@ def drawn_rig(scene: Any, depsgraph: Any = None) -> LightRig:
     return near_rig(positions, target, mixing, lobes.pop() or 0.0)
 
 
-def lights_stand(scene: Any) -> Provenance:
+def lights_provenance(scene: Any) -> Provenance:
     """The lights' positions and brightness as provenance of a photo; empty if they cannot take a photo."""
     try:
-        rig = drawn_rig(scene)
+        rig = last_evaluated_rig(scene)
     except InputError:
         return {}
     return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}

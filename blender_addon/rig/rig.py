@@ -16,7 +16,7 @@ from mpsnet_core.scene.rig import direction_from_angles
 from ..operators.reporting import ReportingOperator
 from ..scene.objects import refuse_linked_scene, refuse_unselectable
 from ..scene.surfaces import sphere_around, surface_points
-from ..settings.declared import take_given
+from ..settings.declared import apply_given_settings
 from ..settings.rig import RigSettings
 from .light_rig import COLOURS, area_power
 
@@ -56,7 +56,7 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
         return True
 
     def act(self, context: Any) -> None:
-        take_given(self, RigSettings, context.scene.mps.rig)
+        apply_given_settings(self, RigSettings, context.scene.mps.rig)
         add_rig(context)
 
 
@@ -188,7 +188,7 @@ def _add_camera(scene: Any, seen: NDArray[np.float64], radius: float) -> Any:
         place = np.array([0, 0, max(settings.distance, 2.0) * radius])
     else:
         data.type = "PERSP"
-        place = _where_it_fits(seen, fill * FULL_FRAME / 2 / settings.focal_length, radius)
+        place = _camera_position_in_view(seen, fill * FULL_FRAME / 2 / settings.focal_length, radius)
     nearest, away = place[2] - seen[:, 2].max(), place[2]
     # A range with room to move the object within the rig, and a better depth precision than 0.1 mm to 1 km.
     data.clip_start, data.clip_end = nearest / 100, (away + radius) * 10
@@ -197,7 +197,9 @@ def _add_camera(scene: Any, seen: NDArray[np.float64], radius: float) -> Any:
     return camera
 
 
-def _where_it_fits(seen: NDArray[np.float64], slopes: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+def _camera_position_in_view(
+    seen: NDArray[np.float64], slopes: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
     """(3,) the nearest camera position with points (N, 3) in view, along -z, of a frustum with side slopes (2,)."""
     # Each side of the frustum is a plane that moves with the camera; its outermost point bounds the position.
     reach = seen[:, 2:] * slopes

@@ -17,7 +17,7 @@ from mathutils import Euler, Matrix
 
 from mpsnet_core.errors import InputError, SettingsError
 
-from ..operators.core_run import RunsCore, Turn, idle
+from ..operators.core_run import RunContext, RunsCore, idle
 from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
@@ -152,10 +152,10 @@ class OnEachRig(RunsCore):
         super().begin(context)
         self._given = {name for name in _names(self.properties) if self.properties.is_property_set(name)}
 
-    def turns(self) -> Sequence[Turn]:
+    def run_contexts(self) -> Sequence[RunContext]:
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if not (self.all_rigs and scene.mps.rigs):
-            return super().turns()
+            return super().run_contexts()
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
         for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
@@ -196,7 +196,7 @@ def new_rig(scene: Any) -> None:
         for name in _names(group):
             if name not in settings.__annotations__ or name in {"output", "rig_file", "white", "white_light"}:
                 group.property_unset(name)
-    _forget(mps)
+    _clear_records(mps)
 
 
 def add_rig_ring(context: Any, count: int, elevation: float) -> None:
@@ -283,13 +283,13 @@ def _load_rig(scene: Any, index: int) -> None:
     place = mps.rigs[index]
     for step in _STEPS:
         _copy(getattr(place, step), getattr(mps, step))
-    _forget(mps)
+    _clear_records(mps)
     for record in place.records:
         _copy(record, mps.records.add())
     mps.chosen_rig = index
 
 
-def _forget(mps: Any) -> None:
+def _clear_records(mps: Any) -> None:
     for verb in _VERBS:
         if (place := mps.records.find(verb)) >= 0:
             mps.records.remove(place)

@@ -32,7 +32,7 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-MOST_TRIANGLES = 4_000_000  # limit of what is read while the window waits
+MAX_TRIANGLES = 4_000_000  # limit of what is read while the window waits
 
 _ROWS_A_SLICE = 100_000
 
@@ -137,8 +137,8 @@ def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
         vertices, of_corner, normals, corners = _shape(mesh)
         evaluated.to_mesh_clear()
         count += len(corners)
-        if count > MOST_TRIANGLES:
-            raise GeometryError(f"the scene has more than {MOST_TRIANGLES:,} triangles; hide what need not be seen")
+        if count > MAX_TRIANGLES:
+            raise GeometryError(f"the scene has more than {MAX_TRIANGLES:,} triangles; hide what need not be seen")
         uvs = np.zeros((len(corners), 3, 2), np.float32)
         pose = np.array(instance.matrix_world, np.float64)
         meshes.append(Mesh(vertices, of_corner[corners], normals[corners], uvs, world_from_object=pose))
@@ -232,8 +232,9 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
 
     polygons: (T,) polygon of each triangle. Arrays per triangle are pairs or views, for :func:`_written`.
     """
-    held = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
-    labels = [_label(held.get(number, one), obj) for number, one in enumerate(mesh.materials)] or [_label(None, obj)]
+    by_object = {number: slot.material for number, slot in enumerate(obj.material_slots) if slot.link == "OBJECT"}
+    labels = [_label(by_object.get(number, one), obj) for number, one in enumerate(mesh.materials)]
+    labels = labels or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # much faster than the triangles' own
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)

@@ -50,7 +50,7 @@ class BakeSettings:
     )
     onto: BoolSetting(
         name="On Top",
-        description="Add the detail to the normal maps that the objects wear, which stay as they are beneath",
+        description="Add the detail to the normal maps that the objects use, which stay as they are beneath",
         default=False,
         update=_take_detail,
     )
@@ -126,8 +126,8 @@ class BakeSettings:
         description="What Blender's Asset Browser shows of the result",
         items=[
             ("NONE", "Nothing", "Mark nothing; what is marked already stays so"),
-            ("MATERIAL", "Material", "The materials that wear the texture"),
-            ("OBJECT", "Object", "The objects that wear the texture"),
+            ("MATERIAL", "Material", "The materials that use the texture"),
+            ("OBJECT", "Object", "The objects that use the texture"),
         ],
         default="NONE",
     )

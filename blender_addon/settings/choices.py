@@ -38,7 +38,7 @@ def choices(scene: Any) -> dict[str, Any]:
     return {path: value for path, value in found.items() if not path.startswith(_OF_ONE_PHOTO)}
 
 
-def keep_choices() -> None:
+def save_choices() -> None:
     """Store the choices that were changed since the file was opened in the preferences."""
     preferences, scene = _preferences(), bpy.context.scene
     if preferences is None or not preferences.remember or scene.session_uid not in _opened:
@@ -50,13 +50,13 @@ def keep_choices() -> None:
         bpy.context.preferences.is_dirty = True  # otherwise Blender would not save them when it quits
 
 
-def begin_with_choices() -> None:
+def restore_choices() -> None:
     """Apply the stored choices to scenes in which nothing was ever set."""
     preferences = _preferences()
     kept = from_json(preferences.remembered, dict) if preferences is not None and preferences.remember else {}
     _opened.clear()
     for scene in bpy.data.scenes:
-        if not scene.library and not _touched(scene.mps):
+        if not scene.library and not _is_any_set(scene.mps):
             for path, value in choices(scene).items():
                 # Reset values that an earlier choice has set.
                 _set(scene, path, kept.get(path, value))
@@ -77,14 +77,14 @@ def _set(scene: Any, path: str, value: Any) -> None:
             setattr(group, name, value)
 
 
-def _touched(group: Any) -> bool:
+def _is_any_set(group: Any) -> bool:
     """Whether anything in a group was ever set."""
     for one in group.bl_rna.properties:
         if one.identifier in {"rna_type", "way"}:  # the way counts as set even if nobody chose it
             continue
         value = getattr(group, one.identifier)
         if isinstance(value, bpy.types.PropertyGroup):
-            if _touched(value):
+            if _is_any_set(value):
                 return True
         elif one.type in {"POINTER", "COLLECTION"}:  # these count as set from the start
             if value:
@@ -102,12 +102,12 @@ def _preferences() -> Any:
 
 @persistent
 def _leave(*_: Any) -> None:
-    keep_choices()
+    save_choices()
 
 
 @persistent
 def _open(*_: Any) -> None:
-    begin_with_choices()
+    restore_choices()
 
 
 # exit_pre exists from Blender 5.1 on.
@@ -120,7 +120,7 @@ def register() -> None:
     for name in _LEAVING:
         getattr(bpy.app.handlers, name).append(_leave)
     bpy.app.handlers.load_post.append(_open)
-    bpy.app.timers.register(begin_with_choices, first_interval=0)  # for the file that is already open
+    bpy.app.timers.register(restore_choices, first_interval=0)  # for the file that is already open
 
 
 def unregister() -> None:
@@ -129,5 +129,5 @@ def unregister() -> None:
     for name in _LEAVING:
         getattr(bpy.app.handlers, name).remove(_leave)
     bpy.app.handlers.load_post.remove(_open)
-    if bpy.app.timers.is_registered(begin_with_choices):
-        bpy.app.timers.unregister(begin_with_choices)
+    if bpy.app.timers.is_registered(restore_choices):
+        bpy.app.timers.unregister(restore_choices)

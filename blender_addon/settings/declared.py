@@ -133,7 +133,7 @@ def _sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
+def apply_given_settings(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
     """Copy the operator's given properties to the scene's settings, and the other settings to the operator.
 
     Afterwards operator and scene agree, and the "Adjust Last Operation" panel shows the values in use.
@@ -145,6 +145,6 @@ def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.Pr
             setattr(operator, name, getattr(group, name))
 
 
-def as_typed(number: float) -> float:
+def round_as_typed(number: float) -> float:
     """The number as it was typed: Blender stores 0.1 as 0.10000000149."""
     return float(f"{number:g}")

@@ -7,33 +7,33 @@ from bpy.app.handlers import persistent
 
 
 @persistent
-def take_back_unknown(*_: Any) -> None:
+def reset_invalid_settings(*_: Any) -> None:
     """Reset settings of the open file that could not be set in the panel to their defaults.
 
     Called when a file is opened or linked: code that reads a setting can rely on a valid value.
     """
     for image in bpy.data.images:
-        _take_back(image.mps)
+        _reset_invalid(image.mps)
     for scene in bpy.data.scenes:
-        _take_back(scene.mps)
+        _reset_invalid(scene.mps)
         if scene.mps.chosen_rig >= len(scene.mps.rigs):
             scene.mps.property_unset("chosen_rig")
 
 
-def _take_back(group: Any) -> None:
+def _reset_invalid(group: Any) -> None:
     for setting in group.bl_rna.properties:
         name = setting.identifier
         if setting.type == "COLLECTION":
             for item in getattr(group, name):
-                _take_back(item)
+                _reset_invalid(item)
         elif setting.type == "POINTER":
             if name != "rna_type" and isinstance(inner := getattr(group, name), bpy.types.PropertyGroup):
-                _take_back(inner)
-        elif group.is_property_set(name) and not _can_be(group, setting):
+                _reset_invalid(inner)
+        elif group.is_property_set(name) and not _is_valid(group, setting):
             group.property_unset(name)
 
 
-def _can_be(group: Any, setting: Any) -> bool:
+def _is_valid(group: Any, setting: Any) -> bool:
     try:
         value = getattr(group, setting.identifier)
     except UnicodeDecodeError:
@@ -51,9 +51,9 @@ _HANDLERS = (bpy.app.handlers.load_post, bpy.app.handlers.blend_import_post)
 
 def register() -> None:
     for handlers in _HANDLERS:
-        handlers.append(take_back_unknown)
+        handlers.append(reset_invalid_settings)
 
 
 def unregister() -> None:
     for handlers in _HANDLERS:
-        handlers.remove(take_back_unknown)
+        handlers.remove(reset_invalid_settings)

@@ -29,7 +29,7 @@ _AWAY = 5.5
 
 class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
     """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
-    from it, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
+    from it, and a low-poly copy that uses them. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
     bl_label = "Try It"
@@ -183,7 +183,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             context.view_layer.objects.active = obj
         if not bpy.app.background:
             _run(bpy.ops.mps.relight)
-        self.report({"INFO"}, "The low-poly copy wears the photo's normals. To stop the lamp press Relight in 4 Bake")
+        self.report({"INFO"}, "The low-poly copy uses the photo's normals. To stop the lamp press Relight in 4 Bake")
 
     def _demo(self, context: Any) -> Any:
         """The demo's scene, if the window still shows it."""

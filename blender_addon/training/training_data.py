@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 from mpsnet_core.synthesis.operations import MakeSamples
@@ -22,7 +22,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..scene.objects import by_session_uid
-from ..settings.declared import GIVEN, take_given
+from ..settings.declared import GIVEN, apply_given_settings
 from ..settings.samples import SamplesSettings
 
 SCENE_FILE = "scene.blend"
@@ -52,7 +52,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeSamples, Sequence[Path]]:
         scene = context.scene
-        take_given(self, SamplesSettings, scene.mps.samples)
+        apply_given_settings(self, SamplesSettings, scene.mps.samples)
         if self.output:
             requested_path(self.output)
         target = samples_folder(scene)
@@ -129,13 +129,13 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         painted = [image.name for image in bpy.data.images if image.is_dirty]
         if painted:
             raise FileError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
-        with written_whole(path) as unfinished:
+        with atomic_write(path) as unfinished:
             try:
                 save_copy(unfinished, compress=True, mend="choose another folder")
             finally:  # Blender keeps a backup of a file that it overwrites
                 unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 
-    def look(self) -> None:
+    def refresh_results(self) -> None:
         """Show the contact sheet if the core has updated it."""
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         with suppress(InputError, OSError):  # a sheet that is missing or cannot be shown is no reason to stop
@@ -147,7 +147,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
                     fine_preview(image)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        self.look()
+        self.refresh_results()
         sheet = self.scene(f"its samples are in {self._sheet.parent}").mps.samples.image
         if sheet is not None:
             self.made(sheet)

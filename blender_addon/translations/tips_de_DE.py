@@ -27,7 +27,7 @@ TIPS = {
         "Rigs in einem Ring um die ausgewählten Objekte setzen, mit den Einstellungen des Rigs; vorhandene bleiben. "
         "Das erste blickt entlang +Y, wie Blenders Ansicht von vorne"
     ),
-    "Add the detail to the normal maps that the objects wear, which stay as they are beneath": (
+    "Add the detail to the normal maps that the objects use, which stay as they are beneath": (
         "Das Detail auf die Normalmaps legen, die die Objekte tragen; darunter bleiben diese, wie sie sind"
     ),
     "Add three coloured lights and a camera around the selected objects, in place of an earlier rig": (
@@ -686,7 +686,7 @@ TIPS = {
     ),
     (
         "See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated from "
-        "it, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"
+        "it, and a low-poly copy that uses them. Takes seconds to half a minute and changes nothing of yours"
     ): (
         "Alle Schritte in einer neuen Szene sehen: ein Objekt, sein Foto unter drei farbigen Lichtern, die daraus "
         "geschätzten Normalen und eine Low-Poly-Kopie, die sie trägt. Dauert Sekunden bis eine halbe Minute und "
@@ -807,7 +807,7 @@ TIPS = {
     "The map was sculpted or painted": "Die Map wurde modelliert oder gemalt",
     "The mask, drawn over the photo": "Die Maske, über das Foto gezeichnet",
     "The material, repeated": "Das Material, wiederholt",
-    "The materials that wear the texture": "Die Materialien, die die Textur tragen",
+    "The materials that use the texture": "Die Materialien, die die Textur verwenden",
     "The mesh becomes round, edges with a crease apart: for one that is made for it": (
         "Das Mesh wird rund, Kanten mit Falte ausgenommen: für eines, das dafür gemacht ist"
     ),
@@ -819,7 +819,7 @@ TIPS = {
         "Die Meshs in einem Ordner, einzeln und mehrere zusammen: OBJ-, PLY-, STL-, OFF- oder glTF-Dateien"
     ),
     "The normals of that photo": "Die Normalen dieses Fotos",
-    "The objects that wear the texture": "Die Objekte, die die Textur tragen",
+    "The objects that use the texture": "Die Objekte, die die Textur verwenden",
     "The old name of the default with --passes 3: three passes averaged, for sequences too": (
         "Der alte Name der Vorgabe mit --passes 3: drei Durchläufe gemittelt, auch für Sequenzen"
     ),
@@ -959,7 +959,7 @@ TIPS = {
     "Whether the mesh fits the photo too poorly to bake with": (
         "Ob das Mesh zu schlecht zum Foto passt, um damit zu backen"
     ),
-    "Whether the photos already show the present map's relief, which is then not added twice": (
+    "Whether the photos already show the existing map's relief, which is then not added twice": (
         "Ob die Fotos das Relief der vorhandenen Map auch zeigen; dann wird es nicht noch einmal addiert"
     ),
     "Whether the surface may break": "Ob die Oberfläche brechen darf",
@@ -969,7 +969,7 @@ TIPS = {
     ),
     "Which of this texture's texels some view saw": "Welche Texel dieser Textur irgendeine Ansicht sah",
     "Which pixels of the photo are the object": "Welche Pixel des Fotos das Objekt sind",
-    "Which way the green channel of the present map points": "Wohin der grüne Kanal der vorhandenen Map zeigt",
+    "Which way the green channel of the existing map points": "Wohin der grüne Kanal der vorhandenen Map zeigt",
     "Which way the texture's green channel points": "Wohin der grüne Kanal der Textur zeigt",
     'Whose message to take away: "estimate" for mps.estimate': (
         'Wessen Meldung auszublenden ist: "estimate" für mps.estimate'

@@ -20,7 +20,7 @@ TIPS = {
         "Add rigs in a ring around the selected objects, with the settings of the rig; those that are there stay. "
         "The first one looks along +Y, as Blender's front view"
     ): ("按灯架的设置，在所选物体周围添加一圈灯架；已有的保留。第一个沿 +Y 方向看，与 Blender 的前视图相同"),
-    "Add the detail to the normal maps that the objects wear, which stay as they are beneath": (
+    "Add the detail to the normal maps that the objects use, which stay as they are beneath": (
         "将细节叠加到物体已有的法线贴图上，下层贴图保持原样"
     ),
     "Add three coloured lights and a camera around the selected objects, in place of an earlier rig": (
@@ -537,7 +537,7 @@ TIPS = {
     ),
     (
         "See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated from "
-        "it, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"
+        "it, and a low-poly copy that uses them. Takes seconds to half a minute and changes nothing of yours"
     ): (
         "在新场景中查看所有步骤：一个物体、三盏彩灯下的照片、由此估计的法线，以及使用该法线的低面数副本。耗时数秒至半"
         "分钟，不改变你的任何内容"
@@ -631,7 +631,7 @@ TIPS = {
     "The map was sculpted or painted": "贴图是雕刻或绘制的",
     "The mask, drawn over the photo": "绘制在照片上的遮罩",
     "The material, repeated": "重复排列的材质",
-    "The materials that wear the texture": "使用该纹理的材质",
+    "The materials that use the texture": "使用该纹理的材质",
     "The mesh becomes round, edges with a crease apart: for one that is made for it": (
         "网格变得圆滑，带折痕的边除外：用于为此制作的网格"
     ),
@@ -641,7 +641,7 @@ TIPS = {
         "文件夹中的网格，单个或多个一起：OBJ、PLY、STL、OFF 或 glTF 文件"
     ),
     "The normals of that photo": "该照片的法线",
-    "The objects that wear the texture": "使用该纹理的物体",
+    "The objects that use the texture": "使用该纹理的物体",
     "The old name of the default with --passes 3: three passes averaged, for sequences too": (
         "默认网络加 --passes 3 的旧名称：三次结果取平均，也用于序列"
     ),
@@ -750,7 +750,7 @@ TIPS = {
     "Where the photo is brighter than a threshold": "照片比阈值更亮之处",
     "Where the photo is opaque": "照片不透明之处",
     "Whether the mesh fits the photo too poorly to bake with": "网格与照片是否吻合太差而不能烘焙",
-    "Whether the photos already show the present map's relief, which is then not added twice": (
+    "Whether the photos already show the existing map's relief, which is then not added twice": (
         "照片是否也显示了现有贴图的浮雕；若是，则不再重复叠加"
     ),
     "Whether the surface may break": "表面是否可以断开",
@@ -760,7 +760,7 @@ TIPS = {
     ),
     "Which of this texture's texels some view saw": "此纹理的哪些纹素被某个视角看到",
     "Which pixels of the photo are the object": "照片中的哪些像素是物体",
-    "Which way the green channel of the present map points": "现有贴图绿色通道的指向",
+    "Which way the green channel of the existing map points": "现有贴图绿色通道的指向",
     "Which way the texture's green channel points": "纹理绿色通道的指向",
     'Whose message to take away: "estimate" for mps.estimate': '要关闭谁的消息："estimate" 表示 mps.estimate',
     "Why the last run failed and how to mend it. Empty: it did not": "上次运行失败的原因及补救方法。留空：没有失败",

@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 
 def gradient_derivatives(
-    normals: NDArray[np.floating[Any]], usable: NDArray[np.bool_], least_facing: float
+    normals: NDArray[np.floating[Any]], usable: NDArray[np.bool_], min_facing: float
 ) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
     """Derivatives of the gradients along x, (N, 2), and along y, (N, 2), in all cells of four usable pixels.
 
-    normals: (H, W, 3) unit vectors. Those with z up to `least_facing` have no reliable gradients and are left out.
+    normals: (H, W, 3) unit vectors. Those with z up to `min_facing` have no reliable gradients and are left out.
     Gradients of steep surfaces are large, so the derivatives are multiplied by the square of z.
     """
-    usable = usable & (normals[..., 2] > least_facing)
-    facing = np.maximum(normals[..., 2:], least_facing)
+    usable = usable & (normals[..., 2] > min_facing)
+    facing = np.maximum(normals[..., 2:], min_facing)
     gradients = -normals[..., :2] / facing
     corners = [gradients[:-1, :-1], gradients[:-1, 1:], gradients[1:, :-1], gradients[1:, 1:]]
     along_x = (corners[1] + corners[3] - corners[0] - corners[2]) / 2

@@ -28,7 +28,7 @@ DIRECT = 400
 DAMPING = 0.8
 # Relative residual at which the solver stops: far below the errors of any normals.
 TOLERANCE = 1e-4
-MOST_STEPS = 200
+MAX_STEPS = 200
 
 Vector = NDArray[np.float32]
 
@@ -128,7 +128,7 @@ class Solver:
         first = max(_dot(right_side, right_side), 1e-30) ** 0.5
         direction = before = np.zeros_like(heights)
         scale = 1.0
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             left = _dot(residual, residual) ** 0.5 / first
             progress(float(np.clip(np.log(max(left, TOLERANCE)) / np.log(TOLERANCE), 0, 1)), "integrating")
             if left <= TOLERANCE:
@@ -145,7 +145,7 @@ class Solver:
             residual = residual - length * image
             heights += length * direction
         else:
-            log.info("the solution has not converged: %d iterations were too few", MOST_STEPS)
+            log.info("the solution has not converged: %d iterations were too few", MAX_STEPS)
         return heights
 
     def _cycle(self, number: int, residual: Vector) -> Vector:

@@ -48,20 +48,20 @@ def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice
     )
 
 
-def without_specks(mask: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
-    """The mask's connected regions of at least `least` pixels."""
+def remove_small_regions(mask: NDArray[np.bool_], min_size: float) -> NDArray[np.bool_]:
+    """The mask's connected regions of at least `min_size` pixels."""
     labels, sizes = labelled(mask)
-    large = sizes >= least
+    large = sizes >= min_size
     large[0] = False
     return large[labels]
 
 
-def filled(mask: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
-    """The mask with its holes of at most `most` pixels filled: background that does not reach the image's border."""
-    return without_holes(mask, lambda labels, sizes: sizes <= most)
+def fill_small_holes(mask: NDArray[np.bool_], max_size: float) -> NDArray[np.bool_]:
+    """The mask with holes of at most `max_size` pixels filled: background that does not reach the image's border."""
+    return fill_holes(mask, lambda labels, sizes: sizes <= max_size)
 
 
-def without_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
+def fill_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
     """The mask with the holes filled that `chosen` selects from :func:`labelled`'s labels and sizes."""
     labels, sizes = labelled(~mask, diagonal=True)
     hole = chosen(labels, sizes)

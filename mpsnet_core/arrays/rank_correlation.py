@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FEWEST = 10
+MIN_COUNT = 10
 
 
 def rank_correlation(one: NDArray[np.number[Any]], other: NDArray[np.number[Any]]) -> float | None:
     """Spearman's rank correlation of two series (N,); None if one is constant or there are fewer than ten values."""
-    if len(one) < FEWEST or np.ptp(one) == 0 or np.ptp(other) == 0:
+    if len(one) < MIN_COUNT or np.ptp(one) == 0 or np.ptp(other) == 0:
         return None
     return float(np.corrcoef(_ranks(one), _ranks(other))[0, 1])
 

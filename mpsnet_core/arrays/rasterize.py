@@ -153,11 +153,11 @@ def _nearest(
     for _ in range(distance):
         ahead, sources = [], []
         for step in (-stride, stride, -1, 1, -stride - 1, -stride + 1, stride - 1, stride + 1):
-            beside = front + step
-            new = np.flatnonzero(~flat.take(beside))
-            beside = beside.take(new)
-            flat[beside] = True
-            ahead.append(beside)
+            next_texels = front + step
+            new = np.flatnonzero(~flat.take(next_texels))
+            next_texels = next_texels.take(new)
+            flat[next_texels] = True
+            ahead.append(next_texels)
             sources.append(source.take(new))
         front, source = np.concatenate(ahead), np.concatenate(sources)
         if not len(front):

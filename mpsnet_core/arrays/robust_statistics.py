@@ -1,4 +1,4 @@
-"""Robust scale and weights for least squares with outliers."""
+"""Robust scale and weights for minimum squares with outliers."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ TUKEY = 4.685
 DEVIATIONS = 1.4826
 
 
-def deviation(errors: NDArray[np.floating[Any]], least: float = 1e-12) -> float:
-    """Standard deviation of errors, estimated from their median absolute value; at least `least`."""
-    return max(DEVIATIONS * float(np.median(np.abs(errors))), least)
+def deviation(errors: NDArray[np.floating[Any]], minimum: float = 1e-12) -> float:
+    """Standard deviation of errors, estimated from their median absolute value; at least `minimum`."""
+    return max(DEVIATIONS * float(np.median(np.abs(errors))), minimum)
 
 
 def biweight(errors: NDArray[np.float64], scale: float) -> NDArray[np.float64]:

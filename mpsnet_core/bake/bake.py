@@ -218,8 +218,8 @@ class _Bake:
         islands, known = np.full(filled, -1, np.int32), np.zeros(filled, bool)
         # With supersampling, a few rows at once. Views that do not fit into memory are read again for each group of
         # rows; then a group has at least as many points as the texture has texels.
-        held = POINTS_HELD if self.projectors.all else max(POINTS_HELD, size**2)
-        groups = [slice(0, size)] if samples == 1 else bands(size, max(1, held // (size * samples**2)))
+        points_in_memory = POINTS_HELD if self.projectors.all else max(POINTS_HELD, size**2)
+        groups = [slice(0, size)] if samples == 1 else bands(size, max(1, points_in_memory // (size * samples**2)))
         sampled = 0.9 if island_of is None else 0.6  # fraction of the work
         for number, rows in enumerate(groups):
             step = part(progress, sampled * number / len(groups), sampled * (number + 1) / len(groups))
@@ -293,7 +293,7 @@ class _Bake:
                         sums = ViewAccumulator.kept(here, texels)
                     position, normal = surface.points(place)
                     for projector in batch:
-                        sums.add(*projector.look(position, normal))
+                        sums.add(*projector.sample_points(position, normal))
                     if last:
                         self._finish(here, texels, surface, place, normal, sums)
                     else:

@@ -31,7 +31,7 @@ Shown = Literal["auto", "yes", "no"]
 SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
 
 # An estimated share below this is taken for chance.
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 # Radians: relief fainter than this is too weak to estimate the share from.
 FAINT = 0.01
 # Pixels on the photo's longer side at which the resolutions of map and photo are compared.
@@ -120,40 +120,40 @@ def remove_base_detail(
         share = float(base_map.shown == "yes")
     if share == 0:
         return normals, 0.0
-    mask = _where_worn(normals.mask, camera, mesh, base_map)
-    worn_map = _as_fine_as_seen(base_map, mask, camera, mesh, scene)
-    own, worn, seen = _normals_worn(mask, camera, mesh, scene, replace(base_map, vectors=worn_map))
+    mask = _mask_of_map(normals.mask, camera, mesh, base_map)
+    reduced_map = _reduce_to_photo_resolution(base_map, mask, camera, mesh, scene)
+    without_map, with_map, seen = _shading_normals(mask, camera, mesh, scene, replace(base_map, vectors=reduced_map))
     if not seen.any():
         return normals, 0.0
     if share is None:
         given = normals if base_map.triangles is None else replace(normals, mask=seen)
         view, relief = (
-            correct_low_frequencies(one, camera, mesh, scene).vectors for one in (given, NormalMap(worn, seen))
+            correct_low_frequencies(one, camera, mesh, scene).vectors for one in (given, NormalMap(with_map, seen))
         )
-        share = _share(view[seen] - own[seen], relief[seen] - own[seen])
+        share = _share(view[seen] - without_map[seen], relief[seen] - without_map[seen])
         if share == 0:
             return normals, 0.0
     vectors = normals.vectors.copy()
-    vectors[seen] = rotated(vectors[seen], np.float32(share) * rotation_between(worn[seen], own[seen]))
+    vectors[seen] = rotated(vectors[seen], np.float32(share) * rotation_between(with_map[seen], without_map[seen]))
     return replace(normals, vectors=vectors), share
 
 
-def note_shares(shares: Sequence[Sequence[float]]) -> None:
+def log_shares(shares: Sequence[Sequence[float]]) -> None:
     """Log how many views show the base maps' relief. shares: for each view, the share removed of each map."""
     taken = [share for of_view in shares for share in of_view if share]
     if taken:
         share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
-        log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)
+        log.info("%s show %.0f%% of the existing map's relief, which is not added to it again", views, 100 * share)
 
 
 def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
     """The least-squares share of a map's relief (N, 3) in a view's (N, 3), both as offsets from the mesh's normals."""
     known = float((relief * relief).sum(dtype=np.float64)) + len(relief) * FAINT**2
     share = float((view * relief).sum(dtype=np.float64)) / known
-    return min(share, 1.0) if share >= LEAST_SHARE else 0.0
+    return min(share, 1.0) if share >= MIN_SHARE else 0.0
 
 
-def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: BaseMap) -> NDArray[np.bool_]:
+def _mask_of_map(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: BaseMap) -> NDArray[np.bool_]:
     """(H, W) the mask, limited to the bounding rectangle in the image of the triangles that the map applies to."""
     if base_map.triangles is None:
         return mask
@@ -163,23 +163,23 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: B
     return inside
 
 
-def _wears(seen: MeshSeen, base_map: BaseMap) -> NDArray[np.bool_]:
+def _map_applies(seen: MeshSeen, base_map: BaseMap) -> NDArray[np.bool_]:
     """(M,) whether the map applies at each surface point."""
-    worn = np.ones(len(seen.triangle), bool) if base_map.triangles is None else base_map.triangles[seen.triangle]
+    applies = np.ones(len(seen.triangle), bool) if base_map.triangles is None else base_map.triangles[seen.triangle]
     if base_map.corner is None:
-        return worn
+        return applies
     on_tile: NDArray[np.bool_] = np.all(np.floor(seen.at(seen.mesh.uvs)) == base_map.corner, axis=1)
-    return worn & on_tile
+    return applies & on_tile
 
 
-def _normals_worn(
+def _shading_normals(
     mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Shading normals (H, W, 3) of the mesh without and with its base map, in camera space, and (H, W) their validity.
 
     They are valid where the mesh is seen within the mask and the map applies.
     """
-    own, worn = np.zeros((2, *mask.shape, 3), np.float32)
+    without_map, with_map = np.zeros((2, *mask.shape, 3), np.float32)
     visible = np.zeros_like(mask)
     for rows in bands(len(mask)):
         row, column = np.nonzero(mask[rows])
@@ -193,13 +193,13 @@ def _normals_worn(
         repeat = base_map.corner is None
         x, y, z = bilinear(base_map.vectors, right * width, (1 - up) * height, repeat=repeat).T[..., None]
         place = row[seen.hit], column[seen.hit]
-        own[place] = seen.in_camera(normal)
-        worn[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
-        visible[place] = _wears(seen, base_map) & seen.from_front(own[place])
-    return own, worn, visible
+        without_map[place] = seen.in_camera(normal)
+        with_map[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
+        visible[place] = _map_applies(seen, base_map) & seen.from_front(without_map[place])
+    return without_map, with_map, visible
 
 
-def _as_fine_as_seen(
+def _reduce_to_photo_resolution(
     base_map: BaseMap, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
 ) -> NDArray[np.float32]:
     """The map, reduced to about the photo's resolution on the surface: the photo does not show finer relief."""
@@ -210,7 +210,7 @@ def _as_fine_as_seen(
     first, second = (mesh_seen(mesh, camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
     _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
     together = first.triangle[of_first] == second.triangle[of_second]
-    together &= _wears(first, base_map)[of_first]
+    together &= _map_applies(first, base_map)[of_first]
     vectors = base_map.vectors
     if not together.any():
         return vectors

@@ -60,11 +60,11 @@ def base_map_files(
                     base_files[number] = MapFile(file, points)
     if not any(base_files):
         check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
-        raise FileError(f"{given}: there is no present map for any of the textures; check {check}")
+        raise FileError(f"{given}: there is no existing map for any of the textures; check {check}")
     for texture_set, found, missing in zip(texture_sets, base_files, sought, strict=True):
         if found is None:
             named = f" {missing}" if missing else ""
-            log.info("%s: there is no present map%s, so nothing lies beneath its texture", texture_set.named, named)
+            log.info("%s: there is no existing map%s, so nothing lies beneath its texture", texture_set.named, named)
     return base_files
 
 
@@ -75,7 +75,7 @@ def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
-        raise SettingsError(f"{file} lists present maps for several textures; name the one image to go on top of")
+        raise SettingsError(f"{file} lists existing maps for several textures; name the one image to go on top of")
     return BaseMap(read_base_map(file, convention=convention), shown)
 
 
@@ -138,8 +138,8 @@ def _triangles(texture_sets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> ND
     if any(all(part is None for part in texture_set.parts) for texture_set in texture_sets):
         return None
     ends = np.cumsum([0] + [len(mesh.triangles) for mesh in meshes])
-    worn = np.zeros(ends[-1], bool)
+    applies = np.zeros(ends[-1], bool)
     for texture_set in texture_sets:
         for start, end, part in zip(ends[:-1], ends[1:], texture_set.parts, strict=True):
-            worn[start:end][slice(None) if part is None else part] = True
-    return worn
+            applies[start:end][slice(None) if part is None else part] = True
+    return applies

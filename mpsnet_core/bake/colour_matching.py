@@ -21,25 +21,25 @@ from mpsnet_core.scene.rays import RayScene
 log = logging.getLogger(__name__)
 
 # Two views need this many common points to be matched.
-LEAST_SHARED = 30
+MIN_SHARED = 30
 # Colours darker than this fraction of the channel's 99th percentile are too dark for a ratio.
 DARK = 0.02
 # Gains must not lift this percentile above 1, where PNG clips.
 BRIGHTEST_PERCENTILE = 99.5
 
 
-def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+def colour_gains(samples: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     """(V, 3) gains for the channels of V views that make them agree where they see the same surface.
 
-    looks: for each view (N, 4) what it sees at N points of the surface: the colour times its weight, and the weight.
+    samples: for each view (N, 4) what it sees at N points of the surface: the colour times its weight, and the weight.
 
     Each pair of views contributes the median ratio at the points that both see well: highlights and wrong normals are
     outliers. In each group of overlapping views the gains' logarithms have mean 0 in each channel, which keeps the
     overall tint. All gains are reduced if the brightest colours would clip.
     """
-    count = len(looks)
-    values = np.stack([look[:, :3] / np.maximum(look[:, 3:], 1e-12) for look in looks])
-    weights = np.stack([look[:, 3] for look in looks])
+    count = len(samples)
+    values = np.stack([sampled[:, :3] / np.maximum(sampled[:, 3:], 1e-12) for sampled in samples])
+    weights = np.stack([sampled[:, 3] for sampled in samples])
     seen = weights > 0
     known = np.stack([_bright(value, mask) for value, mask in zip(values, seen, strict=True)])
     logarithms = np.log(np.where(known, values, 1))
@@ -48,13 +48,13 @@ def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     for one in range(count):
         for other in range(one):
             shared = np.flatnonzero(seen[one] & seen[other])
-            if len(shared) < LEAST_SHARED:
+            if len(shared) < MIN_SHARED:
                 continue
             least = np.minimum(weights[one, shared], weights[other, shared])
             well = shared[least >= np.median(least)]
             for channel in range(3):
                 both = well[known[one, well, channel] & known[other, well, channel]]
-                if len(both) < LEAST_SHARED / 2:
+                if len(both) < MIN_SHARED / 2:
                     continue
                 apart = np.median(logarithms[one, both, channel] - logarithms[other, both, channel])
                 left[channel][[one, other], [one, other]] += len(both)
@@ -64,7 +64,7 @@ def colour_gains(looks: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     # The minimum-norm solution: its mean is 0 in each group of overlapping views.
     gains = np.exp([np.linalg.lstsq(*equations, rcond=1e-9)[0] for equations in zip(left, right, strict=True)]).T
     gains *= _darkening(values[seen], (values * gains[:, None])[seen])
-    _note(gains, alone)
+    _log_gains(gains, alone)
     return gains.astype(np.float32)
 
 
@@ -97,7 +97,7 @@ def _darkening(before: NDArray[np.floating[Any]], after: NDArray[np.floating[Any
     return min(1.0, max(1.0, was) / max(now, 1e-12))
 
 
-def _note(gains: NDArray[np.float64], alone: NDArray[np.bool_]) -> None:
+def _log_gains(gains: NDArray[np.float64], alone: NDArray[np.bool_]) -> None:
     if len(gains) < 2:
         return
     log.info("the views' colours are matched, by gains of %.3g to %.3g", gains.min(), gains.max())

@@ -104,7 +104,7 @@ def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
 def check_blending(space: str) -> None:
     """Raise SettingsError if textures in that space cannot be blended."""
     if space != "tangent":
-        raise SettingsError("only a texture in tangent space can go on top of a present map; bake in tangent space")
+        raise SettingsError("only a texture in tangent space can go on top of an existing map; bake in tangent space")
 
 
 def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -76,10 +76,10 @@ def _membrane(
         size = len(islands)
         for rows in bands(size):
             over = np.arange(size)[rows] // 2
-            there = np.repeat(even[over], 2, axis=1)[:, :size] & ~near[rows]
-            there &= np.repeat(blocks[over], 2, axis=1)[:, :size] == islands[rows]
+            from_coarse = np.repeat(even[over], 2, axis=1)[:, :size] & ~near[rows]
+            from_coarse &= np.repeat(blocks[over], 2, axis=1)[:, :size] == islands[rows]
             doubled = upsampled(coarse, (2 * len(coarse), 2 * len(coarse)), rows)[:, :size]
-            xy[rows][there], settled[rows] = doubled[there], there
+            xy[rows][from_coarse], settled[rows] = doubled[from_coarse], from_coarse
     reached = _solve(xy, islands, known | settled, part(progress, 0.5, 1.0))
     return xy, reached | settled
 
@@ -125,9 +125,9 @@ def _solve(
     rim, sums = np.zeros(len(row), np.float32), np.zeros((len(row), 2), np.float32)
     for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
         y, x = np.clip(row + down, 0, size - 1), np.clip(column + right, 0, size - 1)
-        beside = known[y, x] & (islands[y, x] == graph.islands)
-        rim += beside
-        sums[beside] += xy[y[beside], x[beside]]
+        next_to_known = known[y, x] & (islands[y, x] == graph.islands)
+        rim += next_to_known
+        sums[next_to_known] += xy[y[next_to_known], x[next_to_known]]
     filled = np.zeros_like(known)
     reached = _reached(graph, rim > 0)
     if reached.any():

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mpsnet_core.bake.base_detail_removal import BaseMap, note_shares, remove_base_details
-from mpsnet_core.bake.low_frequency_correction import levelling, turned
+from mpsnet_core.bake.base_detail_removal import BaseMap, log_shares, remove_base_details
+from mpsnet_core.bake.low_frequency_correction import apply_levelling, find_levelling
 from mpsnet_core.bake.projection import View
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
-from mpsnet_core.io.files import located
-from mpsnet_core.io.frames import is_several, matching_files, numbering
+from mpsnet_core.io.files import prefix_errors
+from mpsnet_core.io.frames import is_folder_or_pattern, matching_files, numbering
 from mpsnet_core.io.provenance import content, identity
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
@@ -53,8 +53,8 @@ class BakeInputs:
 
         Those of meshes and cameras are of their content, because Blender writes the files anew for every run.
         """
-        held = [*self.meshes, *(view.camera for view in self.views)]
-        return [*map(content, held), *(identity(view.normals) for view in self.views)]
+        hashed_files = [*self.meshes, *(view.camera for view in self.views)]
+        return [*map(content, hashed_files), *(identity(view.normals) for view in self.views)]
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class ViewReader:
         views, shares = list[View](), list[Sequence[float]]()
         for number, one in enumerate(inputs):
             progress(number / len(inputs), f"reading {one.normals.name}")
-            with located(f"view {one.camera}={one.normals}"):
+            with prefix_errors(f"view {one.camera}={one.normals}"):
                 normals = read_normals(one.normals, convention=self.convention, confidence=one.confidence)
                 view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
                 if scene is not None:
@@ -96,7 +96,7 @@ class ViewReader:
                     shares.append(found)
                 views.append(view)
         if known is None:
-            note_shares(shares)
+            log_shares(shares)
         return views, shares
 
     def prepared(
@@ -108,8 +108,8 @@ class ViewReader:
         estimated = replace(view, normals=normals)
         if not self.level:
             return estimated, estimated, 0.0, shares
-        by = levelling(normals, view.camera, mesh, scene, scale=self.level)
-        return estimated, replace(view, normals=turned(normals, by)), by.mean_angle, shares
+        levelling = find_levelling(normals, view.camera, mesh, scene, scale=self.level)
+        return estimated, replace(view, normals=apply_levelling(normals, levelling)), levelling.mean_angle, shares
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:
@@ -141,7 +141,7 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
 
 def _by_number(given: str, what: str) -> Path | dict[int, Path]:
     """A file, or the files of a folder or a pattern by the numbers in their names."""
-    if not is_several(given):
+    if not is_folder_or_pattern(given):
         return Path(given)
     files = matching_files(given, what)
     numbered = numbering(files)

@@ -39,17 +39,17 @@ HOLD = 0.1
 class Levelling:
     """Rotations that level a view's normals.
 
-    turns: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, at a reduced resolution,
-    extrapolated smoothly where the mesh is not seen. known: (h, w) bool, where it is seen.
+    rotations: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, at a reduced
+    resolution, extrapolated smoothly where the mesh is not seen. known: (h, w) bool, where it is seen.
     """
 
-    turns: NDArray[np.float32]
+    rotations: NDArray[np.float32]
     known: NDArray[np.bool_]
 
     @property
     def mean_angle(self) -> float:
         """Mean angle in degrees by which the normals are turned where the mesh is seen; 0 if it is not seen."""
-        angles = np.linalg.norm(self.turns[self.known], axis=1)
+        angles = np.linalg.norm(self.rotations[self.known], axis=1)
         return float(np.degrees(angles.mean())) if len(angles) else 0.0
 
 
@@ -105,10 +105,10 @@ def correct_low_frequencies(
     weights w: it minimises ``sum w |r x n - t x n|²``, where t is the rotation vector from n to m, perpendicular to n.
     The normal equations are ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
     """
-    return turned(normals, levelling(normals, camera, mesh, scene, scale=scale))
+    return apply_levelling(normals, find_levelling(normals, camera, mesh, scene, scale=scale))
 
 
-def levelling(
+def find_levelling(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> Levelling:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
@@ -129,30 +129,30 @@ def levelling(
     row, column = row[seen.hit[front]], column[seen.hit[front]]
     known = np.zeros_like(known)
     known[row, column] = True
-    turns = np.zeros((*known.shape, 3), np.float32)
+    rotations = np.zeros((*known.shape, 3), np.float32)
     if len(row):
         points, estimate = seen.points[front].astype(np.float32), normals.vectors[rows[row], columns[column]]
-        turns[row, column] = _smoothed_turns(points, estimate, own[front], scale * scene.size)
+        rotations[row, column] = _smoothed_rotations(points, estimate, own[front], scale * scene.size)
     # Some rays miss between triangles, and a mask may reach a little beyond the mesh.
-    return Levelling(push_pull(turns, known), known)
+    return Levelling(push_pull(rotations, known), known)
 
 
-def turned(normals: NormalMap, by: Levelling) -> NormalMap:
-    """The normals turned by the levelling of their view."""
+def apply_levelling(normals: NormalMap, levelling: Levelling) -> NormalMap:
+    """Rotate the normals by the levelling of their view."""
     vectors = np.zeros_like(normals.vectors)
 
-    def turn(rows: slice) -> None:
+    def rotate(rows: slice) -> None:
         inside = np.flatnonzero(normals.mask[rows])
         if len(inside):
-            own, turns = normals.vectors[rows], upsampled(by.turns, normals.mask.shape, rows)
-            own, turns = (one.reshape(-1, 3).take(inside, axis=0) for one in (own, turns))
-            vectors[rows].reshape(-1, 3)[inside] = rotated(own, turns)
+            own, rotations = normals.vectors[rows], upsampled(levelling.rotations, normals.mask.shape, rows)
+            own, rotations = (one.reshape(-1, 3).take(inside, axis=0) for one in (own, rotations))
+            vectors[rows].reshape(-1, 3)[inside] = rotated(own, rotations)
 
-    on_all_cores(turn, bands(len(vectors)))
+    on_all_cores(rotate, bands(len(vectors)))
     return replace(normals, vectors=vectors, in_place=True)
 
 
-def _smoothed_turns(
+def _smoothed_rotations(
     points: NDArray[np.float32], estimate: NDArray[np.float32], own: NDArray[np.float32], sigma: float
 ) -> NDArray[np.float32]:
     """(N, 3) rotation vectors that best carry the estimate onto the mesh's own normals in each point's neighbourhood.
@@ -181,17 +181,17 @@ def _smoothed_turns(
     cells = np.flatnonzero(needed)
     solved = np.zeros((count, 3), np.float32)
     solved[cells] = _rotation(grid[:, cells])
-    turns = np.zeros_like(points)
+    rotations = np.zeros_like(points)
     for offset in np.ndindex(2, 2, 2):
         along = np.where(offset, step, 1 - step)
         # np.prod is slow along so short an axis.
         share = along[:, 0] * along[:, 1] * along[:, 2]
-        turns += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
-    return turns
+        rotations += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
+    return rotations
 
 
 def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 3) the rotation vectors that solve the normal equations, from the sums (13, N) of :func:`_smoothed_turns`."""
+    """(N, 3) rotation vectors that solve the normal equations. sums: (13, N), of :func:`_smoothed_rotations`."""
     sums = sums.astype(np.float64) / np.maximum(sums[-1], 1e-12)
     middle = normalised(sums[3:6].T)
     upper = sums[[6, 7, 8, 7, 9, 10, 8, 10, 11]].T.reshape(-1, 3, 3)

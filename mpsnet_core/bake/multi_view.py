@@ -18,14 +18,14 @@ from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
-from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
+from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, warn_of_doubts, with_white
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.transfer_curve import note_doubtful_curve
+from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
 from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.io.files import located
+from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_size
@@ -89,9 +89,9 @@ class Photography:
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo without lens distortion. Raises InputError, which names the view, if it cannot be read."""
-        with located(f"view {view.name}"):
+        with prefix_errors(f"view {view.name}"):
             capture = self._capture(view, scene)
-        note_doubts(capture, f"view {view.name}")
+        warn_of_doubts(capture, f"view {view.name}")
         return capture
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
@@ -109,7 +109,7 @@ class Photography:
             if not mask.any():
                 raise GeometryError("its camera does not see the mesh; do the cameras and the mesh share one world?")
         depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
-        note_doubtful_curve(view.photo.name, image, mask, rig)
+        warn_of_doubtful_curve(view.photo.name, image, mask, rig)
         capture = capture_of(image, mask, rig, view.camera, depth)
         if not self.white:
             return capture
@@ -124,7 +124,7 @@ def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
     """
     for view in views:
         camera, layer = (view.camera.height, view.camera.width), photography.reading.layer
-        with located(f"view {view.name}"):
+        with prefix_errors(f"view {view.name}"):
             photos = {"the photo": (view.photo, layer)}
             photos |= {f"white photo {file}": (file, layer_in(file, layer)) for file in photography.white_of(view)}
             for what, photo in photos.items():
@@ -236,7 +236,7 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
     """
     shape, whose, sources = _shape(mesh), dict[str, str](), []
     for view in views:
-        with located(f"view {view.name}"):
+        with prefix_errors(f"view {view.name}"):
             mask = photography.mask_of(view)
             if photography.masks and whose.setdefault(mask, view.name) != view.name:
                 raise FileError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")

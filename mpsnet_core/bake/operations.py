@@ -110,7 +110,7 @@ class MakesTextures(Operation):
 
 
 @dataclass(frozen=True)
-class LaysOnto(MakesTextures):
+class BakesDetail(MakesTextures):
     """How the photos' detail is used: its strength, and a normal map that it goes on top of."""
 
     heading: ClassVar[str] = "the photos' detail"
@@ -119,7 +119,7 @@ class LaysOnto(MakesTextures):
         default=None,
         metavar="on|off|SCALE",
         help=LEVEL,
-        unset="off, or on with a present map",
+        unset="off, or on with an existing map",
         provenance="none",  # the parsed scale is recorded
         numbers=True,
     )
@@ -150,7 +150,7 @@ class LaysOnto(MakesTextures):
         provenance="files",
     )
     onto_convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the present map points"
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the existing map points"
     )
     onto_shown: Literal["auto", "yes", "no"] = option(
         default="auto",
@@ -159,11 +159,11 @@ class LaysOnto(MakesTextures):
             "yes": "the map was made from the same object",
             "no": "the map was sculpted or painted",
         },
-        help="whether the photos already show the present map's relief, which is then not added twice",
+        help="whether the photos already show the existing map's relief, which is then not added twice",
     )
 
     def check_onto(self) -> None:
-        """Raise SettingsError if the detail cannot go on top of the present map, or its options lack the map."""
+        """Raise SettingsError if the detail cannot go on top of the existing map, or its options lack the map."""
         from mpsnet_core.bake.detail_blending import check_blending
 
         if self.onto:
@@ -251,7 +251,7 @@ class FramesBaked(Result):
 
 
 @dataclass(frozen=True)
-class Bake(LaysOnto):
+class Bake(BakesDetail):
     """Bake normal maps into a texture on a mesh's UVs."""
 
     command: ClassVar[str] = "bake"
@@ -289,10 +289,10 @@ class Bake(LaysOnto):
     def run(self, progress: Progress = silent) -> TexturesBaked | FramesBaked:
         """Write the textures of one pose, or a texture for each frame of a sequence."""
         from mpsnet_core.bake.texture_files import texture_target
-        from mpsnet_core.io.frames import is_several
+        from mpsnet_core.io.frames import is_folder_or_pattern
 
         views = self._views()
-        sequence = any(is_several(normals) for _, normals in views)
+        sequence = any(is_folder_or_pattern(normals) for _, normals in views)
         self.check_onto()
         baking = self._baking()
         for what, files, none in (("confidence maps", self.confidence, ""), ("albedos", self.albedo, ", or none")):
@@ -350,7 +350,7 @@ class Bake(LaysOnto):
             texture_facts,
             write_textures,
         )
-        from mpsnet_core.io.files import writable_image, written_together
+        from mpsnet_core.io.files import writable_image, write_transaction
 
         writable_image(target.output, target.bits)
         maps = [tuple(map(Path, files)) or (None,) * len(views) for files in (self.confidence, self.albedo)]
@@ -368,7 +368,7 @@ class Bake(LaysOnto):
         if self.albedo and len(seen) > 1:
             seen = matched_views(seen, plan.meshes, baking.feather)
         baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
-        with written_together():
+        with write_transaction():
             made = [one for one, _ in write_textures(plan, baked)]
         text = format_textures(made, self.texture_words(target))
         seen_of = round(seen_share(made), 4)
@@ -380,12 +380,12 @@ class Bake(LaysOnto):
         from mpsnet_core.bake.base_maps import one_base_map
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.sequence import bake_sequence
-        from mpsnet_core.io.files import check_apart, ensure_folder, remove_abandoned
+        from mpsnet_core.io.files import check_no_overwrite, ensure_folder, remove_abandoned
         from mpsnet_core.io.frames import results_folder
         from mpsnet_core.io.provenance import operation_facts
 
         frames, numbers = self._frames(views, target)
-        check_apart({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
+        check_no_overwrite({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
         remove_abandoned(ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures"))
         level = self.level_scale()
         base_maps = [one_base_map(self.onto, self.onto_convention, self.onto_shown)] if self.onto else []
@@ -459,7 +459,7 @@ class ViewsBaked(TexturesBaked):
 
 
 @dataclass(frozen=True)
-class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
+class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     """Bake posed photos from all around into one texture."""
 
     command: ClassVar[str] = "views"
@@ -536,13 +536,13 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     def run(self, progress: Progress = silent) -> ViewsBaked:
         """Write the textures, and report and figures if requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
-        from mpsnet_core.bake.base_detail_removal import note_shares
+        from mpsnet_core.bake.base_detail_removal import log_shares
         from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, check_photos, estimate_views, sources_of
-        from mpsnet_core.bake.view_agreement import agreement, note_doubts
-        from mpsnet_core.io.files import check_apart
+        from mpsnet_core.bake.view_agreement import agreement, warn_of_doubts
+        from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.joined_mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
@@ -555,9 +555,9 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         views = posed_photos(self.cameras, self.photos)
         check_photos(views, photography)
         photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
-        check_apart(photos, outputs)
+        check_no_overwrite(photos, outputs)
         kept_files = self._kept_files(views)
-        check_apart([*inputs, *photos, *outputs], kept_files)
+        check_no_overwrite([*inputs, *photos, *outputs], kept_files)
         progress(0.0, "reading the mesh")
         taken = [*inputs, *photos, *map(Path, outputs[1:]), *kept_files]
         plan = self.planned(target, taken, albedo=bool(self.white))
@@ -575,14 +575,14 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             known = estimate_views(
                 views, sources, photography, estimator, stored, agreed, progress=part(progress, 0.02, 0.72)
             )
-            note_shares(stored.shares)
+            log_shares(stored.shares)
             if self.white:
                 stored.gains = colour_gains(agreed.colours)
             baked = bake_texture_sets(
                 plan.meshes, stored, plan.texture_sets, baking, progress=part(progress, 0.72, 1.0)
             )
             table = agreed.views(stored.gains.tolist() if self.white else None)
-            note_doubts(table)
+            warn_of_doubts(table)
             how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
             before = f"; {known} kept from before" if known else ""
             summary = f"{len(views)} view(s) by {estimator.name}, {how}{before}"
@@ -601,8 +601,8 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         """The files that are read, except photos, and those that are written. Raises InputError if one would overwrite
         another, or its folder cannot be written."""
         from mpsnet_core.capture.masks import mask_source
-        from mpsnet_core.io.files import check_apart, writable_path
-        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
+        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.scene.view_photos import camera_files
 
@@ -613,8 +613,8 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         outputs = [file for file in (target.output, self.report, self.json) if file]
         mask = None if self.mask == "mesh" else mask_source(self.mask)
         given = (self.rig, *self.mesh, self.onto, mask, self.dark, self.flat)
-        inputs = [*camera_files(self.cameras), *files_meant(given)]
-        check_apart(inputs, outputs)
+        inputs = [*camera_files(self.cameras), *expand_file_options(given)]
+        check_no_overwrite(inputs, outputs)
         return inputs, outputs
 
     def _photography(self) -> "Photography":
@@ -669,10 +669,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             write_textures,
         )
         from mpsnet_core.bake.view_agreement import table_rows
-        from mpsnet_core.io.files import write_json, written_together
+        from mpsnet_core.io.files import write_json, write_transaction
 
         made, maps = [], []
-        with written_together():
+        with write_transaction():
             for one, texture in write_textures(plan, baked):
                 made.append(one)
                 if self.report:

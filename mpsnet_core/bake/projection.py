@@ -103,7 +103,7 @@ class Projector:
 
         on_all_cores(fill, bands(shape[0]))
 
-    def look(
+    def sample_points(
         self, points: NDArray[np.float32], normals: NDArray[np.float32]
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """(M,) indices of the surface points (3, N) with unit normals (3, N) that the view sees, and its samples there.
@@ -111,8 +111,8 @@ class Projector:
         A sample, (M, 4), is the weighted normal in world space and the weight; of views with colours, (M, 8), the
         weighted colour and its weight follow. Points are relative to the scene's centre, normals in world space.
         """
-        seen, facing, x, y = self.faced(points, normals)
-        sampled = self._sample(x, y)
+        seen, facing, x, y = self.facing_points(points, normals)
+        sampled = self._interpolate(x, y)
         kept = _unless_all(sampled[:, 3] > 0)
         if kept is not None:
             seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
@@ -122,10 +122,12 @@ class Projector:
         sampled *= _repeated(facing, sampled.shape[1])
         return seen, sampled
 
-    def faced(
+    def facing_points(
         self, points: NDArray[np.float32], normals: NDArray[np.float32]
     ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """(M,) indices of the points, given as for :meth:`look`, that the camera sees, regardless of the view's mask.
+        """(M,) indices of the points that the camera sees, regardless of the view's mask.
+
+        The parameters are those of :meth:`sample_points`.
 
         Also (N,) the cosine between normal and viewing direction of all points, and (M,) x and (M,) y of the pixels.
         """
@@ -161,7 +163,7 @@ class Projector:
             seen, x, y = _some(kept, seen, x, y)
         return seen, facing, x, y
 
-    def _sample(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _interpolate(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
         """Bilinear samples between pixel centres. Pixels outside the mask have no weight."""
         height, stride, count = self.samples.shape
         # The border adds one pixel; pixel centres are at 0.5.
@@ -173,15 +175,15 @@ class Projector:
         y -= row
         across, down = _repeated(x, count), _repeated(y, count)
         flat, corner = self.samples.reshape(-1, count), row.astype(np.int64) * stride + column
-        above, beside = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
-        beside -= above
-        beside *= across
-        above += beside
+        above, right_texel = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
+        right_texel -= above
+        right_texel *= across
+        above += right_texel
         corner += stride
-        below, beside = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
-        beside -= below
-        beside *= across
-        below += beside
+        below, right_texel = flat.take(corner, axis=0), flat.take(corner + 1, axis=0)
+        right_texel -= below
+        right_texel *= across
+        below += right_texel
         below -= above
         below *= down
         mean: NDArray[np.float32] = np.add(above, below, out=above)

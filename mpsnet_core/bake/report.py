@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.view_agreement import ViewAgreement
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
@@ -100,7 +100,7 @@ def write_bake_report(
     Raises InputError if it cannot be written there.
     """
     path = page_path(path)
-    with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+    with atomic_write(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
         page.write(HEAD.format(title=html.escape(title)) + _STYLE)
         page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
         page.write("<div class='maps'>\n")

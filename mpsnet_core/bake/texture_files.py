@@ -16,7 +16,7 @@ from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files,
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.io.files import check_apart, check_ending, ensure_folder, file_suffix, writable_path
+from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder, file_suffix, writable_path
 from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
@@ -157,8 +157,8 @@ def planned(
     folder = ensure_folder(coverage, "coverage") if coverage else None
     seen = [folder / file.name for file in files] if folder else ()
     written = map(writable_path, [*files, *(albedos if albedo else ()), *seen])
-    check_apart([*taken, *(present.file for present in base_files if present)], written)
-    check_apart(files, seen)
+    check_no_overwrite([*taken, *(present.file for present in base_files if present)], written)
+    check_no_overwrite(files, seen)
     base_maps = BaseMaps(base_files, chosen, meshes, onto_shown)
     return Plan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 

@@ -75,7 +75,7 @@ def texture_sets(
     Raises GeometryError if no UV lies in any texture's unit square, or UVs lie in more than `MAX_TILES` tiles.
     """
     if not (tiles or materials or objects):
-        _note_outside(meshes, "0 to 1", 1, 1)
+        _log_uvs_outside_tiles(meshes, "0 to 1", 1, 1)
         return [TextureSet((None,) * len(meshes))]
     found = []
     for obj, material, parts in _groups(meshes, materials, objects):
@@ -88,10 +88,10 @@ def texture_sets(
         except InputError as error:
             raise type(error)(f"{group.named}: {error}" if group.named else str(error)) from None
     if tiles:
-        _note_crossings(meshes)
-        _note_outside(meshes, "the UDIM tiles", TILES_IN_A_ROW, ROWS_OF_TILES)
+        _log_islands_across_tiles(meshes)
+        _log_uvs_outside_tiles(meshes, "the UDIM tiles", TILES_IN_A_ROW, ROWS_OF_TILES)
     else:
-        _note_outside(meshes, "0 to 1", 1, 1)
+        _log_uvs_outside_tiles(meshes, "0 to 1", 1, 1)
     return found
 
 
@@ -177,7 +177,7 @@ def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
     return numbers
 
 
-def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
+def _log_uvs_outside_tiles(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
     """Log triangles outside all textures. Raises GeometryError if all are."""
     limit = np.array([width, height])
     count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
@@ -195,7 +195,7 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
         )
 
 
-def _note_crossings(meshes: Sequence[Mesh]) -> None:
+def _log_islands_across_tiles(meshes: Sequence[Mesh]) -> None:
     """Log UV islands that lie in several tiles: a texture and its padding end at the tile's border."""
     crossing = sum(_crossing_islands(mesh) for mesh in meshes)
     if crossing:

@@ -24,7 +24,7 @@ class Projectors:
     def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
         self.views, self.scene, self.feather = views, scene, feather
         self.all: list[Projector] = []
-        # Number of values per sample, see `Projector.look`; known once views were read.
+        # Number of values per sample, see `Projector.sample_points`; known once views were read.
         self.values = 0
 
     def batches(self) -> Iterator[list[Projector]]:
@@ -36,7 +36,7 @@ class Projectors:
             yield self.all
             return
         batch: list[Projector] = []
-        held = 0
+        bytes_in_memory = 0
         for number in range(len(self.views)):
             batch.append(Projector(self.views[number], self.scene, self.feather))
             values = batch[-1].samples.shape[2]
@@ -46,16 +46,16 @@ class Projectors:
                 )
             self.values = values
             size = _held_bytes(batch[-1])
-            held += size
+            bytes_in_memory += size
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
             # Reading the next view takes about as much memory as this one holds.
-            if held + size >= HELD_BYTES or number + 1 == len(self.views):
+            if bytes_in_memory + size >= HELD_BYTES or number + 1 == len(self.views):
                 yield batch
                 if batch is self.all:
                     return
                 batch.clear()  # a caller that keeps the list keeps no view in memory
-                held = 0
+                bytes_in_memory = 0
 
 
 def _held_bytes(projector: Projector) -> int:
@@ -99,7 +99,7 @@ class ViewAccumulator:
             texture.colours.reshape(-1, 4)[texels] = self.sums[:, 4:]
 
     def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
-        """Add one view's samples from :meth:`Projector.look`."""
+        """Add one view's samples from :meth:`Projector.sample_points`."""
         x, y, z = samples[:, 0], samples[:, 1], samples[:, 2]
         samples[:, 3] = np.sqrt(x * x + y * y + z * z)
         samples += self.sums.take(seen, axis=0)
@@ -128,7 +128,7 @@ def seen_triangles(
     for batch in projectors.batches():
         progress(0.0, "laying out the UVs")
         for projector in batch:
-            seen[projector.look(middles, outwards)[0]] = True
+            seen[projector.sample_points(middles, outwards)[0]] = True
             del projector
     return np.split(seen, np.cumsum([len(mesh.triangles) for mesh in meshes])[:-1])
 
@@ -136,7 +136,7 @@ def seen_triangles(
 def masks_hide_all(meshes: Sequence[Mesh], projectors: Projectors) -> bool:
     """Whether some camera sees a triangle's centre, ignoring the masks."""
     faces = _all_faces(meshes, projectors.scene)
-    return any(len(projector.faced(*faces)[0]) for batch in projectors.batches() for projector in batch)
+    return any(len(projector.facing_points(*faces)[0]) for batch in projectors.batches() for projector in batch)
 
 
 def _all_faces(meshes: Sequence[Mesh], scene: RayScene) -> list[NDArray[np.float32]]:

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 POINTS = 20_000
 # Degrees. Estimates of the same surface differ by less, with any network.
-MOST_APART = 20.0
+MAX_APART = 20.0
 # Roberts' additive sequence for two dimensions, from the plastic number.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -57,29 +57,31 @@ class Agreement:
     normals: NDArray[np.float32]
     colours: list[NDArray[np.float32]] = field(default_factory=list)
     _views: list[tuple[str, float]] = field(default_factory=list)
-    _looks: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
+    _samples: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
 
     def add(self, name: str, estimated: View, levelled: View, level: float) -> None:
         """Add a view, as estimated and as levelled by `level` degrees on average."""
         self._views.append((name, level))
-        look = self._look(estimated)
-        self._looks.append((look[:, :4], (look if levelled is estimated else self._look(levelled))[:, :4]))
-        self.colours.append(look[:, 4:])
+        sampled = self._sample(estimated)
+        self._samples.append((sampled[:, :4], (sampled if levelled is estimated else self._sample(levelled))[:, :4]))
+        self.colours.append(sampled[:, 4:])
 
-    def _look(self, view: View) -> NDArray[np.float32]:
+    def _sample(self, view: View) -> NDArray[np.float32]:
         projector = Projector(view, self.scene, self.feather)
-        look = np.zeros((len(self.points), projector.samples.shape[2]), np.float32)
-        seen, samples = projector.look(self.points.T.copy(), self.normals.T.copy())
-        look[seen] = samples
-        return look
+        sampled = np.zeros((len(self.points), projector.samples.shape[2]), np.float32)
+        seen, samples = projector.sample_points(self.points.T.copy(), self.normals.T.copy())
+        sampled[seen] = samples
+        return sampled
 
     def views(self, gains: Sequence[Sequence[float]] | None = None) -> list[ViewAgreement]:
         """What each view contributes, in the order in which they were added. gains: of their colours."""
-        before, after = (_departures([looks[place] for looks in self._looks]) for place in (0, 1))
+        before, after = (_angles_to_the_others([samples[place] for samples in self._samples]) for place in (0, 1))
         return [
-            ViewAgreement(name, float((looks[1][:, 3] > 0).mean()), level, one, other, gains[number] if gains else None)
-            for number, ((name, level), looks, one, other) in enumerate(
-                zip(self._views, self._looks, before, after, strict=True)
+            ViewAgreement(
+                name, float((samples[1][:, 3] > 0).mean()), level, one, other, gains[number] if gains else None
+            )
+            for number, ((name, level), samples, one, other) in enumerate(
+                zip(self._views, self._samples, before, after, strict=True)
             )
         ]
 
@@ -100,25 +102,25 @@ def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = PO
     return Agreement(scene, feather, points.astype(np.float32), normalised(normals).astype(np.float32))
 
 
-def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
+def _angles_to_the_others(samples: Sequence[NDArray[np.float32]]) -> list[float]:
     """Each view's mean angle in degrees to the mean of the others, weighted as in the bake."""
-    total = np.sum(looks, axis=0)
+    total = np.sum(samples, axis=0)
     departures = []
-    for look in looks:
-        others = total - look
+    for sampled in samples:
+        others = total - sampled
         # Where no other view sees the point, the subtraction leaves rounding errors.
-        shared = np.flatnonzero((look[:, 3] > 0) & (others[:, 3] > 1e-5 * total[:, 3]))
-        own, rest = normalised(look[shared, :3]), normalised(others[shared, :3])
-        weights = look[shared, 3]
+        shared = np.flatnonzero((sampled[:, 3] > 0) & (others[:, 3] > 1e-5 * total[:, 3]))
+        own, rest = normalised(sampled[shared, :3]), normalised(others[shared, :3])
+        weights = sampled[shared, 3]
         mean = float(np.average(angular_error(own, rest), weights=weights)) if len(shared) else float("nan")
         departures.append(mean)
     return departures
 
 
-def note_doubts(views: Sequence[ViewAgreement]) -> None:
+def warn_of_doubts(views: Sequence[ViewAgreement]) -> None:
     """Warn of views whose angle to the others, or to the mesh, exceeds that between estimates."""
     for view in views:
-        if max(np.nan_to_num(view.before), view.level) > MOST_APART:
+        if max(np.nan_to_num(view.before), view.level) > MAX_APART:
             apart = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
             log.warning(
                 "view %s %swas levelled by %.0f°: check that rig, camera and mesh belong together, and "

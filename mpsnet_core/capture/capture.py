@@ -16,10 +16,10 @@ from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.transfer_curve import is_taken_as_linear, note_doubtful_curve
+from mpsnet_core.capture.transfer_curve import is_taken_as_linear, warn_of_doubtful_curve
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
-from mpsnet_core.io.files import located, resolved
+from mpsnet_core.io.files import prefix_errors, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
 from mpsnet_core.io.image_encoding import Encoding, with_stored_values
@@ -31,9 +31,9 @@ log = logging.getLogger(__name__)
 T = TypeVar("T", bound=np.floating[Any])
 
 # A mesh that covers a smaller share of the mask probably does not belong to the photo.
-LEAST_KNOWN = 0.8
+MIN_KNOWN = 0.8
 # An object that is nearer or farther than the lights' target by this factor is probably in another unit.
-MOST_OFF = 2.0
+MAX_OFF = 2.0
 # Below this angle in radians between two channels, as vectors over all pixels, they show the same light.
 ALIKE = 0.03
 # Below this share of the brightest channel's mean, a channel's light was probably off.
@@ -262,12 +262,12 @@ def read_capture(
     image = reading.photo(path, compact=correction is None)
 
     def taken(image: Image, notes: Notes = "all") -> Capture:
-        with located(path):
+        with prefix_errors(path):
             return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
 
     capture = taken(image)
     if correction is not None:  # the correction was read as sRGB, so the photo stays sRGB
-        note_doubtful_curve(Path(path).name, image, capture.mask, rig)
+        warn_of_doubtful_curve(Path(path).name, image, capture.mask, rig)
     elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
         reading, image = replace(reading, encoding="linear"), with_stored_values(image)
         # A mask found by brightness depends on the curve: find it again, but report it once. Any other mask stays.
@@ -277,7 +277,7 @@ def read_capture(
         if any(resolved(file) == resolved(path) for file in several):
             raise _white_is_the_photo(path)
         capture = with_white(capture, several, reading, light=white_light)
-    note_doubts(capture)
+    warn_of_doubts(capture)
     return capture
 
 
@@ -299,7 +299,7 @@ def with_white(
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = reading.companion(file)
-        with located(file):
+        with prefix_errors(file):
             image = straightened(corrected(image, reading.correction))
             # Checked one by one, to name the one that does not match.
             total += _checked_white(image.pixels, None, capture.mask)
@@ -381,28 +381,28 @@ def _depth_within(
     if not isinstance(depth, np.ndarray):
         if not (np.isfinite(depth) and depth > 0):
             raise SettingsError(f"the object's distance is a number above 0, not {depth:g}")
-        _note_unit(depth, rig.near)
+        _log_assumed_unit(depth, rig.near)
         return np.full(mask.shape, depth, np.float32)
     check_same_size("the camera", depth.shape, "the photo", mask.shape)
     known = np.isfinite(depth)
     inside = np.count_nonzero(known & mask)
     if not inside:
         raise GeometryError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
-    if inside < LEAST_KNOWN * mask.sum():
+    if inside < MIN_KNOWN * mask.sum():
         log.info(
             "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
             100 * inside / mask.sum(),
         )
-    _note_unit(float(np.median(depth[known & mask])), rig.near)
+    _log_assumed_unit(float(np.median(depth[known & mask])), rig.near)
     # Close to the mesh use the depth of its nearest pixel, far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]
     return extend_to_nearest(filled, known, DEPTH_MARGIN)[..., 0]
 
 
-def _note_unit(distance: float, near: NearLights) -> None:
+def _log_assumed_unit(distance: float, near: NearLights) -> None:
     """Report an object far from the lights' target: its distance is probably in another unit."""
     expected = -float(near.target[2])
-    if not expected / MOST_OFF < distance < expected * MOST_OFF:
+    if not expected / MAX_OFF < distance < expected * MAX_OFF:
         log.info(
             "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?",
             distance,
@@ -426,7 +426,7 @@ def channel_angles(
     return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
 
 
-def note_doubts(capture: Capture, name: str = "") -> None:
+def warn_of_doubts(capture: Capture, name: str = "") -> None:
     """Report photos whose normals are probably wrong. name: of the photo, if there are several."""
     which = f"{name}: " if name else ""
     spoilt = 0

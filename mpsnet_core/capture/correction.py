@@ -20,7 +20,7 @@ from mpsnet_core.io.image_reading import read_image
 log = logging.getLogger(__name__)
 
 # Below this share of its mean in the middle, a flat field is unusable: dividing by it amplifies noise.
-LEAST_FLAT = 0.05
+MIN_FLAT = 0.05
 # Largest share of unusable pixels in a flat field. Some are expected: sensors have dead and hot pixels.
 BAD_SHARE = 0.001
 
@@ -163,7 +163,7 @@ def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDA
         channel = CHANNELS[int(np.argmin(middle))]
         raise FormatError(f"the flat field {flat} is black in the middle of its {channel} channel; were all lights on?")
     field = field / middle
-    weak = field < LEAST_FLAT
+    weak = field < MIN_FLAT
     if weak.mean() > BAD_SHARE:
         raise FormatError(f"{weak.mean():.1%} of the flat field {flat} is nearly black; fill the picture with the card")
     return np.divide(1, field, out=np.ones_like(field), where=~weak), weak

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, without_holes, without_specks
+from mpsnet_core.arrays.mask_regions import (
+    dilated,
+    eroded,
+    fill_holes,
+    fill_small_holes,
+    labelled,
+    remove_small_regions,
+)
 from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
@@ -37,7 +44,7 @@ WORKING_SIDE, OUTLINE = 1024, 2
 # object may cover.
 BORDER_SHARE, OBJECT_AT_BORDER = 0.04, 0.2
 # Display values, 0 to 1: least contrast of the object; brightness below which a background is dark.
-LEAST_CONTRAST, DARK = 0.02, 0.1
+MIN_CONTRAST, DARK = 0.02, 0.1
 # Largest gap to close, as a share of the image side. Largest holes to fill, as shares of the object's area: the first
 # if a shadow may have made them, the second always.
 GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
@@ -185,7 +192,7 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: boo
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
         return _contrast(_display_values(pixels[rows], white), behind[lines][:, columns])
 
-    return _outlined(_standing_out(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
+    return _refine_outline(_segment(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
 
 
 def background_mask(
@@ -208,30 +215,30 @@ def background_mask(
     def contrast(rows: slice) -> NDArray[np.float32]:
         return _contrast(_display_values(pixels[rows], white), _display_values(background[rows], scale))
 
-    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
+    return _refine_outline(_segment(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
 
 # --- what stands out --------------------------------------------------------------------------------------------------
 
 
-class _Found(NamedTuple):
+class _Segmentation(NamedTuple):
     """The object's mask in the small image, and the threshold of its contrast."""
 
     mask: NDArray[np.bool_]
     threshold: float
 
 
-def _standing_out(
+def _segment(
     photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes, clearly: bool = False
-) -> _Found:
+) -> _Segmentation:
     """The object, where a photo differs from its background; both (H, W, 3) display values."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
     # Twice the contrast at the border, where noise and an uneven background are all there is.
-    least = max(LEAST_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
+    least = max(MIN_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
     threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(threshold)), least)
-    mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
+    mask = _clean_up(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
     if not mask.any() or (clearness < CLEAR and (clearly or mask.mean() < NOISE_SHARE)):
         raise NoObject("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
@@ -240,27 +247,27 @@ def _standing_out(
     if notes != "none":
         for doubt in _doubts(mask, clearness):
             log.warning("%s [doubtful-mask]", doubt)
-    return _Found(mask, threshold)
+    return _Segmentation(mask, threshold)
 
 
-def _mended(
+def _clean_up(
     mask: NDArray[np.bool_], contrast: NDArray[np.float32], threshold: float, *, dark: bool
 ) -> NDArray[np.bool_]:
     """The mask without specks, with gaps closed and holes filled that a shadow may have made."""
-    mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    mask = remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
     mask = eroded(dilated(mask, gap), gap)
 
     def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
         unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
         area = sizes[0]
-        filled: NDArray[np.bool_] = (sizes <= SPECK * area) | (
+        chosen: NDArray[np.bool_] = (sizes <= SPECK * area) | (
             (sizes <= SHADOW * area) & (dark | (unlike > threshold / 2))
         )
-        return filled
+        return chosen
 
-    mask = without_holes(mask, by_shadow)
-    return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    mask = fill_holes(mask, by_shadow)
+    return remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
 def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
@@ -272,7 +279,7 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
             f"the mask meets {100 * touching:.0f}% of the photo's border: is the object wholly in the picture, before "
             "a dark or plain background?"
         )
-    holes = filled(mask, mask.size).mean() / share - 1
+    holes = fill_small_holes(mask, mask.size).mean() / share - 1
     if holes > SHADOW:
         yield (
             f"the mask has holes of {100 * holes:.0f}% of its area, where the photo looks like the background: if they "
@@ -312,7 +319,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
         fitted = np.full_like(values, np.median(values))
         for _ in range(6):
             off = np.abs(values - fitted)
-            agree = off <= 4 * deviation(off, LEAST_CONTRAST / 8)
+            agree = off <= 4 * deviation(off, MIN_CONTRAST / 8)
             factors = np.linalg.lstsq(terms[agree], values[agree], rcond=None)[0]
             fitted = terms @ factors
         behind[..., channel] = np.clip(powers @ factors, values[agree].min(), values[agree].max())
@@ -338,8 +345,8 @@ def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_
 # --- sizes and scales -------------------------------------------------------------------------------------------------
 
 
-def _outlined(
-    found: _Found, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
+def _refine_outline(
+    found: _Segmentation, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
     """(H, W) the small mask at full size: along its outline each pixel is thresholded by its own contrast."""
     if factor == 1:
@@ -352,7 +359,7 @@ def _outlined(
         lines = np.arange(rows.start, rows.stop) // factor
         mask[rows] = (contrast(rows) > found.threshold) & maybe[lines][:, columns] | surely[lines][:, columns]
     fine = factor**2 * OUTLINE**2
-    return without_specks(filled(mask, fine), fine)
+    return remove_small_regions(fill_small_holes(mask, fine), fine)
 
 
 def _factor(pixels: NDArray[np.float32]) -> int:

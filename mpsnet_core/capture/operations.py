@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.defaults import LEAST_FOCAL, MASK, MOST_FOCAL
+from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
@@ -69,13 +69,13 @@ class ReadsPhotos(ReadsPictures):
         from mpsnet_core.arrays.sizes import check_same_size
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.io.files import located
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.io.image_reading import read_image
 
         image = read_image(photo, encoding=self.encoding, layer=self.layer)
         reading = self.reading()
         progress(0.4, "looking for the object")
-        with located(photo):
+        with prefix_errors(photo):
             image = corrected(image, reading.correction)
             mask = find_mask(image, choice, **vars(reading))
         check_same_size(choice, mask.shape, photo, image.pixels.shape[:2])
@@ -99,8 +99,8 @@ class HasLens(Operation):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        low=LEAST_FOCAL,
-        high=MOST_FOCAL,
+        low=MIN_FOCAL,
+        high=MAX_FOCAL,
         help="35 mm equivalent focal length of the real camera, in millimetres",
     )
 
@@ -137,7 +137,7 @@ class HasViewpoint(HasLens):
         Raises SettingsError if both of a pair are set, or a mesh without a camera; InputError if a file cannot be read,
         or the camera does not see the mesh.
         """
-        from mpsnet_core.io.files import located
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
@@ -151,7 +151,7 @@ class HasViewpoint(HasLens):
         if not isinstance(lens, Camera):
             raise SettingsError("--mesh needs --camera, which states where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
-        with located(f"camera {self.camera}"):
+        with prefix_errors(f"camera {self.camera}"):
             return lens, depth_of_mesh(lens, RayScene.of(mesh))
 
 
@@ -183,7 +183,7 @@ class Superpose(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.capture.superpose import as_channels, superpose
-        from mpsnet_core.io.files import check_apart, checked_bits
+        from mpsnet_core.io.files import check_no_overwrite, checked_bits
         from mpsnet_core.io.frames import expand_images, in_order_of_lights
         from mpsnet_core.io.image import linear_to_srgb
         from mpsnet_core.io.image_writing import write_image
@@ -191,7 +191,7 @@ class Superpose(ReadsPictures):
         files = expand_images(self.image)
         if self.channels:
             files = in_order_of_lights(files)
-        check_apart(files, [self.output])
+        check_no_overwrite(files, [self.output])
         is_png = self.channels and Path(self.output).suffix.lower() == ".png"
         # A sum of light can be above 1, which only float files hold.
         bits = checked_bits(Path(self.output), None if is_png else 32)
@@ -238,19 +238,19 @@ class FindMask(ReadsPhotos):
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
         from mpsnet_core.capture.masks import mask_source
-        from mpsnet_core.io.files import check_apart, writable_image, written_together
-        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
+        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.io.image_writing import write_mask, write_picture
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
         for output in outputs:
             writable_image(output)
-        check_apart(files_meant((self.image, mask_source(self.mask), self.dark, self.flat)), outputs)
+        check_no_overwrite(expand_file_options((self.image, mask_source(self.mask), self.dark, self.flat)), outputs)
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.8, f"writing {Path(self.output).name}")
-        with written_together():
+        with write_transaction():
             write_mask(self.output, mask)
             if self.overlay:
                 write_picture(self.overlay, mask_picture(image.pixels, mask))
@@ -307,18 +307,20 @@ class Check(ReadsPhotos):
         """Check the photo, and write the findings if requested."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.capture.photo_check import check_photo, worst
-        from mpsnet_core.io.files import check_apart, located, writable_path, write_json
-        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
+        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.scene.rig import has_mixing, read_rig
 
         if self.json:
             writable_path(self.json)
-            check_apart(files_meant((self.image, self.rig, mask_source(self.mask), self.dark, self.flat)), [self.json])
+            check_no_overwrite(
+                expand_file_options((self.image, self.rig, mask_source(self.mask), self.dark, self.flat)), [self.json]
+            )
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.6, "checking the photo")
-        with located(self.image):
+        with prefix_errors(self.image):
             findings = check_photo(image, mask, rig, mixing_stated=not self.rig or has_mixing(self.rig))
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))

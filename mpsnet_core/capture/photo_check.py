@@ -40,14 +40,14 @@ SHADOW, SHADOW_NOISE, UNSEEN = 0.03, 4.0, 0.25
 BLURRED, FOCUS_SIDE = (1.6, 4.0), 400
 # Least height of an edge that shows the blur: as a share of the object's 95th percentile, and as a multiple of the
 # noise. Least number of such edges.
-EDGE, EDGE_NOISE, LEAST_EDGES = 0.08, 10.0, 50
+EDGE, EDGE_NOISE, MIN_EDGES = 0.08, 10.0, 50
 SHARPEST = 90  # percentile
 # Variances of the two smoothing filters that are compared, in pixels²: a box of 3 or 5 twice, and the derivative's box.
 FINE, COARSE = 4 / 3 + 1 / 3, 4 + 1 / 3
 # Pixels to examine; larger photos are checked on some rows only.
 PIXELS = 4_000_000
 RUN = 32  # length in pixels of the row segments on which noise is measured
-LEAST_RUNS = 30
+MIN_RUNS = 30
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np
         return np.zeros(3)
     second = (pixels[:, :-2] - 2 * pixels[:, 1:-1] + pixels[:, 2:])[:, :width] / np.sqrt(6)
     whole = (inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:])[:, :width].reshape(len(pixels), -1, RUN).all(axis=-1)
-    if np.count_nonzero(whole) < LEAST_RUNS:
+    if np.count_nonzero(whole) < MIN_RUNS:
         return np.zeros(3)
     runs = np.abs(second).reshape(len(pixels), -1, RUN, 3)[whole]
     return np.asarray(DEVIATIONS * np.percentile(np.median(runs, axis=1), 20, axis=0), np.float64)
@@ -336,7 +336,7 @@ def _sharpest_edges(
     if outline:
         # If noise may have hidden a sharp outline in the larger image, a blurred one here proves nothing.
         edge &= dilated(~inside, 2) & (2 * EDGE_NOISE * grain < EDGE * bright)
-    if np.count_nonzero(edge) < LEAST_EDGES:
+    if np.count_nonzero(edge) < MIN_EDGES:
         return None
     ratio = steep[edge] / np.maximum(np.hypot(*coarse)[edge], 1e-12)
     sharp = float(np.clip(np.percentile(ratio, SHARPEST) ** 2, 1.001, COARSE / FINE))

@@ -44,7 +44,7 @@ class Reading:
 AS_STATED = Reading()  # the encoding that the files state
 
 
-def note_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
+def warn_of_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
     """Report photos of one light each whose exposure time, by their files, differs from the first one's."""
     first = images[0].exposure_time
     for photo, image in zip(photos, images, strict=True):

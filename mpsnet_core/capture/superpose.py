@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.capture.reading import note_other_exposures
+from mpsnet_core.capture.reading import warn_of_other_exposures
 from mpsnet_core.errors import NoObject, SettingsError
-from mpsnet_core.io.image import Image, note_saturated
+from mpsnet_core.io.image import Image, warn_of_saturation
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
 
@@ -91,9 +91,9 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
     images = [read_image(photo, encoding=encoding, grey=grey) for photo in photos]
     for photo, image in zip(photos, images, strict=True):
         check_same_size(str(photo), image.pixels.shape[:2], str(photos[0]), images[0].pixels.shape[:2])
-    note_other_exposures(photos, images)
+    warn_of_other_exposures(photos, images)
     for photo, image in zip(photos, images, strict=True):
-        note_saturated(photo, image)  # the combined photo, in floats, does not show it any more
+        warn_of_saturation(photo, image)  # the combined photo, in floats, does not show it any more
     return images
 
 

@@ -23,10 +23,10 @@ DARKEST, BRIGHTEST = 0.12, 0.97
 # The object is divided into blocks: number along the side of a square of its area; pixels to use along a block's side.
 BLOCKS = 40
 BLOCK_PIXELS = 6
-LEAST_BLOCKS = 150
-LEAST_CELLS = 100
+MIN_BLOCKS = 150
+MIN_CELLS = 100
 # Normals with a smaller z have no reliable gradients.
-LEAST_FACING = 0.15
+MIN_FACING = 0.15
 ROUNDS = 15
 # Weight of the prior that the lights are equally strong.
 STRENGTH_PRIOR = 0.05
@@ -46,20 +46,20 @@ def is_taken_as_linear(name: str, image: Image, mask: NDArray[np.bool_], rig: Li
             name,
         )
         return True
-    _note(name, rather)
+    _warn(name, rather)
     return False
 
 
-def note_doubtful_curve(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> None:
+def warn_of_doubtful_curve(name: str, image: Image, mask: NDArray[np.bool_], rig: LightRig) -> None:
     """Warn if a file without a stated encoding, read as sRGB, may be linear. image: without correction."""
-    _note(name, _evidence(image, mask, rig))
+    _warn(name, _evidence(image, mask, rig))
 
 
 def _evidence(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> float:
     return evidence_for_linear(image.pixels, mask, rig) if image.assumed else 0.0
 
 
-def _note(name: str, rather: float) -> None:
+def _warn(name: str, rather: float) -> None:
     if rather > CLOSE:
         log.warning(
             "%s does not state its colour encoding and was read as sRGB, but MAY BE LINEAR; if so, set the "
@@ -101,14 +101,14 @@ def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, ri
     """
     usable = usable & (pixels > 0).all(axis=-1)
     whole = block_means(usable[..., None].astype(np.float32), block)[..., 0] > 0.999
-    if np.count_nonzero(whole) < LEAST_BLOCKS:
+    if np.count_nonzero(whole) < MIN_BLOCKS:
         return 0.0
     colours = block_means(np.where(usable[..., None], pixels, 0), block).astype(np.float64)
     scaled = colours * _strengths(colours[whole], rig)
     normals = scaled @ np.linalg.inv(rig.directions).T
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
-    along_x, along_y = gradient_derivatives(normals, whole, LEAST_FACING)
-    if len(along_x) < LEAST_CELLS:
+    along_x, along_y = gradient_derivatives(normals, whole, MIN_FACING)
+    if len(along_x) < MIN_CELLS:
         return 0.0
     curl = np.abs(along_y[:, 0] - along_x[:, 1])
     all_of_it = np.sqrt(np.square(along_x).sum(axis=-1) + np.square(along_y).sum(axis=-1))

@@ -42,7 +42,7 @@ from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCam
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
 
 # Bytes that the libraries and the smallest photo need.
-LEAST_MEMORY = 256 << 20
+MIN_MEMORY = 256 << 20
 
 # The help lists them in this order.
 OPERATIONS: tuple[type[Operation], ...] = (
@@ -148,7 +148,7 @@ def _reserve_memory() -> None:
     OpenBLAS would wait for ever for the buffer of its first product; a small product allocates it now.
     """
     try:
-        mmap.mmap(-1, LEAST_MEMORY).close()
+        mmap.mmap(-1, MIN_MEMORY).close()
     except OSError:
         raise MemoryError from None
     import numpy as np

@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.estimate.distant_lights import lights_by_rows
-from mpsnet_core.estimate.white_photo import painted_grey
+from mpsnet_core.estimate.distant_lights import bands_with_lights
+from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.
-LEAST_SHADING = 0.1
+MIN_SHADING = 0.1
 # Below this cosine, shadows of a light cannot be detected, and it adds little.
 GRAZING = 0.1
 # A light's visibility, as a share of the most visible light's: below the first, a shadow blocks it; above the second,
@@ -83,10 +83,10 @@ def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float3
         shading = np.maximum(normals.vectors @ capture.white_light.astype(np.float32), 0)
     albedo = white
     for rows in bands(len(albedo)):
-        albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(LEAST_SHADING))
+        albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(MIN_SHADING))
         albedo[rows][~capture.mask[rows]] = 0
     # Measure the scale on well-lit pixels that are not clipped, if there are any.
-    measure = capture.mask & (shading > LEAST_SHADING)
+    measure = capture.mask & (shading > MIN_SHADING)
     if capture.white_clipped is not None:
         measure &= ~capture.white_clipped.any(axis=-1)
     measured = albedo[measure if measure.any() else capture.mask]
@@ -155,10 +155,10 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) shading by the rig's three lights, without the light that shadows block."""
     cosines = np.empty(normals.shape, np.float32)
-    for rows, lights in lights_by_rows(capture):
+    for rows, lights in bands_with_lights(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
     shading: NDArray[np.float32] = cosines.sum(axis=-1)
-    grey = painted_grey(capture)
+    grey = normalise_by_white_photo(capture)
     if grey.white is None:
         return shading
     comparable = _comparable(capture, white) & (cosines > GRAZING)

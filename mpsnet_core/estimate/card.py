@@ -44,7 +44,7 @@ class ModelCard:
         :func:`mpsnet_core.estimate.light_frame.canonical_frames`.
     magnified
         Pyramid only: factor by which a small image is magnified, 1 to 4, see
-        :func:`mpsnet_core.estimate.dense.dense_answer`.
+        :func:`mpsnet_core.estimate.dense.predict_dense`.
 
     Raises
     ------

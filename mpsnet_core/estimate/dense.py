@@ -15,10 +15,10 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import (
     CONSTANTS,
-    Seen,
+    PhotoCrop,
     channel_count,
+    feature_map,
     mean_light,
-    window_map,
 )
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.io.image import storage_type
@@ -43,7 +43,7 @@ class Network(Protocol):
     def __call__(self, inputs: dict[str, Floats], count: int, *size: int) -> tuple[Floats, Floats]: ...
 
 
-def dense_answer(
+def predict_dense(
     network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress
 ) -> NDArray[np.floating[Any]]:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
@@ -58,7 +58,7 @@ def dense_answer(
     Scales, features and outputs are computed a tile at a time: large photos need little memory beyond the photo and
     the returned array.
     """
-    answer: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
+    output: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     first = SMALL if card.magnified > 1 else COARSEST
@@ -67,48 +67,50 @@ def dense_answer(
     if card.magnified > 1:
         rest = sum(4.0**k for k in range(1, halvings + 1))
         share = card.magnified**2 / (card.magnified**2 + rest)
-        previous = _by_magnified(network, card, photo, halvings, tile, part(progress, 0.0, share))
+        previous = _predict_magnified(network, card, photo, halvings, tile, part(progress, 0.0, share))
         progress, halvings = part(progress, share, 1.0), halvings - 1
         if halvings < 0:
-            answer[photo.box] = previous
+            output[photo.box] = previous
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
-        result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
+        result = output[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             if previous is not None:  # free the rows that no further tile reads
-                previous.resize((_window_before(window, previous)[0].stop, *previous.shape[1:]), refcheck=False)
+                previous.resize(
+                    (_window_on_previous_scale(window, previous)[0].stop, *previous.shape[1:]), refcheck=False
+                )
             progress(_share_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
-                inner, seen = _relative_to_window(place, window), photo.seen(window, halving, previous)
+                inner, crop = _relative_to_window(place, window), photo.crop(window, halving, previous)
                 for frame in frames:
-                    result[place] += _tile_answer(network, card, seen, frame)[inner] / np.float32(len(frames))
+                    result[place] += _predict_tile(network, card, crop, frame)[inner] / np.float32(len(frames))
         previous = result
-    return answer
+    return output
 
 
-def _by_magnified(
+def _predict_magnified(
     network: Network, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
 ) -> Floats:
     """(h, w, 4) the output on a scale, estimated from its magnified image."""
     height, width = photo.shape(halving)
-    seen = photo.seen((slice(0, height), slice(0, width)), halving, None)
-    large = _magnified(photo.capture, seen, card.magnified)
-    found = dense_answer(network, replace(card, magnified=1.0), large, tile, progress).astype(np.float32, copy=False)
+    crop = photo.crop((slice(0, height), slice(0, width)), halving, None)
+    large = _magnified(photo.capture, crop, card.magnified)
+    found = predict_dense(network, replace(card, magnified=1.0), large, tile, progress).astype(np.float32, copy=False)
     found[..., :3] = normalised(found[..., :3])
-    return _resized(found, large.mask, (height, width)) * seen.mask[..., None]
+    return _resized(found, large.mask, (height, width)) * crop.mask[..., None]
 
 
-def _magnified(capture: Capture, seen: Seen, times: float) -> Capture:
+def _magnified(capture: Capture, crop: PhotoCrop, times: float) -> Capture:
     """A whole scale as a capture of its own, magnified bilinearly from the pixels inside the mask."""
-    shape = round(seen.mask.shape[0] * times), round(seen.mask.shape[1] * times)
-    light = _resized(seen.light, seen.mask, shape)
-    rows, columns = chosen_pixels(*shape, *seen.mask.shape)
+    shape = round(crop.mask.shape[0] * times), round(crop.mask.shape[1] * times)
+    light = _resized(crop.light, crop.mask, shape)
+    rows, columns = chosen_pixels(*shape, *crop.mask.shape)
     return Capture(
         light,
-        seen.mask[rows][:, columns],
+        crop.mask[rows][:, columns],
         replace(capture.rig, mixing=np.eye(3)),
-        white=light if seen.grey else None,  # only marks that the white photo has been applied already
+        white=light if crop.grey else None,  # only marks that the white photo has been applied already
     )
 
 
@@ -153,14 +155,14 @@ class _Photo:
 
     def holds_object(self, window: Window, halving: int) -> bool:
         """Whether any pixel of the object is in a window of a scale."""
-        return bool(self.capture.mask[self._own_pixels(*window, halving)].any())
+        return bool(self.capture.mask[self._photo_pixels(*window, halving)].any())
 
-    def seen(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> Seen:
+    def crop(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> PhotoCrop:
         """A window of a scale, with the output (h, w, 4) on the previous scale."""
         light, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
         rig, grey = self.capture.rig, self.capture.white is not None
-        return Seen(light, mask, rig.directions, self._means, before, rig.exact, grey)
+        return PhotoCrop(light, mask, rig.directions, self._means, before, rig.exact, grey)
 
     def _read(self, window: Window, halving: int) -> tuple[Floats, NDArray[np.bool_]]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
@@ -169,7 +171,7 @@ class _Photo:
         rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
         for top in range(0, shape[0], rows):
             part = slice(top, min(top + rows, shape[0]))
-            pixels_of_part = self._own_pixels(
+            pixels_of_part = self._photo_pixels(
                 slice(window[0].start + part.start, window[0].start + part.stop), window[1], halving
             )
             inside = self.capture.mask[pixels_of_part]
@@ -177,7 +179,7 @@ class _Photo:
             image[part], mask[part] = means_inside(pixels, inside, halving)
         return self.capture.rig.unmixed(image), mask
 
-    def _own_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
+    def _photo_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
         first, second = (
             slice(
                 side.start + (part.start << halving),
@@ -188,14 +190,14 @@ class _Photo:
         return first, second
 
 
-def _previous(answer: NDArray[np.floating[Any]], window: Window) -> Floats:
-    """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, ignoring empty pixels."""
-    rows, columns = _window_before(window, answer)
-    part = answer[rows, columns].astype(np.float32)
-    answered = (part[..., :3] != 0).any(axis=-1, keepdims=True)
+def _previous(output: NDArray[np.floating[Any]], window: Window) -> Floats:
+    """The map "previous" (h, w, 4) of a window at twice the resolution of `output`; bilinear, ignoring empty pixels."""
+    rows, columns = _window_on_previous_scale(window, output)
+    part = output[rows, columns].astype(np.float32)
+    filled = (part[..., :3] != 0).any(axis=-1, keepdims=True)
     part[..., :3] = normalised(part[..., :3])
     part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE
-    part = np.concatenate([part, np.ones_like(answered, np.float32)], axis=-1) * answered
+    part = np.concatenate([part, np.ones_like(filled, np.float32)], axis=-1) * filled
     part = _doubled(_doubled(part, 0), 1)
     down, right = (
         slice(side.start - 2 * source.start, side.stop - 2 * source.start)
@@ -207,11 +209,11 @@ def _previous(answer: NDArray[np.floating[Any]], window: Window) -> Floats:
     return values
 
 
-def _window_before(window: Window, answer: NDArray[np.floating[Any]]) -> Window:
+def _window_on_previous_scale(window: Window, output: NDArray[np.floating[Any]]) -> Window:
     """The part of an output that a window at twice its resolution needs."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
-        for side, length in zip(window, answer.shape, strict=False)
+        for side, length in zip(window, output.shape, strict=False)
     )
     return rows, columns
 
@@ -232,36 +234,36 @@ def _doubled(values: Floats, axis: int) -> Floats:
     return twice
 
 
-def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFrame) -> Floats:
+def _predict_tile(network: Network, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Floats:
     """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
-    height, width = seen.mask.shape
-    size = _padded(frame.picture(seen.mask).shape, card.multiple)
-    vectors, confidence = (values[0] for values in network(_inputs(card, seen, frame), 1, *size))
-    answer = np.zeros((*_padded(seen.mask.shape, card.multiple), 4), np.float32)
-    view = frame.picture(answer)
-    turned_back = frame.rotation.T.astype(np.float32) @ vectors.reshape(3, -1)
-    view[..., :3] = turned_back.reshape(vectors.shape).transpose(1, 2, 0)
+    height, width = crop.mask.shape
+    size = _padded(frame.picture(crop.mask).shape, card.multiple)
+    vectors, confidence = (values[0] for values in network(_inputs(card, crop, frame), 1, *size))
+    output = np.zeros((*_padded(crop.mask.shape, card.multiple), 4), np.float32)
+    view = frame.picture(output)
+    rotated = frame.rotation.T.astype(np.float32) @ vectors.reshape(3, -1)
+    view[..., :3] = rotated.reshape(vectors.shape).transpose(1, 2, 0)
     view[..., 3] = np.clip(confidence[0], 0, 1)
-    return answer[:height, :width] * seen.mask[..., None]
+    return output[:height, :width] * crop.mask[..., None]
 
 
-def _inputs(card: ModelCard, seen: Seen, frame: LightFrame) -> dict[str, Floats]:
+def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, Floats]:
     """The network's inputs by name, (1, C, H, W), in a light frame."""
-    turned = _in_frame(seen, frame, card.multiple)
+    turned = _in_frame(crop, frame, card.multiple)
     inputs = {}
     for name, features in card.inputs.items():
         size = (1, 1) if CONSTANTS.intersection(features) else turned.mask.shape
         stacked = np.empty((1, channel_count(features), *size), np.float32)
         first = 0
         for feature in features:
-            values = window_map(feature, turned)
+            values = feature_map(feature, turned)
             stacked[0, first : first + len(values)] = values
             first += len(values)
         inputs[name] = stacked
     return inputs
 
 
-def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
+def _in_frame(crop: PhotoCrop, frame: LightFrame, multiple: int) -> PhotoCrop:
     """A window in a light frame, padded with zeros to the network's multiple."""
     order = list(frame.order)
 
@@ -271,17 +273,17 @@ def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
         return frame.picture(padded)
 
     previous = None
-    if seen.previous is not None:
-        previous = picture(seen.previous)
+    if crop.previous is not None:
+        previous = picture(crop.previous)
         previous[..., :3] = previous[..., :3] @ frame.rotation.T.astype(np.float32)
-    return Seen(
-        picture(seen.light)[..., order],
-        picture(seen.mask),
-        frame.lights(seen.directions),
-        seen.means[order],
+    return PhotoCrop(
+        picture(crop.light)[..., order],
+        picture(crop.mask),
+        frame.lights(crop.directions),
+        crop.means[order],
         previous,
-        seen.exact,
-        seen.grey,
+        crop.exact,
+        crop.grey,
     )
 
 

@@ -26,45 +26,45 @@ from mpsnet_core.scene.rig import LightRig
 ROWS = 32
 
 
-def under_distant_lights(capture: Capture) -> Capture:
+def convert_to_distant_lights(capture: Capture) -> Capture:
     """The capture, unmixed, as distant lights from the rig's directions would light it.
 
     Exact for a matt surface that all three lights reach; elsewhere values can be below zero.
     """
-    return _relit(capture, turned=False)
+    return _relight(capture, rotate=False)
 
 
-def as_distant_lights(capture: Capture) -> Capture:
+def convert_to_distant_view(capture: Capture) -> Capture:
     """The capture under distant lights, with every line of sight rotated onto the z axis; clipped at zero.
 
-    A capture with distant lights and camera is returned unchanged. :func:`turn_back` rotates the normals estimated
-    from the result back into camera space.
+    A capture with distant lights and camera is returned unchanged. :func:`rotate_to_camera_space` rotates the normals
+    estimated from the result back into camera space.
     """
     if capture.rig.near is None and not _is_perspective(capture.camera):
         return capture
-    return _relit(capture, turned=True)
+    return _relight(capture, rotate=True)
 
 
-def turn_back(normals: NDArray[np.float32], camera: Camera | None) -> None:
-    """Rotate normals (H, W, 3) estimated from :func:`as_distant_lights` into camera space, in place."""
+def rotate_to_camera_space(normals: NDArray[np.float32], camera: Camera | None) -> None:
+    """Rotate normals (H, W, 3) estimated from :func:`convert_to_distant_view` into camera space, in place."""
     if not _is_perspective(camera):
         return
     for rows in bands(len(normals), ROWS):
-        normals[rows] = _turned(normals[rows], -_turn_to_z(camera, rows))
+        normals[rows] = _rotate(normals[rows], -_rotation_to_z(camera, rows))
 
 
-def _relit(capture: Capture, *, turned: bool) -> Capture:
+def _relight(capture: Capture, *, rotate: bool) -> Capture:
     image = np.zeros_like(capture.image)
-    for rows, lights in lights_by_rows(capture):
+    for rows, lights in bands_with_lights(capture):
         normals = pseudo_normals(capture.rig.unmixed(capture.image[rows]), lights)
-        if turned and _is_perspective(capture.camera):
-            normals = _turned(normals, _turn_to_z(capture.camera, rows))
+        if rotate and _is_perspective(capture.camera):
+            normals = _rotate(normals, _rotation_to_z(capture.camera, rows))
         lit = normals @ capture.rig.directions.T
-        image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if turned else lit, 0)
+        image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if rotate else lit, 0)
     return replace(capture, image=image, rig=LightRig(capture.rig.directions, exact=capture.rig.exact), clip=np.inf)
 
 
-def lights_by_rows(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """Bands of rows, each with its lights as :func:`lights_in` returns them."""
     for rows in bands(len(capture.mask), ROWS):
         yield rows, lights_in(capture, rows)
@@ -108,14 +108,14 @@ def _is_perspective(camera: Camera | None) -> TypeGuard[Camera]:
     return camera is not None and camera.projection == "perspective"
 
 
-def _turn_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
+def _rotation_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
     """(h, W, 3) axes of the smallest rotations from lines of sight onto z; their length is the sine of the angle."""
     towards = -camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start)
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     return np.cross(towards, [0.0, 0.0, 1.0])
 
 
-def _turned(vectors: NDArray[np.floating[Any]], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotate(vectors: NDArray[np.floating[Any]], axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotate vectors about axes whose length is the sine of the angle, below 90° (Rodrigues' formula)."""
     cosine = np.sqrt(1 - dot(axes, axes))[..., None]
     once = np.cross(axes, vectors)

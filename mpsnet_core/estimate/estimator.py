@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.estimate.albedo_removal import estimate_without_albedo, without_grain
-from mpsnet_core.estimate.distant_lights import under_distant_lights
-from mpsnet_core.estimate.features import divided
-from mpsnet_core.estimate.fireflies import without_fireflies
+from mpsnet_core.estimate.albedo_removal import divide_out_grain, estimate_with_albedo_removed
+from mpsnet_core.estimate.distant_lights import convert_to_distant_lights
+from mpsnet_core.estimate.features import divide_by_means
+from mpsnet_core.estimate.fireflies import remove_fireflies
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
-from mpsnet_core.estimate.uniform_albedo import refined
-from mpsnet_core.estimate.white_photo import painted_grey
+from mpsnet_core.estimate.uniform_albedo import refine_normals
+from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -78,8 +78,8 @@ class Estimator:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Estimate the normals of `capture`, in camera space. Raises Cancelled if `progress` does."""
-        photo = without_fireflies(capture)
-        capture = painted_grey(photo)
+        photo = remove_fireflies(capture)
+        capture = normalise_by_white_photo(photo)
         if photo.white is not None and capture.white is None:
             log.warning(
                 "the white photo is NOT USED: a channel of it is black, or it is clipped nearly everywhere; "
@@ -89,12 +89,12 @@ class Estimator:
             normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         elif self._network.card.kind == "pyramid":  # other networks, such as the paper's, predict no error
             seen = part(progress, 0.0, 0.8)
-            capture = without_grain(capture)
+            capture = divide_out_grain(capture)
             if self._network.card.passes > 1:
-                normals = estimate_without_albedo(self._network, photo, capture, seen)
+                normals = estimate_with_albedo_removed(self._network, photo, capture, seen)
             else:
                 normals = self._network(capture, seen)
-            normals = refined(capture, normals, part(progress, 0.8, 1.0))
+            normals = refine_normals(capture, normals, part(progress, 0.8, 1.0))
         else:
             normals = self._network(capture, progress)
         progress(1.0, "normals estimated")
@@ -165,9 +165,9 @@ def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
     """
     confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)
     if capture.rig.near is not None:
-        capture = under_distant_lights(capture)
+        capture = convert_to_distant_lights(capture)
     image = capture.rig.unmixed(capture.image)
     if grey_world:
-        image = divided(image, image[capture.mask].mean(axis=0, dtype=np.float64))
+        image = divide_by_means(image, image[capture.mask].mean(axis=0, dtype=np.float64))
     solution = image @ np.linalg.inv(capture.rig.directions).T.astype(np.float32)
     return NormalMap(solution, capture.mask, confidence)

@@ -27,10 +27,10 @@ FEATURE_CHANNELS = {
 # One value for the whole capture, of size 1 x 1: they cannot be stacked with maps.
 CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
 # Lower limit of a channel's mean, as a share of the largest: an all-black channel must not divide by zero.
-LEAST_MEAN = 1e-4
+MIN_MEAN = 1e-4
 
 
-def divided(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
+def divide_by_means(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
     """The image (..., 3) divided by one mean, or each channel by its own; by 1 if that is not above 0."""
     divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
@@ -50,7 +50,7 @@ def channel_count(features: Iterable[str]) -> int:
     return sum(FEATURE_CHANNELS[feature] for feature in features)
 
 
-class Seen(NamedTuple):
+class PhotoCrop(NamedTuple):
     """A window of a photo on some scale, and properties of the whole photo.
 
     light: (H, W, 3) unmixed image. mask: (H, W). directions: (3, 3), one light per row. means: (3,) mean of `light`
@@ -69,7 +69,7 @@ class Seen(NamedTuple):
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    seen = Seen(
+    crop = PhotoCrop(
         capture.rig.unmixed(capture.image),
         capture.mask,
         capture.rig.directions,
@@ -77,7 +77,7 @@ def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np
         exact=capture.rig.exact,
         grey=capture.white is not None,
     )
-    return {name: window_map(name, seen) for name in names}
+    return {name: feature_map(name, crop) for name in names}
 
 
 def mean_light(capture: Capture) -> NDArray[np.float64]:
@@ -88,27 +88,27 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
+def feature_map(name: str, crop: PhotoCrop) -> NDArray[np.float32]:
     """The named map of a window, (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    light, mask, directions, means = seen.light, seen.mask, seen.directions, seen.means
+    light, mask, directions, means = crop.light, crop.mask, crop.directions, crop.means
     if name == "lights":
         return directions.astype(np.float32).reshape(9, 1, 1)
     if name == "channel_means":
-        floor = np.maximum(means, LEAST_MEAN * max(float(means.mean()), 1e-30))
+        floor = np.maximum(means, MIN_MEAN * max(float(means.mean()), 1e-30))
         shares: NDArray[np.float64] = floor / floor.mean()
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
-        return np.array([seen.previous is not None, seen.grey], np.float32).reshape(2, 1, 1)
+        return np.array([crop.previous is not None, crop.grey], np.float32).reshape(2, 1, 1)
     if name == "exact":
-        return np.full((1, 1, 1), seen.exact, np.float32)
+        return np.full((1, 1, 1), crop.exact, np.float32)
     if name in ("photo", "initial_normals"):
-        values = divided(light, means.mean())
+        values = divide_by_means(light, means.mean())
     elif name in ("grey_world", "initial_normals_grey_world"):
-        values = divided(light, means)
+        values = divide_by_means(light, means)
     elif name == "mask":
         values = np.ones((*mask.shape, 1), np.float32)
     elif name == "previous":
-        values = np.zeros((*mask.shape, 4), np.float32) if seen.previous is None else seen.previous
+        values = np.zeros((*mask.shape, 4), np.float32) if crop.previous is None else crop.previous
     else:
         raise KeyError(name)
     if name.startswith("initial_normals"):

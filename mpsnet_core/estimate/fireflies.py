@@ -24,7 +24,7 @@ SAMPLED = 100_000  # pixels of a large photo
 AROUND = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if down or right]
 
 
-def without_fireflies(capture: Capture) -> Capture:
+def remove_fireflies(capture: Capture) -> Capture:
     """Replace each firefly by its third brightest neighbour, channel by channel.
 
     A capture without fireflies, or from a sensor, is returned unchanged: a sensor clips.

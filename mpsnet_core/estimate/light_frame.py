@@ -11,7 +11,7 @@ T = TypeVar("T", bound=np.generic)
 QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 # The tilt of a light closer to the viewing axis than this (the sine of 3 degrees) is unreliable.
-LEAST_SINE = 0.05
+MIN_SINE = 0.05
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,6 @@ def canonical_frames(directions: NDArray[np.float64], passes: int = 6) -> list[L
             quarters = int(np.floor(round(turn / 90, 6) + 0.5))
             # The reflection comes last and reverses the sense of the rotation before it.
             frame = LightFrame(turned, (-quarters if mirrored else quarters) % 4, mirrored)
-            found.append((np.hypot(x, y) < LEAST_SINE, round(abs(turn - 90 * quarters), 6), frame))
+            found.append((np.hypot(x, y) < MIN_SINE, round(abs(turn - 90 * quarters), 6), frame))
     found.sort(key=lambda entry: entry[:2])  # stable: on a tie the unmirrored frame is first
     return [frame for *_, frame in found[:passes]]

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
-from mpsnet_core.estimate.dense import dense_answer
-from mpsnet_core.estimate.distant_lights import as_distant_lights, turn_back
+from mpsnet_core.estimate.dense import predict_dense
+from mpsnet_core.estimate.distant_lights import convert_to_distant_view, rotate_to_camera_space
 from mpsnet_core.estimate.features import CONSTANTS, channel_count
 from mpsnet_core.estimate.operators import check_operators
-from mpsnet_core.estimate.patches import patch_answer
+from mpsnet_core.estimate.patches import predict_patches
 from mpsnet_core.estimate.registry import DEFAULT_TILE
-from mpsnet_core.io.files import existing_file, located
+from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -75,7 +75,7 @@ class OnnxModel:
         self.tile = tile
         check_operators(self.path)
         self.session = _session(self.path, provider, threads)
-        with located(f"model file {self.path} cannot be used"):
+        with prefix_errors(f"model file {self.path} cannot be used"):
             metadata = _metadata(self.session)
             self.card = card_from_metadata(metadata)
             if passes is not None:
@@ -90,12 +90,12 @@ class OnnxModel:
         passes: replaces the number on the card of dense networks.
         """
         card = self.card if passes is None else replace(self.card, passes=passes)
-        seen = as_distant_lights(capture)
+        seen = convert_to_distant_view(capture)
         if self.card.kind != "patch":
-            answer = dense_answer(self._run, card, seen, self.tile, progress)
+            answer = predict_dense(self._run, card, seen, self.tile, progress)
         else:
-            answer = patch_answer(self._run, self.card, seen, progress)
-        turn_back(answer[..., :3], capture.camera)
+            answer = predict_patches(self._run, self.card, seen, progress)
+        rotate_to_camera_space(answer[..., :3], capture.camera)
         self._release_memory()
         progress(1.0, "normals estimated")
         return NormalMap(answer[..., :3], capture.mask, answer[..., 3], in_place=True)

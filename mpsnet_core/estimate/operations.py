@@ -190,20 +190,30 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
-        from mpsnet_core.io.files import check_apart, writable_image
-        from mpsnet_core.io.frames import expand_images, files_meant, is_several, is_video, output_files
+        from mpsnet_core.io.files import check_no_overwrite, writable_image
+        from mpsnet_core.io.frames import (
+            expand_file_options,
+            expand_images,
+            is_folder_or_pattern,
+            is_video,
+            output_files,
+        )
 
-        white_light, beside = self._white_light(), self._beside_photos()
+        white_light, other_files = self._white_light(), self._beside_photos()
         photos = expand_images(self.image)
-        inputs = [*photos, *files_meant(beside)]
+        inputs = [*photos, *expand_file_options(other_files)]
         # A folder with one frame is a sequence, too, unless its confidence is requested: sequences have none.
-        if len(photos) > 1 or is_video(photos[0]) or (any(map(is_several, self.image)) and not self.confidence):
+        if (
+            len(photos) > 1
+            or is_video(photos[0])
+            or (any(map(is_folder_or_pattern, self.image)) and not self.confidence)
+        ):
             return self._frames(photos, inputs, progress)
         if self.smooth:
             raise SettingsError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
         [output] = output_files(photos, self.output, self.format)
         maps = [writable_image(path) for path in (self.confidence, self.albedo) if path]
-        check_apart(inputs, [output, *maps])
+        check_no_overwrite(inputs, [output, *maps])
         return self._photo(photos[0], output, white_light, progress)
 
     def _photo(
@@ -211,8 +221,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     ) -> NormalsMade:
         from mpsnet_core.capture.capture import read_capture
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
-        from mpsnet_core.estimate.room_light import note_room_light
-        from mpsnet_core.io.files import ensure_folder, written_together
+        from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
+        from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.normal_map import write_normals
         from mpsnet_core.scene.rig import read_rig
@@ -233,11 +243,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
         progress(0.1, f"normals by {self.model}")
         normals = estimator(capture, part(progress, 0.1, 0.9))
-        note_room_light(capture, normals)
+        warn_of_ambient_light(capture, normals)
 
         progress(0.9, f"writing {output.name}")
         ensure_folder(output.parent, "normals")
-        with written_together():
+        with write_transaction():
             write_normals(output, normals, convention=self.convention)
             if self.confidence:
                 write_image(self.confidence, normals.confidence)
@@ -282,11 +292,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks, photo_frames
-        from mpsnet_core.io.files import check_apart
+        from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.frames import numbering, output_files
 
         outputs = output_files(photos, self.output, self.format)
-        check_apart(inputs, outputs)
+        check_no_overwrite(inputs, outputs)
         numbered = numbering(photos)
         masks = frame_masks(self.mask)
         if numbered is None and (self.smooth or masks.by_number):
@@ -323,7 +333,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks
         from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
-        from mpsnet_core.io.files import check_apart, resolved
+        from mpsnet_core.io.files import check_no_overwrite, resolved
 
         if self.layer:
             raise SettingsError(f"{path} is a video, which has no layers; leave --layer out")
@@ -331,7 +341,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         # The number of frames is not known before the video is read. An output's name ends in its frame number, so an
         # input can be overwritten only by the frames whose numbers are in the inputs' names.
         numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
-        check_apart(inputs, map(outputs, numbers))
+        check_no_overwrite(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
         frames = video_frames(video, outputs, masks=frame_masks(self.mask), reach=self.smooth, encoding=self.encoding)
         outcome = self._sequence(frames, video.count, progress, 1)
@@ -345,9 +355,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence.
         apart: as in `estimate_sequence`."""
         from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import note_doubtful_curve
+        from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
         from mpsnet_core.estimate.sequence.run import estimate_sequence
-        from mpsnet_core.io.files import located
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.rig import read_rig
 
@@ -363,11 +373,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             notes: Notes = "none" if has_alpha in noted else "doubts"
             # Once a sequence's object was found, every frame is searched for it: none is taken whole in between.
             mask = "auto" if found and not has_alpha else frame.mask
-            with located(frame.name):
+            with prefix_errors(frame.name):
                 capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
             found = found or (step is not None and frame.mask == MASK and not has_alpha and not capture.mask.all())
             if notes != "none":
-                note_doubtful_curve(frame.name, image, capture.mask, rig)
+                warn_of_doubtful_curve(frame.name, image, capture.mask, rig)
             noted.add(has_alpha)
             return capture
 

@@ -14,7 +14,7 @@ from mpsnet_core.progress import Progress
 PATCHES_A_BATCH = 1024
 
 
-def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
+def predict_patches(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
     box = bounding_box(capture.mask)
@@ -32,8 +32,8 @@ def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: 
         for name, values in inputs.items()
         if name not in constants
     }
-    answer = np.zeros((*capture.mask.shape, 4), np.float32)
-    inside = answer[box]
+    output = np.zeros((*capture.mask.shape, 4), np.float32)
+    inside = output[box]
     rows, columns = np.nonzero(mask)
     for some in bands(len(rows), PATCHES_A_BATCH):
         progress(some.start / len(rows), f"pixel {some.start} of {len(rows)}")
@@ -41,4 +41,4 @@ def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: 
         batch = {name: view[y, x] for name, view in windows.items()}
         batch |= {name: np.broadcast_to(values, (len(y), *values.shape)) for name, values in constants.items()}
         inside[y, x] = np.concatenate(network(batch, len(y)), axis=1)
-    return answer
+    return output

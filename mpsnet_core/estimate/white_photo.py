@@ -1,4 +1,4 @@
-"""Remove the surface's colour by a white photo: the photo becomes that of the same object painted grey.
+"""Normalise a photo by a white photo: it becomes that of the same object painted grey.
 
 Let a be the albedo of a matt surface, s_k the light k that arrives, and M the mixing. The photo is ``c = a M s`` if the
 lights' spectra are broad, with one albedo per channel, or ``c = M a s`` if they are narrow, with one albedo per light.
@@ -30,14 +30,14 @@ from mpsnet_core.estimate.distant_lights import lights_in
 Floats = NDArray[np.floating[Any]]
 
 # Lower limit of the white photo's values, as a share of their channel's mean: below, they are mostly noise.
-LEAST_WHITE = 0.02
+MIN_WHITE = 0.02
 # Weight of the prior that each light's share has the same mean over the object, in squares of the pixels' distances
 # from the plane. It decides if a flat surface does not determine the plane, or gloss bends it.
 EVEN_SHARES = 1.0
 ROUNDS = 10  # of the robust fit
-LEAST_SPREAD = 0.005  # of the distances from the plane
-MOST = 20.0  # largest factor between the gains and those for which all shares have one mean
-LEAST_PIXELS = 16
+MIN_SPREAD = 0.005  # of the distances from the plane
+MAX_GAIN_FACTOR = 20.0  # largest factor between the gains and those for which all shares have one mean
+MIN_PIXELS = 16
 HIGHEST = 95  # percentile; above it are highlights, and pixels that the white lamp hardly reaches
 # Below this share of a light's median, the light hardly reaches a pixel. Another lamp's shading is not the sum of the
 # lights' there.
@@ -48,19 +48,19 @@ SAMPLED = 20_000  # pixels of a large photo
 class WhitePhoto(NamedTuple):
     """Parameters of the division by a white photo.
 
-    gains: (3,) g. least: (3,) lower limits of the white photo's channels. before, after: (3, 3) matrices that multiply
-    both photos, or their ratio; one is the inverse of the mixing, the other the identity. tint: (3,) factors that turn
-    the photo grey on average.
+    gains: (3,) g. lower_limits: (3,) of the white photo's channels. unmixing_before, unmixing_after: (3, 3) matrices
+    that multiply both photos, or their ratio; one is the inverse of the mixing, the other the identity.
+    mean_factors: (3,) factors that turn the photo grey on average.
     """
 
     gains: NDArray[np.float64]
-    least: NDArray[np.float64]
-    before: NDArray[np.float64]
-    after: NDArray[np.float64]
-    tint: NDArray[np.float64]
+    lower_limits: NDArray[np.float64]
+    unmixing_before: NDArray[np.float64]
+    unmixing_after: NDArray[np.float64]
+    mean_factors: NDArray[np.float64]
 
     @classmethod
-    def measured(
+    def fit(
         cls, photo: Floats, white: Floats, mixing: NDArray[np.float64], strengths: NDArray[np.float64]
     ) -> "WhitePhoto | None":
         """Fit to pixels (N, 3) of both photos, none of them clipped.
@@ -68,39 +68,41 @@ class WhitePhoto(NamedTuple):
         mixing: of the photo. strengths: t, the lights' strengths in the white photo, (3,) or (N, 3). None if a channel
         of the white photo is black, or too few pixels are bright.
         """
-        nothing, inverse = np.eye(3), np.linalg.inv(mixing)
-        orders = [(nothing, inverse)] if np.array_equal(mixing, nothing) else [(nothing, inverse), (inverse, nothing)]
+        identity, inverse = np.eye(3), np.linalg.inv(mixing)
+        orders = (
+            [(identity, inverse)] if np.array_equal(mixing, identity) else [(identity, inverse), (inverse, identity)]
+        )
         found: list[tuple[float, WhitePhoto]] = []
-        for before, after in orders:
-            seen, beside = photo @ before.T, white @ before.T
-            means = beside.mean(axis=0) if len(white) else np.zeros(3)
+        for unmixing_before, unmixing_after in orders:
+            photo_values, white_values = photo @ unmixing_before.T, white @ unmixing_before.T
+            means = white_values.mean(axis=0) if len(white) else np.zeros(3)
             if (means > 0).all():
-                least = LEAST_WHITE * means
-                bright = (beside > least).all(axis=-1)
+                lower_limits = MIN_WHITE * means
+                bright = (white_values > lower_limits).all(axis=-1)
                 known = strengths if strengths.ndim == 1 else strengths[bright]
-                gains, spread = _gains(seen[bright], beside[bright], after, known)
-                found.append((spread, cls(gains, least, before, after, np.ones(3))))
+                gains, spread = _gains(photo_values[bright], white_values[bright], unmixing_after, known)
+                found.append((spread, cls(gains, lower_limits, unmixing_before, unmixing_after, np.ones(3))))
         spread, best = min(found, key=lambda one: one[0], default=(np.inf, None))
         if best is None or not np.isfinite(spread):
             return None
-        seen = np.maximum(photo @ best.before.T, 0)
-        grey = (seen * best.factors(white)).sum(axis=0)
-        total = seen.sum(axis=0)
-        return best._replace(tint=np.divide(grey, total, out=np.ones(3), where=total > 0))
+        photo_values = np.maximum(photo @ best.unmixing_before.T, 0)
+        grey = (photo_values * best.factors(white)).sum(axis=0)
+        total = photo_values.sum(axis=0)
+        return best._replace(mean_factors=np.divide(grey, total, out=np.ones(3), where=total > 0))
 
     def factors(self, white: Floats) -> NDArray[np.float32]:
         """(..., 3) factors that turn a pixel's channels grey and keep its brightness, from the white photo's pixels."""
-        albedo = np.maximum(white @ self.before.T.astype(np.float32), self.least.astype(np.float32))
+        albedo = np.maximum(white @ self.unmixing_before.T.astype(np.float32), self.lower_limits.astype(np.float32))
         albedo /= self.gains.astype(np.float32)
         return np.asarray(albedo.mean(axis=-1, keepdims=True) / albedo, np.float32)
 
-    def lights(self, photo: Floats, factors: Floats) -> NDArray[np.float32]:
+    def separate_lights(self, photo: Floats, factors: Floats) -> NDArray[np.float32]:
         """(..., 3) each light alone, from pixels (..., 3) of the photo and their factors."""
-        seen = photo @ self.before.T.astype(np.float32)
-        return np.asarray(seen * factors @ self.after.T.astype(np.float32), np.float32)
+        photo_values = photo @ self.unmixing_before.T.astype(np.float32)
+        return np.asarray(photo_values * factors @ self.unmixing_after.T.astype(np.float32), np.float32)
 
 
-def painted_grey(capture: Capture) -> Capture:
+def normalise_by_white_photo(capture: Capture) -> Capture:
     """The capture as if its surface were grey; each channel is one light alone.
 
     Where the white photo is clipped, the surface's mean colour is used. Without a white photo the capture is returned
@@ -108,27 +110,27 @@ def painted_grey(capture: Capture) -> Capture:
     """
     if capture.white is None:
         return capture
-    measured = measured_white(capture)
-    if measured is None:
+    fit = fit_white_photo(capture)
+    if fit is None:
         return replace(capture, white=None, white_clipped=None)
     image = np.zeros_like(capture.image)
     for rows in bands(len(image)):
         photo, white = capture.image[rows].astype(np.float32, copy=False), capture.white[rows]
-        known = white_valid(capture, rows)[..., None]
-        image[rows] = measured.lights(photo, np.where(known, measured.factors(white), measured.tint))
+        known = valid_white_pixels(capture, rows)[..., None]
+        image[rows] = fit.separate_lights(photo, np.where(known, fit.factors(white), fit.mean_factors))
     rig = replace(capture.rig, mixing=np.eye(3))
     return replace(capture, image=image, rig=rig, clip=np.inf, clipped=capture.saturated_lights)
 
 
-def measured_white(capture: Capture) -> WhitePhoto | None:
+def fit_white_photo(capture: Capture) -> WhitePhoto | None:
     """Parameters fitted to a sample of the capture's pixels; None if there is no white photo, or it is useless."""
     if capture.white is None:
         return None
     step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
-    some = slice(None, None, step), slice(None, None, step)
-    valid = white_valid(capture, *some) & ~capture.saturated_in(some[0])[:, some[1]].any(axis=-1)
-    photo, white = capture.image[some][valid], capture.white[some][valid]
-    return WhitePhoto.measured(photo, white, capture.rig.mixing, _white_strengths(capture, step, valid))
+    grid = slice(None, None, step), slice(None, None, step)
+    valid = valid_white_pixels(capture, *grid) & ~capture.saturated_in(grid[0])[:, grid[1]].any(axis=-1)
+    photo, white = capture.image[grid][valid], capture.white[grid][valid]
+    return WhitePhoto.fit(photo, white, capture.rig.mixing, _white_strengths(capture, step, valid))
 
 
 def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -144,7 +146,7 @@ def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> N
     return np.asarray(np.linalg.solve(np.swapaxes(lights, -1, -2), lamp[None, :, None])[..., 0])
 
 
-def white_valid(capture: Capture, rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
+def valid_white_pixels(capture: Capture, rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
     """(H, W) where the white photo is valid: inside the mask, and no channel clipped."""
     inside = capture.mask[rows, columns]
     return inside if capture.white_clipped is None else inside & ~capture.white_clipped[rows, columns].any(axis=-1)
@@ -158,26 +160,26 @@ def _gains(
 ) -> tuple[NDArray[np.float64], float]:
     """The gains, and the pixels' spread about the plane, infinity if the fit fails. unmixing: applied to the ratio."""
     mixed = np.linalg.inv(unmixing).sum(axis=1)
-    if len(photo) < LEAST_PIXELS or (mixed <= 0).any():
+    if len(photo) < MIN_PIXELS or (mixed <= 0).any():
         return np.ones(3), np.inf
     ratio = photo / white
     share = mixed / max(float(strengths.sum(axis=-1).mean()), 0.1)
-    bright, usual = (np.minimum(values, np.percentile(values, HIGHEST, axis=0)) for values in (white, ratio))
-    alike = share / np.maximum((usual * bright).sum(axis=0) / bright.sum(axis=0), 1e-9)
+    bright, usual_ratio = (np.minimum(values, np.percentile(values, HIGHEST, axis=0)) for values in (white, ratio))
+    equal_means = share / np.maximum((usual_ratio * bright).sum(axis=0) / bright.sum(axis=0), 1e-9)
     # Each channel's part of Σ_k t_k q_k; multiplied by the right factors, they add up to 1 in every pixel.
-    parts = ratio * alike * (strengths @ unmixing)
+    parts = ratio * equal_means * (strengths @ unmixing)
     light = np.clip((white / np.percentile(white, 99, axis=0)).min(axis=-1), 0, 1)
-    weights, spread, multiple = light, 4 * LEAST_SPREAD, np.ones(3)
+    weights, spread, factors = light, 4 * MIN_SPREAD, np.ones(3)
     for _ in range(ROUNDS):
         if (strengths != 1).any():  # lit by another lamp than the rig's lights
-            shares = (ratio * alike * multiple) @ unmixing.T
+            shares = (ratio * equal_means * factors) @ unmixing.T
             reached = (shares > REACHED * np.median(shares, axis=0)).all(axis=-1)
-            weights = weights * reached if np.count_nonzero(reached) >= LEAST_PIXELS else weights
+            weights = weights * reached if np.count_nonzero(reached) >= MIN_PIXELS else weights
         even = EVEN_SHARES * spread**2
         equations = np.einsum("ni,nj,n->ij", parts, parts, weights) / weights.sum() + even * np.eye(3)
-        multiple = np.linalg.solve(equations, weights @ parts / weights.sum() + even)
-        off = np.abs(parts @ multiple - 1)
-        spread = deviation(off, LEAST_SPREAD)
-        weights = light / (1 + (off / spread) ** 2)
-    gains: NDArray[np.float64] = alike * np.clip(multiple, 1 / MOST, MOST)
+        factors = np.linalg.solve(equations, weights @ parts / weights.sum() + even)
+        distances = np.abs(parts @ factors - 1)
+        spread = deviation(distances, MIN_SPREAD)
+        weights = light / (1 + (distances / spread) ** 2)
+    gains: NDArray[np.float64] = equal_means * np.clip(factors, 1 / MAX_GAIN_FACTOR, MAX_GAIN_FACTOR)
     return gains, spread

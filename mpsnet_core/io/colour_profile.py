@@ -17,7 +17,7 @@ UNKNOWN_TRANSFER, LINEAR_TRANSFER = 2, 8
 OTHER_TRANSFERS = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18: "HLG (HDR)"}
 
 HEADER = 128
-LEAST_RISE = 0.5  # a curve that rises less from 0 to 1 is damaged
+MIN_RISE = 0.5  # a curve that rises less from 0 to 1 is damaged
 # The parameters of parametric curve types 0 to 4, in file order.
 _PARAMETERS = ("g", "gab", "gabe", "gabcd", "gabcdef")
 
@@ -41,7 +41,7 @@ def profile_curve(profile: bytes) -> Curve | None:
             parts = [curve(values[..., channel]) for channel, curve in enumerate(curves)]
             return np.clip(np.stack(parts, axis=-1), 0, 1)
 
-    rises = np.ptp(sampled(linear), axis=0) > LEAST_RISE  # False for NaN
+    rises = np.ptp(sampled(linear), axis=0) > MIN_RISE  # False for NaN
     return linear if rises.all() else None
 
 

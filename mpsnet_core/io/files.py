@@ -56,8 +56,8 @@ DENIED_SECONDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 
 
-class _Block(threading.local):
-    """Pending changes of a with block of :func:`written_together`; None outside such a block.
+class _Transaction(threading.local):
+    """Pending changes of a with block of :func:`write_transaction`; None outside such a block.
 
     A change is a path and the file that replaces it, or None to remove it.
     """
@@ -65,11 +65,11 @@ class _Block(threading.local):
     changes: list[tuple[Path, Path | None]] | None = None
 
 
-_block = _Block()
+_transaction = _Transaction()
 
 
 @contextmanager
-def located(where: object) -> Iterator[None]:
+def prefix_errors(where: object) -> Iterator[None]:
     """Prefix the message of an InputError raised in the with block with `where`: a file, or a place in one."""
     try:
         yield
@@ -78,7 +78,7 @@ def located(where: object) -> Iterator[None]:
 
 
 @contextmanager
-def written_together() -> Iterator[None]:
+def write_transaction() -> Iterator[None]:
     """Files that this thread writes in the with block appear together at its end. If it fails, old files stay.
 
     Until then they have their unfinished names, even within the block. A nested block is part of the outer one. Only a
@@ -86,25 +86,25 @@ def written_together() -> Iterator[None]:
 
     Raises FileError if a file cannot be renamed.
     """
-    if _block.changes is not None:
+    if _transaction.changes is not None:
         yield
         return
     changes: list[tuple[Path, Path | None]] = []
     try:
-        _block.changes = changes
+        _transaction.changes = changes
         yield
         _put_in_place(changes)
     finally:
-        _block.changes = None
+        _transaction.changes = None
         _remove(*(unfinished for _, unfinished in changes if unfinished is not None))
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield an empty file next to `path` to write to; rename it to `path` on success, remove it on failure.
 
     It exists from the start, so nobody can put a link in its place. :func:`remove_unfinished` cleans up after a killed
-    process. The renamed file is flushed to disk. In a block of :func:`written_together` it is renamed at the block's
+    process. The renamed file is flushed to disk. In a block of :func:`write_transaction` it is renamed at the block's
     end. If `path` is a link, all of this applies to its target.
 
     Raises FileError if the folder is missing or cannot be written, or the disk is full.
@@ -117,9 +117,9 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             _create(unfinished)
             yield unfinished
             _flush(unfinished)
-        with written_together():
-            assert _block.changes is not None
-            _block.changes.append((path, unfinished))
+        with write_transaction():
+            assert _transaction.changes is not None
+            _transaction.changes.append((path, unfinished))
     except BaseException:
         _remove(unfinished)
         raise
@@ -140,10 +140,10 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
-    """Remove a file if it exists; in a block of :func:`written_together`, at the block's end."""
-    with written_together():
-        assert _block.changes is not None
-        _block.changes.append((Path(path), None))
+    """Remove a file if it exists; in a block of :func:`write_transaction`, at the block's end."""
+    with write_transaction():
+        assert _transaction.changes is not None
+        _transaction.changes.append((Path(path), None))
 
 
 def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
@@ -303,7 +303,7 @@ def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Pat
     return path
 
 
-def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
+def check_no_overwrite(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
     """Raise FileError if one of `outputs` is also an input (`taken`) or an earlier output."""
     needed, made = set(map(_as_compared, taken)), set[Path]()
     for output in outputs:
@@ -359,7 +359,7 @@ def _create(path: Path) -> None:
     os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
 
 
-def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
+def creatable_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a folder for `what` that exists or can be created, for checks before long work. Raises FileError."""
     path = Path(path)
     if not is_utf8(path):
@@ -378,7 +378,7 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
 
 def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a folder for `what`, created if it is missing. Raises FileError if that fails."""
-    path = makeable_folder(path, what)
+    path = creatable_folder(path, what)
     try:
         path.mkdir(exist_ok=True)
     except OSError as error:
@@ -501,5 +501,5 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
 
 def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
     """Write `data` atomically as indented JSON."""
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

@@ -18,8 +18,8 @@ from mpsnet_core.io.files import (
     VIDEO_SUFFIXES,
     check_ending,
     checked_bits,
+    creatable_folder,
     file_suffix,
-    makeable_folder,
     writable_image,
 )
 
@@ -150,7 +150,7 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     return photos
 
 
-def is_several(given: str | os.PathLike[str]) -> bool:
+def is_folder_or_pattern(given: str | os.PathLike[str]) -> bool:
     """Whether a path is a folder or a pattern, not a single file."""
     path = Path(given)
     return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
@@ -161,13 +161,13 @@ def is_video(path: str | os.PathLike[str]) -> bool:
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
 
 
-def files_meant(options: Iterable[str | None]) -> list[Path]:
+def expand_file_options(options: Iterable[str | None]) -> list[Path]:
     """The files that options name, with folders and patterns expanded: results must not overwrite them.
 
     Raises FileError if a folder or a pattern matches none.
     """
     given = [one for one in options if one]
-    return [file for one in given for file in (expand_images([one]) if is_several(one) else [Path(one)])]
+    return [file for one in given for file in (expand_images([one]) if is_folder_or_pattern(one) else [Path(one)])]
 
 
 def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
@@ -227,7 +227,7 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
     target = Path(output)
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
         raise FileError(f"{target} is one file, but {given}; give a folder")
-    return makeable_folder(target, what)
+    return creatable_folder(target, what)
 
 
 def _is_result(file: Path) -> bool:

@@ -61,7 +61,7 @@ class Image:
         return self.pixels >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
 
 
-def note_saturated(name: object, image: Image) -> None:
+def warn_of_saturation(name: object, image: Image) -> None:
     """Warn of saturation in a photo that is written as floats, which lose that information."""
     spoilt = image.saturated.any(axis=-1).mean()
     if spoilt > SPOILT_SHARE:

@@ -34,7 +34,7 @@ def open_image(path: Path) -> Any:
     source = image_input(path, config)
     if source is None:
         existing_file(path, "image")
-        reason = complaint(oiio) or "it is a file of another kind"
+        reason = pending_error(oiio) or "it is a file of another kind"
         raise FormatError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
 
@@ -42,7 +42,7 @@ def open_image(path: Path) -> Any:
 def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
     """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its suffix; None if it is none of them.
 
-    Files of OpenImageIO's other formats are not opened. :func:`complaint` may return the reason.
+    Files of OpenImageIO's other formats are not opened. :func:`pending_error` may return the reason.
 
     Raises FileError if the file's name is not valid UTF-8, FormatError if a JPEG claims more than the pixel limit: a
     progressive one is decoded on opening.
@@ -52,7 +52,7 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
             if not file.read(8).startswith(_SIGNATURES):
                 return None
             _check_jpeg(file, path)
-        with libraries_silent():
+        with silence_libraries():
             source = oiio.ImageInput.open(os.fspath(path), *config)
     except (OSError, UnicodeEncodeError):
         return None
@@ -95,7 +95,7 @@ def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def libraries_silent() -> Iterator[None]:
+def silence_libraries() -> Iterator[None]:
     """Keep libpng and OpenEXR from printing errors to stderr, which OpenImageIO returns, too.
 
     stderr is shared by the whole process, so only one thread at a time may redirect it.
@@ -118,7 +118,7 @@ def libraries_silent() -> Iterator[None]:
 _stderr_lock = threading.RLock()
 
 
-def complaint(source: Any, lines: int | None = None) -> str:
+def pending_error(source: Any, lines: int | None = None) -> str:
     """The pending error message of OpenImageIO, or of its reader or writer, as one line; clears it.
 
     lines: maximum number of lines, from the first; all by default.

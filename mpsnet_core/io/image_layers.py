@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image import MAX_PIXELS
-from mpsnet_core.io.image_input import complaint, image_attribute, libraries_silent, open_image
+from mpsnet_core.io.image_input import image_attribute, open_image, pending_error, silence_libraries
 
 T = TypeVar("T", bound=np.generic)
 
@@ -35,7 +35,7 @@ class _Layer:
 def image_layers(path: str | os.PathLike[str]) -> list[str]:
     """Names of the layers in a file, "" for channels without a layer name. Parts of multi-part EXRs are layers, too."""
     path = Path(path)
-    with closing(open_image(path)) as source, libraries_silent():
+    with closing(open_image(path)) as source, silence_libraries():
         return list(layers_of(source, path))
 
 
@@ -52,8 +52,8 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
     Integers of 8 and 16 bits stay integers, all else is float32.
     Raises FileError, FormatError or SettingsError as :func:`mpsnet_core.io.image_reading.read_image` does.
     """
-    with closing(open_image(path)) as source, libraries_silent():
-        reason = complaint(source)  # progressive JPEGs are decoded on opening
+    with closing(open_image(path)) as source, silence_libraries():
+        reason = pending_error(source)  # progressive JPEGs are decoded on opening
         is_whole_picture = source.format_name() == "png"  # its offset is a position on a page
         chosen = choose_layer(layers_of(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
@@ -66,7 +66,7 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
             )
         kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
         values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
-        reason = reason or complaint(source)
+        reason = reason or pending_error(source)
     if values is None or reason:
         raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
@@ -103,7 +103,7 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
             if found.subimage == subimage:  # further pages of a TIFF are unnamed and not read
                 found.channels.setdefault(_short(name, spec.nchannels), number)
         subimage += 1
-    complaint(source)  # clears that of seeking past the last part
+    pending_error(source)  # clears that of seeking past the last part
     return layers
 
 

@@ -15,7 +15,7 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import Image, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
-from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent, open_image
+from mpsnet_core.io.image_input import image_attribute, image_input, open_image, pending_error, silence_libraries
 from mpsnet_core.io.image_layers import choose_layer, has_colours, layers_of, orientation_of, read_layer
 from mpsnet_core.io.raw import read_raw
 
@@ -73,7 +73,7 @@ def read_image(
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
         raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)
-    _note_pixel_aspect(path, spec)
+    _warn_of_pixel_aspect(path, spec)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     if requested is None:
         decoded, assumed = stated_encoding(path, spec)
@@ -106,7 +106,7 @@ def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]
     return colour
 
 
-def _note_pixel_aspect(path: Path, spec: Any) -> None:
+def _warn_of_pixel_aspect(path: Path, spec: Any) -> None:
     aspect = image_attribute(spec, "PixelAspectRatio", float)
     if aspect is not None and 0 < aspect < np.inf and abs(np.log(aspect)) > SAME_SIDES:
         log.warning(
@@ -127,7 +127,7 @@ def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
         raise SettingsError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
     if layer is not None:
         raise SettingsError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
-    with libraries_silent():
+    with silence_libraries():
         image = read_raw(path)
     log.info("read as camera raw: linear, without white balance")
     return image
@@ -200,7 +200,7 @@ def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[i
     if path.suffix.lower() in RAW_SUFFIXES:
         existing_file(path, "image")
         return None
-    with closing(open_image(path)) as source, libraries_silent():
+    with closing(open_image(path)) as source, silence_libraries():
         source.seek_subimage(choose_layer(layers_of(source, path), layer, path).subimage, 0)
         spec = source.spec()
     size = spec.full_height, spec.full_width
@@ -214,7 +214,7 @@ def image_description(path: str | os.PathLike[str]) -> str:
     """
     source = image_input(path)
     if source is None:
-        complaint(oiio)
+        pending_error(oiio)
         return ""
     with closing(source):
         return image_attribute(source.spec(), "ImageDescription", str) or ""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.files import checked_bits, temporary_folder, written_whole
+from mpsnet_core.io.files import atomic_write, checked_bits, temporary_folder
 from mpsnet_core.io.image import srgb_to_linear
-from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
+from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
@@ -98,7 +98,7 @@ def write_bands(
 
     band: returns the values (h, W, C) of the given rows, from top to bottom. The rest as for :func:`write_image`.
     """
-    _write(Path(path), written_whole(path), shape, band, bits, color_space, description)
+    _write(Path(path), atomic_write(path), shape, band, bits, color_space, description)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
@@ -128,7 +128,7 @@ def _write(
     with place as file:
         target = oiio.ImageOutput.create(str(file))
         if target is None:
-            raise FileError(f"cannot write {path}: {complaint(oiio)}")
+            raise FileError(f"cannot write {path}: {pending_error(oiio)}")
         try:
             done = target.open(str(file), spec)
             for rows in bands(shape[0]) if done else ():
@@ -139,12 +139,12 @@ def _write(
                 if not done:
                     break
         finally:
-            with libraries_silent():  # libpng reports an incomplete image
+            with silence_libraries():  # libpng reports an incomplete image
                 closed = target.close()
         # OpenImageIO reports success even if a full disk truncates the file.
-        if not (closed and done and is_whole(file)):
+        if not (closed and done and is_complete_image(file)):
             # libpng prints a line for each chunk that the disk rejects.
-            reason = complaint(target, lines=1) or complaint(oiio) or "the file was cut short"
+            reason = pending_error(target, lines=1) or pending_error(oiio) or "the file was cut short"
             raise FileError(f"cannot write {path} ({reason.replace(str(file), path.name)}); make room on the disk")
 
 
@@ -167,7 +167,7 @@ def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> A
     return spec
 
 
-def is_whole(path: str | os.PathLike[str]) -> bool:
+def is_complete_image(path: str | os.PathLike[str]) -> bool:
     """Whether an image file that this program wrote exists and is not truncated.
 
     Fast enough for folders of thousands: a PNG ends with a marker, and of other formats only the last rows are read.
@@ -178,14 +178,14 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
             file.seek(-8, os.SEEK_END)
             return file.read(4) == b"IEND"
         return False
-    with libraries_silent():
+    with silence_libraries():
         source = image_input(path)
         if source is None:
-            complaint(oiio)
+            pending_error(oiio)
             return False
         with closing(source):
             spec = source.spec()
             strip = max(image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1)  # strips are decoded completely
             first = (spec.height - 1) // strip * strip
             last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
-            return last is not None and not complaint(source)
+            return last is not None and not pending_error(source)

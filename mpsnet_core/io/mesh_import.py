@@ -12,7 +12,7 @@ from typing import IO, Any
 
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.glb_skins import FLOAT, place_skinned
-from mpsnet_core.io.npz import most_bytes
+from mpsnet_core.io.npz import unpacked_limit
 
 log = logging.getLogger(__name__)
 
@@ -55,10 +55,10 @@ def read_scene(path: Path) -> Iterator[Any]:
             content: IO[bytes] = file
             if path.suffix.lower() == ".glb":
                 header = _glb_header(file)
-                _check_size(header, most_bytes(path, MAX_BYTES))
+                _check_size(header, unpacked_limit(path, MAX_BYTES))
                 _check_parts(header)
                 _check_plain(header)
-                _note_other_uvs(header, path)
+                _warn_of_other_uvs(header, path)
                 rest = file.read()
                 place_skinned(header, rest[8:], path)
                 content = _with_plain_materials(header, rest)
@@ -108,8 +108,8 @@ def _with_plain_materials(header: dict[str, Any], rest: bytes) -> IO[bytes]:
     return BytesIO(head + text + rest)
 
 
-def _check_size(header: dict[str, Any], most: int) -> None:
-    """Raise FormatError if a GLB file claims more than `most` bytes.
+def _check_size(header: dict[str, Any], limit: int) -> None:
+    """Raise FormatError if a GLB file claims more than `limit` bytes.
 
     trimesh trusts the sizes of arrays in the file, and copies an array for each reference to it.
     """
@@ -120,9 +120,9 @@ def _check_size(header: dict[str, Any], most: int) -> None:
     named = [number for one in primitives for number in (*one["attributes"].values(), one.get("indices"))]
     needed = sum(arrays) + sum(abs(view["byteLength"]) for view in header.get("bufferViews", ()))
     needed += sum(arrays[number] for number in named if number is not None)
-    if not needed <= most:
+    if not needed <= limit:
         raise FormatError(
-            f"it unpacks to {needed / (1 << 20):.0f} MiB, more than the limit of {most >> 20}; reduce it first"
+            f"it unpacks to {needed / (1 << 20):.0f} MiB, more than the limit of {limit >> 20}; reduce it first"
         )
 
 
@@ -140,7 +140,7 @@ def _check_parts(header: dict[str, Any]) -> None:
         raise FormatError("it has too many objects, or nests them too deeply; join them first")
 
 
-def _note_other_uvs(header: dict[str, Any], path: Path) -> None:
+def _warn_of_other_uvs(header: dict[str, Any], path: Path) -> None:
     """Warn if a material's normal map uses another UV set than the first, the only one that is read."""
     for material in header.get("materials", ()):
         texture = material.get("normalTexture", {})

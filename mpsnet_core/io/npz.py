@@ -32,28 +32,28 @@ _UNREADABLE = (
 _RATIO, _FREE = 64, 64 << 20
 
 
-def most_bytes(path: Path, most: int) -> int:
-    """Limit in bytes of what a file may unpack to: `most`, or less for a small file (see _RATIO and _FREE)."""
-    return min(most, _FREE + _RATIO * path.stat().st_size)
+def unpacked_limit(path: Path, limit: int) -> int:
+    """Limit in bytes of what a file may unpack to: `limit`, or less for a small file (see _RATIO and _FREE)."""
+    return min(limit, _FREE + _RATIO * path.stat().st_size)
 
 
-def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
-    """All arrays of an ``.npz`` file by name. most: limit of the unpacked size in bytes.
+def read_arrays(path: Path, limit: int) -> dict[str, NDArray[Any]]:
+    """All arrays of an ``.npz`` file by name. limit: maximum unpacked size in bytes.
 
     Raises FormatError, without the file's name, if it is damaged, larger, or has arrays of objects.
     """
     try:
-        most = most_bytes(path, most)
+        limit = unpacked_limit(path, limit)
         with zipfile.ZipFile(path) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
-        if size <= most:
+        if size <= limit:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
     except _UNREADABLE as error:
         raise FormatError(f"it cannot be read ({error}); export it again") from None
-    if size > most:
+    if size > limit:
         raise FormatError(
-            f"it unpacks to {size / (1 << 20):.0f} MiB, more than the limit of {most >> 20}; reduce it first"
+            f"it unpacks to {size / (1 << 20):.0f} MiB, more than the limit of {limit >> 20}; reduce it first"
         )
     return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
 

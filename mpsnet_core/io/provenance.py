@@ -20,9 +20,9 @@ def provenance_line(what: str, *facts: str) -> str:
 def is_up_to_date(picture: Path, line: str) -> bool:
     """Whether an image exists with this description and is not truncated."""
     from mpsnet_core.io.image_reading import image_description
-    from mpsnet_core.io.image_writing import is_whole
+    from mpsnet_core.io.image_writing import is_complete_image
 
-    return image_description(picture) == line and is_whole(picture)
+    return image_description(picture) == line and is_complete_image(picture)
 
 
 def is_result(picture: Path, what: str) -> bool:
@@ -37,13 +37,13 @@ def identity(given: str | os.PathLike[str]) -> str:
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
     """
-    from mpsnet_core.io.frames import is_several, matching_files
+    from mpsnet_core.io.frames import is_folder_or_pattern, matching_files
 
     text = str(given)
     place = text.removeprefix("background:")
     if Path(place).is_file():
         files = [Path(place)]
-    elif is_several(place):
+    elif is_folder_or_pattern(place):
         files = matching_files(place)
     else:
         return text

@@ -15,7 +15,7 @@ from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from mpsnet_core.learning.training.loop import Places
+    from mpsnet_core.learning.training.loop import TrainingPaths
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,13 @@ class Train(Operation):
         from mpsnet_core.learning.training.recipe import read_recipe
 
         output = _model_path(self.output)
-        places = self._places(output)
+        paths = self._paths(output)
         with _threads(self.threads):
             trained = train(
                 read_recipe(self.recipe),
                 [Path(folder) for folder in self.samples],
                 [Path(folder) for folder in self.validation],
-                places=places,
+                paths=paths,
                 precision=self.precision,
                 stop_after=self.stop_after,
                 anneal=self.anneal,
@@ -108,26 +108,26 @@ class Train(Operation):
         if trained.rank:  # only rank 0 writes
             return NetworkTrained(step, text="")
         if step < steps and not self.anneal:
-            text = f"stopped after {step} of {steps} steps; go on with --resume {places.checkpoint}"
+            text = f"stopped after {step} of {steps} steps; go on with --resume {paths.checkpoint}"
             text += ", and finish it with --anneal STEPS"
-            return NetworkTrained(step, checkpoint=str(places.checkpoint), text=text)
+            return NetworkTrained(step, checkpoint=str(paths.checkpoint), text=text)
         export_onnx(trained, output)
         figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"
         mae_deg = None if trained.figures is None else round(trained.figures.mae_deg, 4)
         return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
 
-    def _places(self, output: Path) -> "Places":
-        from mpsnet_core.io.files import check_apart, makeable_folder, writable_path
-        from mpsnet_core.learning.training.loop import Places
+    def _paths(self, output: Path) -> "TrainingPaths":
+        from mpsnet_core.io.files import check_no_overwrite, creatable_folder, writable_path
+        from mpsnet_core.learning.training.loop import TrainingPaths
 
         checkpoint = Path(self.checkpoint) if self.checkpoint else output.with_suffix(".checkpoint")
-        places = Places(
+        paths = TrainingPaths(
             checkpoint=writable_path(checkpoint),
             resume=_resumed(self.resume) if self.resume else None,
-            logs=makeable_folder(self.logs, "logs") if self.logs else None,
+            logs=creatable_folder(self.logs, "logs") if self.logs else None,
         )
-        check_apart([checkpoint, *([places.resume] if places.resume else [])], [output])
-        return places
+        check_no_overwrite([checkpoint, *([paths.resume] if paths.resume else [])], [output])
+        return paths
 
 
 @dataclass(frozen=True)
@@ -154,12 +154,12 @@ class Quantize(Operation):
 
     def run(self, progress: Progress = silent) -> ModelQuantized:
         """Write the int8 model, and report what it costs in accuracy."""
-        from mpsnet_core.io.files import check_apart
+        from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.learning.training.quantize import quantise
 
         output = _model_path(self.output)
         model = find_network(self.model).path
-        check_apart([model], [output])
+        check_no_overwrite([model], [output])
         samples = [Path(folder) for folder in self.samples]
         errors = quantise(model, samples, output, count=self.count, progress=progress)
         return ModelQuantized(

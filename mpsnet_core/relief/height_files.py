@@ -21,12 +21,12 @@ from mpsnet_core.io.files import (
     MAX_TEXT_BYTES,
     checked_bits,
     existing_file,
-    located,
+    prefix_errors,
     read_json,
     remove_file,
     writable_path,
     write_json,
-    written_together,
+    write_transaction,
 )
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
@@ -41,7 +41,7 @@ HEIGHT_KEYS = ("unit", "lowest", "highest", "black", "white", "pixels_per_unit",
 # Half floats and bytes are too coarse: in a surface of 256 steps, each step is visible.
 HEIGHT_BITS = (16, 32)
 # Limit of heights in files, within the range of float32.
-MOST = 1e38
+MAX_VALUE = 1e38
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ def write_height(
     values = push_pull(heights.values, heights.mask)
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
-    with written_together():
+    with write_transaction():
         write_json(scale_file, data)  # before the mask, which the scale identifies as its own
         if data["mask"] is not None:
             write_image(mask_file, heights.mask, bits=8)
@@ -266,7 +266,7 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     scale_file = scale_sidecar(path)
     data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
     values = read_channel(path)
-    with located(f"height map {path} with {scale_file.name}"):
+    with prefix_errors(f"height map {path} with {scale_file.name}"):
         black, white = _number(data, "black"), _number(data, "white")
         described = _kept_data(path)
         if described is not None and (described.get("black"), described.get("white")) != (black, white):
@@ -305,6 +305,6 @@ def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[
 
 def _number(data: dict[str, Any], key: str) -> float:
     value = data.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_VALUE:
         raise FormatError(f'its "{key}" must be a finite number')
     return float(value)

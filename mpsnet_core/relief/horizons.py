@@ -126,10 +126,10 @@ def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
         for cell in np.ndindex(BLOCK, BLOCK):
             ahead, step = _at(cell, offsets[cell])
             parts = ground.heights[cell], highest[ahead], across[cell], place[ahead] if stretch > 1 else None
-            _look(gradients[cell], parts, step, (float(along[cell]), float(forth[cell])), float(aside[cell]))
+            _raise_horizons(gradients[cell], parts, step, (float(along[cell]), float(forth[cell])), float(aside[cell]))
         # Advance one pixel at a time until a stretch is short enough for the distance.
         away += stretch * length if away >= STRETCHES * stretch * length else 1
-    # The correction for the drift, which `_look` leaves out because it is the same for all stretches.
+    # The correction for the drift, which `_raise_horizons` leaves out because it is the same for all stretches.
     across *= leaning[..., None, None].astype(np.float32)
     gradients -= across
     return gradients
@@ -164,7 +164,7 @@ def _doubled(
     return both, places
 
 
-def _look(
+def _raise_horizons(
     gradients: NDArray[np.float32],
     parts: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None],
     step: tuple[int, int],
@@ -184,15 +184,15 @@ def _look(
     if height <= 0 or width <= 0:
         return
     for rows in bands(height, max(1, AT_ONCE // width)):
-        here = slice(own.start + rows.start, own.start + rows.stop), columns
-        there = slice(ahead.start + rows.start, ahead.start + rows.stop), columns_ahead
-        rise = highest[there] - heights[here]
-        room = across[here] * np.float32(aside)
-        rise -= room
+        own_part = slice(own.start + rows.start, own.start + rows.stop), columns
+        ahead_part = slice(ahead.start + rows.start, ahead.start + rows.stop), columns_ahead
+        rise = highest[ahead_part] - heights[own_part]
+        scratch = across[own_part] * np.float32(aside)
+        rise -= scratch
         if place is None:
             rise *= np.float32(1 / along[0])
         else:
-            np.multiply(place[there], np.float32(along[1]), out=room)
-            room += np.float32(along[0])
-            rise /= room
-        np.maximum(gradients[here], rise, out=gradients[here])
+            np.multiply(place[ahead_part], np.float32(along[1]), out=scratch)
+            scratch += np.float32(along[0])
+            rise /= scratch
+        np.maximum(gradients[own_part], rise, out=gradients[own_part])

@@ -19,7 +19,7 @@ from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Limit of the cosine between normal and line of sight, for normals that face away.
-LEAST_FACING = np.float32(0.05)
+MIN_FACING = np.float32(0.05)
 # Distance and weight of the neighbours that are averaged on either side; the pixel itself has weight 2. Each of the 4
 # positions in a block has the same total weight, 2 of 8, whichever pixel is in the middle.
 NEIGHBOURS = ((1, 2), (2, 1))
@@ -154,7 +154,7 @@ def _views(heights: HeightMap, normals: NormalMap) -> _Views:
 def _ground(heights: HeightMap, views: _Views) -> Ground:
     raised, mask = parallel_heights(heights), heights.mask
     right, up = _spacing(heights).astype(np.float32)
-    facing = np.maximum(views.facing(), LEAST_FACING)
+    facing = np.maximum(views.facing(), MIN_FACING)
     seen = to_cells(np.where(mask, raised, -np.inf), -np.inf)
     return Ground(to_cells(raised), seen, -views.x * right / facing, -views.y * up / facing)
 

@@ -11,17 +11,17 @@ from mpsnet_core.defaults import (
     CONVENTIONS,
     CURVATURE_RADIUS,
     FACES,
-    LEAST_FOCAL,
     MARGIN,
     MAX_BEND,
     MAX_BUMPS,
     MAX_FACES,
+    MAX_FOCAL,
     MAX_MATERIAL_SIZE,
     MAX_OVERLAP,
     MAX_TEXTURE_SIZE,
+    MIN_FOCAL,
     MIN_MATERIAL_SIZE,
     MIN_OVERLAP,
-    MOST_FOCAL,
     OVERLAP,
 )
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -83,8 +83,8 @@ class HasScale(Operation):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        low=LEAST_FOCAL,
-        high=MOST_FOCAL,
+        low=MIN_FOCAL,
+        high=MAX_FOCAL,
         help="35 mm equivalent focal length in millimetres, in place of a camera file",
     )
     pixel_size: float | None = option(
@@ -283,7 +283,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 )
 
     def _of_photo(self, progress: Progress) -> SurfaceMade:
-        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.files import write_transaction
         from mpsnet_core.relief.surface_mesh import NoFaceError
 
         products = self._products()
@@ -292,7 +292,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         outputs: list[str] = []
         facts: dict[str, Any] = {}
         lines, no_mesh = [], None
-        with written_together():
+        with write_transaction():
             for number, (name, product) in enumerate(products.items()):
                 first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
                 try:
@@ -311,8 +311,8 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _products(self) -> "dict[str, Product]":
         """The requested products by option. Raises InputError if there are none, or one cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
-        from mpsnet_core.io.files import check_apart
-        from mpsnet_core.io.frames import is_several
+        from mpsnet_core.io.files import check_no_overwrite
+        from mpsnet_core.io.frames import is_folder_or_pattern
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)
@@ -320,12 +320,12 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         if not requested:
             wanted = ", ".join(f"--{name}" for name in PRODUCTS)
             raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
-        if is_several(self.normals):
+        if is_folder_or_pattern(self.normals):
             raise SettingsError(f"{self.normals} matches several normal maps; integrate them one by one")
         taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
         for product in requested.values():
             files = product.files()
-            check_apart(taken, files)
+            check_no_overwrite(taken, files)
             taken += files
         return requested
 
@@ -343,7 +343,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return products.MeshFile(path, self.faces, self.open, self.up or ("z" if self.camera else "y"), self.distance)
 
     def _read_normals(self) -> "NormalMap":
-        from mpsnet_core.io.files import located
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.relief.surface_mesh import check_has_faces
         from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, read_normals
 
@@ -354,7 +354,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 "photo's normals, or for a texture its mesh with --uvs"
             )
         if self.mesh:
-            with located(self.normals):
+            with prefix_errors(self.normals):
                 check_has_faces(normals.mask)
         return normals
 
@@ -520,9 +520,9 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
-        from mpsnet_core.capture.capture import note_doubts
-        from mpsnet_core.io.files import check_apart, makeable_folder
-        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.capture.capture import warn_of_doubts
+        from mpsnet_core.io.files import check_no_overwrite, creatable_folder
+        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.relief.material.material import check_material, flat_material
         from mpsnet_core.relief.material.material_files import material_files, write_material
         from mpsnet_core.relief.material.scale import parse_crop
@@ -531,13 +531,13 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         crop = parse_crop(self.crop) if self.crop else None
         length_mm, pixels = self._scale()
         name = self._checked_name()
-        folder = makeable_folder(self.output, "material")
-        inputs = files_meant((self.image, self.rig, self.camera, self.mesh, self.dark, self.flat))
-        check_apart(inputs, material_files(folder, name).values())
+        folder = creatable_folder(self.output, "material")
+        inputs = expand_file_options((self.image, self.rig, self.camera, self.mesh, self.dark, self.flat))
+        check_no_overwrite(inputs, material_files(folder, name).values())
         estimator = self.estimator()
         progress(0.0, f"reading {Path(self.image).name}")
         capture, pixel_mm = self._capture(length_mm, pixels, crop)
-        note_doubts(capture)
+        warn_of_doubts(capture)
         material = flat_material(
             capture,
             estimator(capture, part(progress, 0.05, 0.5)),
@@ -561,7 +561,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
             deep,
             seam,
             text=f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {deep:.3g} mm deep; "
-            f"{_repeats(material.tiling.alike)}; seam {seam:.2f}, where 1 is none",
+            f"{_repeats(material.tiling.correlation)}; seam {seam:.2f}, where 1 is none",
         )
 
     def _checked_name(self) -> str:
@@ -580,24 +580,24 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     ) -> "tuple[Capture, float]":
         """The part of the photo to use, and the size of a pixel in millimetres."""
         from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import note_doubtful_curve
-        from mpsnet_core.io.files import located
-        from mpsnet_core.relief.material.material import filled_part
+        from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
+        from mpsnet_core.io.files import prefix_errors
+        from mpsnet_core.relief.material.material import crop_to_filled_part
         from mpsnet_core.relief.material.scale import parse_ruler
         from mpsnet_core.scene.rig import read_rig
 
         rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
         image = reading.photo(self.image)
         mask = "none" if image.alpha is None else "alpha"
-        with located(self.image):
+        with prefix_errors(self.image):
             capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth)
-            note_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
+            warn_of_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
             height, width = capture.mask.shape
             if self.ruler:
                 parse_ruler(self.ruler).check_within(height, width)
-            return filled_part(capture, crop), length_mm / (pixels or width)
+            return crop_to_filled_part(capture, crop), length_mm / (pixels or width)
 
 
-def _repeats(alike: tuple[float | None, float | None]) -> str:
-    repeats = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
+def _repeats(correlation: tuple[float | None, float | None]) -> str:
+    repeats = [f"{share:.0%} alike {way}" for share, way in zip(correlation, ("across", "down"), strict=True) if share]
     return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
-from mpsnet_core.io.files import writable_path, written_whole
+from mpsnet_core.io.files import atomic_write, writable_path
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.adaptive_triangles import adaptive_triangles
 from mpsnet_core.relief.height_map import HeightMap
@@ -197,7 +197,7 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
     if up == "z" and path.suffix.lower() != ".ply":
         vertices, normals = (values[:, [0, 2, 1]] * np.array([1, 1, -1]) for values in (vertices, normals))
     write = {".obj": _write_obj, ".ply": _write_ply, ".glb": _write_glb}[path.suffix.lower()]
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         write(unfinished, path.stem, vertices, normals, mesh)
 
 

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
-from mpsnet_core.io.files import located, read_json, write_json
+from mpsnet_core.io.files import prefix_errors, read_json, write_json
 
 CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
 # Limits in pixels or pixels per world unit, and in world units: products of such values stay finite.
-MOST = 1e9
+MAX_VALUE = 1e9
 FARTHEST = 1e12
-LEAST_FOCAL = 1e-6
+MIN_FOCAL = 1e-6
 FULL_FRAME = 36.0  # mm, the longer side of the sensor that 35 mm equivalent focal lengths refer to
 
 Projection = Literal["orthographic", "perspective"]
@@ -67,10 +67,12 @@ class Camera:
             if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
                 raise GeometryError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
         focal = _numbers(self.focal, (2,), "focal", np.inf)
-        if not ((focal >= LEAST_FOCAL) & (focal <= MOST)).all():
-            raise GeometryError(f"the camera's focal must be above 0 in x and in y, {LEAST_FOCAL:g} to {MOST:g} pixels")
+        if not ((focal >= MIN_FOCAL) & (focal <= MAX_VALUE)).all():
+            raise GeometryError(
+                f"the camera's focal must be above 0 in x and in y, {MIN_FOCAL:g} to {MAX_VALUE:g} pixels"
+            )
         middle = np.array([self.width / 2, self.height / 2])
-        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MOST)
+        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MAX_VALUE)
         pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera", FARTHEST)
         turn = pose[:3, :3]
         rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
@@ -234,7 +236,7 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
         If its values cannot be a camera's.
     """
     data = read_json(path, CAMERA_FORMAT, CAMERA_VERSION, CAMERA_KEYS)
-    with located(f"camera file {path}"):
+    with prefix_errors(f"camera file {path}"):
         return camera_from_data(data)
 
 

@@ -80,7 +80,7 @@ def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
     if not len(seen):
         raise GeometryError("the camera does not see the mesh; check that it looks at it")
     points = origins[seen] + hits.distance[seen, None] * directions[seen]
-    normals, starts = _surface(mesh, hits.chosen(seen), points, -directions[seen], OFFSET * scene.size)
+    normals, starts = _surface(mesh, hits.subset(seen), points, -directions[seen], OFFSET * scene.size)
     irradiance = _irradiance(camera, rig, scene, points, normals, starts)
 
     def image(values: NDArray[Any]) -> NDArray[Any]:

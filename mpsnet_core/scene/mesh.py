@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.polygon_triangulation import triangulated
 from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
-from mpsnet_core.io.files import existing_file, located
+from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.io.mesh_import import read_scene
 from mpsnet_core.io.npz import read_arrays
 from mpsnet_core.io.ply import NO_LENGTHS, NOTHING, read_ply
@@ -29,7 +29,7 @@ MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
 # Largest coordinate, in any unit: products of three such lengths stay finite.
-MOST = 1e12
+MAX_VALUE = 1e12
 # Faces made by people have fewer corners; ear clipping takes quadratic time.
 MAX_CORNERS = 4096
 # Relative tolerance within which the scales of a pose count as equal.
@@ -157,8 +157,8 @@ class Mesh:
 def _check_finite(name: str, values: NDArray[Any]) -> None:
     if not np.isfinite(values).all():
         raise GeometryError(f"the mesh's {name} hold a value that is not finite; repair the mesh")
-    if name != "uvs" and (np.abs(values) > MOST).any():
-        raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; repair the mesh")
+    if name != "uvs" and (np.abs(values) > MAX_VALUE).any():
+        raise GeometryError(f"the mesh's {name} hold a value beyond {MAX_VALUE:g}; repair the mesh")
 
 
 def _scales(pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -204,7 +204,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     if path.stat().st_size > MAX_MESH_BYTES:
         raise FormatError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
     readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_ply, ".glb": _read_glb}
-    with located(f"mesh file {path}"):
+    with prefix_errors(f"mesh file {path}"):
         reader = readers.get(path.suffix.lower())
         if reader is None:
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")

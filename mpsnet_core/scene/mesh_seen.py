@@ -51,6 +51,6 @@ def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.fl
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
     hit = np.flatnonzero(hits.triangle >= 0)
-    hits = hits.chosen(hit)
+    hits = hits.subset(hit)
     points = origins[hit] - scene.middle + directions[hit] * hits.distance[:, None]
     return MeshSeen(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)

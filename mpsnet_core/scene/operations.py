@@ -52,7 +52,7 @@ class WriteCameras(ReadsPictures):
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the undistorted photo if its lens has distortion."""
         from mpsnet_core.arrays.sizes import check_same_size
-        from mpsnet_core.io.files import check_apart, ensure_folder, located
+        from mpsnet_core.io.files import check_no_overwrite, ensure_folder, prefix_errors
         from mpsnet_core.io.image_reading import read_size
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry.lens import AS_SOLVED
@@ -62,10 +62,10 @@ class WriteCameras(ReadsPictures):
         for view in views:  # before anything is written, and for photos without distortion, too
             size = read_size(view.photo)
             if size is not None:
-                with located(view.photo):
+                with prefix_errors(view.photo):
                     check_same_size("the camera", (view.camera.height, view.camera.width), "the photo", size, AS_SOLVED)
         folder = ensure_folder(self.output, "cameras")
-        check_apart([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
+        check_no_overwrite([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
         straightened = 0
         for number, view in enumerate(views):
             progress(number / len(views), view.name)
@@ -88,22 +88,22 @@ class WriteCameras(ReadsPictures):
         """Write the camera and the undistorted photo, both or neither."""
         import numpy as np
 
-        from mpsnet_core.io.files import located, written_together
-        from mpsnet_core.io.image import note_saturated
+        from mpsnet_core.io.files import prefix_errors, write_transaction
+        from mpsnet_core.io.image import warn_of_saturation
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
         assert view.lens is not None
-        with located(view.photo):
+        with prefix_errors(view.photo):
             image = read_image(view.photo, encoding=self.encoding)
-            note_saturated(view.photo, image)
+            warn_of_saturation(view.photo, image)
             pixels = undistorted(image.pixels, view.camera, view.lens)
             shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
             alpha = undistorted_mask(shown, view.camera, view.lens)
         stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
-        with written_together():
+        with write_transaction():
             write_camera(camera, view.camera)
             write_image(photo, stored, bits=16, color_space="lin_rec709_scene")
 
@@ -146,7 +146,7 @@ class CompareNormals(Operation):
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""
-        from mpsnet_core.io.files import check_apart, writable_image
+        from mpsnet_core.io.files import check_no_overwrite, writable_image
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
@@ -154,7 +154,7 @@ class CompareNormals(Operation):
 
         if self.output:
             writable_image(self.output)
-            check_apart([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
+            check_no_overwrite([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
         progress(0.0, "reading the normals")
         estimate = read_normals(self.normals, convention=self.convention)
         errors = normal_errors(estimate, read_true_normals(self.truth, self.camera, convention=self.truth_convention))
@@ -196,7 +196,7 @@ class PreviewLights(Operation):
         import numpy as np
 
         from mpsnet_core.arrays.upsample import reduced_shape
-        from mpsnet_core.io.files import check_apart, located, writable_image, writable_path, written_whole
+        from mpsnet_core.io.files import atomic_write, check_no_overwrite, prefix_errors, writable_image, writable_path
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.light_preview import lit_view
@@ -205,16 +205,16 @@ class PreviewLights(Operation):
 
         as_array = Path(self.output).suffix.lower() == ".npy"
         output = writable_path(self.output) if as_array else writable_image(self.output, 8)
-        check_apart([self.mesh, self.rig, self.camera], [output])
+        check_no_overwrite([self.mesh, self.rig, self.camera], [output])
         camera, rig = read_camera(self.camera), read_rig(self.rig)
         height, width = reduced_shape(camera.height, camera.width, self.size)
         progress(0.0, "reading the mesh")
         mesh = read_mesh(self.mesh, shape_only=True)
         progress(0.5, "tracing the lights")
-        with located(f"camera {self.camera}"):
+        with prefix_errors(f"camera {self.camera}"):
             view = lit_view(camera.resized(width, height), rig, mesh)
         if as_array:
-            with written_whole(output) as unfinished, unfinished.open("wb") as file:
+            with atomic_write(output) as unfinished, unfinished.open("wb") as file:
                 np.save(file, view.picture())
         else:
             write_picture(output, view.picture())

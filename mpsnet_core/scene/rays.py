@@ -36,7 +36,7 @@ class Hits:
         weights: NDArray[np.float32] = np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
         return weights
 
-    def chosen(self, which: NDArray[np.integer[Any]]) -> "Hits":
+    def subset(self, which: NDArray[np.integer[Any]]) -> "Hits":
         """The hits of the rays with these indices."""
         return Hits(self.triangle[which], self.u[which], self.v[which], self.distance[which])
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
-from mpsnet_core.io.files import check_small, existing_file, located, read_json, write_json
+from mpsnet_core.io.files import check_small, existing_file, prefix_errors, read_json, write_json
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -23,12 +23,12 @@ MIN_SINGULAR_VALUE = 0.02
 LIGHT_NAMES = ("first", "second", "third")
 
 # Limits of lengths and mixing weights in rig files: their squares and inverses stay finite.
-MOST = 1e12
-LEAST_MIXING = 1e-6
+MAX_VALUE = 1e12
+MIN_MIXING = 1e-6
 
 MAX_LOBE = 100
 # A light with a lobe lights nothing behind it; this lower limit keeps divisions by its brightness finite.
-LEAST_LOBE_COSINE = 0.01
+MIN_LOBE_COSINE = 0.01
 
 
 def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
@@ -38,8 +38,10 @@ def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
         raise GeometryError(f"{what} must be three rows of three numbers") from None
     if matrix.shape != (3, 3):
         raise GeometryError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
-    if not (np.abs(matrix) <= MOST).all():
-        raise GeometryError(f"{what} holds a value that is not finite or beyond {MOST:g}; every entry must be a number")
+    if not (np.abs(matrix) <= MAX_VALUE).all():
+        raise GeometryError(
+            f"{what} holds a value that is not finite or beyond {MAX_VALUE:g}; every entry must be a number"
+        )
     return matrix
 
 
@@ -48,7 +50,7 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
         three = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         three = np.empty(0)
-    if three.shape != (3,) or not (np.abs(three) <= MOST).all():
+    if three.shape != (3,) or not (np.abs(three) <= MAX_VALUE).all():
         raise GeometryError(f"{what} must be three finite numbers")
     return three
 
@@ -105,7 +107,7 @@ class NearLights:
         brightness = (reach / distance) ** 2
         if self.lobe:
             cosine = np.einsum("...ki,ki->...k", towards, axes) / (distance * reach)
-            brightness *= np.maximum(cosine, LEAST_LOBE_COSINE) ** self.lobe
+            brightness *= np.maximum(cosine, MIN_LOBE_COSINE) ** self.lobe
         lights: NDArray[np.float64] = towards * (brightness / distance)[..., None]
         return lights
 
@@ -163,7 +165,7 @@ class LightRig:
             )
         mixing = _matrix(self.mixing, "the mixing matrix")
         singular = np.linalg.svd(mixing, compute_uv=False)
-        if not LEAST_MIXING <= singular[0] <= 1 / LEAST_MIXING:
+        if not MIN_MIXING <= singular[0] <= 1 / MIN_MIXING:
             raise GeometryError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
         if singular[-1] <= MIN_SINGULAR_VALUE * singular[0]:
             raise GeometryError(
@@ -294,7 +296,7 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
     path = Path(path)
     if path.suffix.lower() == ".lp":
         directions = read_lp(path)[1]
-        with located(f"rig file {path}"):
+        with prefix_errors(f"rig file {path}"):
             return _lp_rig(directions, path.name)
     with rig_data(path) as (data, near):
         named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
@@ -320,7 +322,7 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
     Errors in the with block name the file. Raises FileError if it is missing, FormatError if it is malformed.
     """
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe", "exact"))
-    with located(f"rig file {path}"):
+    with prefix_errors(f"rig file {path}"):
         lights = data.get("lights")
         if not isinstance(lights, list) or len(lights) != 3:
             raise FormatError('"lights" must be a list of three lights')
@@ -366,7 +368,7 @@ def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64
     check_small(file, "not an .lp file")
     text = file.read_text(encoding="utf-8-sig", errors="replace")
     lines = [line.split() for line in text.splitlines() if line.strip()]
-    with located(f"rig file {path}"):
+    with prefix_errors(f"rig file {path}"):
         try:
             count = int(lines[0][0])
             directions = np.array([[float(x), float(y), float(z)] for *_, x, y, z in lines[1:]])

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from mpsnet_core.errors import FormatError
-from mpsnet_core.io.files import existing_file, located, read_json, write_json
+from mpsnet_core.io.files import existing_file, prefix_errors, read_json, write_json
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 VIEWS_FORMAT, VIEWS_VERSION = "mpsnet-views", 1
@@ -40,6 +40,6 @@ def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
                 f'{file}: view {number} needs a "name" of printable letters, without slashes or colons, and a path, '
                 '"photo"'
             )
-        with located(f"{file}: view {name}"):
+        with prefix_errors(f"{file}: view {name}"):
             found.append((name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
     return sorted(found, key=lambda view: view[0])

@@ -1,7 +1,7 @@
 """Capture model: the numbers of the cameras, lights and files that photographs of samples come from.
 
 Every range stands in :class:`CaptureModel`, with its source. What is drawn from them is applied by
-:mod:`mpsnet_core.learning.training.photographing`.
+:mod:`mpsnet_core.learning.training.photo_simulation`.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import between, between_log, generator
+from mpsnet_core.synthesis.draws import generator, log_uniform, uniform
 
 Range = tuple[float, float]
 
@@ -145,14 +145,14 @@ class CaptureModel:
         """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
         mixing, colours = (_overlap(rng, most, self.overlap_shares) for most in (self.crosstalk, self.colour_overlap))
         colours = colours / colours.sum(axis=1, keepdims=True)
-        strengths = [between_log(rng, *self.light_strengths) for _ in range(3)]
-        gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
+        strengths = [log_uniform(rng, *self.light_strengths) for _ in range(3)]
+        gains = [log_uniform(rng, *self.channel_gains) for _ in range(3)]
         kind, rendered, unknown = rng.random(3) < (self.exact, self.rendered, self.unknown)
         rendered &= kind
         well = rng.random() < self.measured / max(1 - self.exact, 1e-9)
         mixing = np.diag(strengths) if rendered else np.diag(gains) @ mixing @ np.diag(strengths)
-        spread = between(rng, *(self.mixing_error if well else self.bad_mixing_error))
-        direction_error = np.radians(between(rng, *(self.direction_error if well else self.bad_direction_error)))
+        spread = uniform(rng, *(self.mixing_error if well else self.bad_mixing_error))
+        direction_error = np.radians(uniform(rng, *(self.direction_error if well else self.bad_direction_error)))
         known = mixing + spread * mixing.max() * rng.normal(size=(3, 3))
         if kind:
             known, direction_error = mixing, 0.0
@@ -162,23 +162,23 @@ class CaptureModel:
         bits = self.bits[_whole(rng, (0, len(self.bits) - 1))]
         srgb = rng.random() < self.srgb
         quality = _whole(rng, self.jpeg_quality)
-        white_strengths = [between_log(rng, *self.white_strengths) for _ in range(3)]
-        white_gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
+        white_strengths = [log_uniform(rng, *self.white_strengths) for _ in range(3)]
+        white_gains = [log_uniform(rng, *self.channel_gains) for _ in range(3)]
         draw = CaptureDraw(
             exact=bool(kind),
             mixing=mixing,
             colours=colours,
             known_mixing=known,
             direction_errors=direction_error * rng.normal(size=(3, 3)),
-            exposure=between_log(rng, *self.exposure),
-            highlights=between_log(rng, *self.highlights),
-            full_well=between_log(rng, *self.full_well),
-            read_noise=between_log(rng, *self.read_noise),
+            exposure=log_uniform(rng, *self.exposure),
+            highlights=log_uniform(rng, *self.highlights),
+            full_well=log_uniform(rng, *self.full_well),
+            read_noise=log_uniform(rng, *self.read_noise),
             bits=8 if jpeg else bits,
             srgb=jpeg or srgb,
             jpeg_quality=quality if jpeg else 0,
             halved_chroma=rng.random() < self.halved_chroma,
-            blur=between(rng, *self.blur),
+            blur=uniform(rng, *self.blur),
             mosaic=rng.random() < self.mosaic,
             mask_error=_whole(rng, self.mask_error),
             noise_seed=int(rng.integers(1 << 62)),
@@ -190,8 +190,8 @@ class CaptureModel:
         grainy, tinted = own.random(2) < (self.grain, self.grain_tinted)
         draw = replace(
             draw,
-            grain=between_log(own, *self.grain_amount) * bool(grainy),
-            grain_size=between_log(own, *self.grain_size),
+            grain=log_uniform(own, *self.grain_amount) * bool(grainy),
+            grain_size=log_uniform(own, *self.grain_size),
             grain_hue=own.random() * bool(tinted),
         )
         if not rendered:
@@ -228,7 +228,7 @@ def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDAr
 
 def _overlap(rng: np.random.Generator, limits: Range, shares: Range) -> NDArray[np.float64]:
     """(3, 3) ones on the diagonal, and elsewhere shares of a level that is drawn from `limits`."""
-    level, (least, most) = between(rng, *limits), shares
+    level, (least, most) = uniform(rng, *limits), shares
     return np.eye(3) + level * (least + (most - least) * rng.random((3, 3))) * (1 - np.eye(3))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.image_input import complaint, image_input, libraries_silent
+from mpsnet_core.io.image_input import image_input, pending_error, silence_libraries
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
@@ -87,16 +87,16 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     """All channels of all parts of a file, by name without the view layer."""
     source = image_input(path)
     if source is None:
-        reason = complaint(oiio)
+        reason = pending_error(oiio)
         raise FormatError(f"{path} is not a render, or cut short ({reason}); make the sample again")
     planes: dict[str, NDArray[np.float32]] = {}
     try:
         part = 0
         while source.seek_subimage(part, 0):
             names: Sequence[str] = source.spec().channelnames
-            with libraries_silent():
+            with silence_libraries():
                 values = source.read_image(part, 0, 0, len(names), oiio.FLOAT)
-            reason = complaint(source)
+            reason = pending_error(source)
             if values is None or reason:
                 raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); make the sample again")
             planes |= {name.partition(".")[2]: values[..., number] for number, name in enumerate(names)}

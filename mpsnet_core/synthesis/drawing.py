@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.draws import between, between_log, direction, generator, new_seed, picked, rotation
+from mpsnet_core.synthesis.draws import choice, direction, generator, log_uniform, new_seed, rotation, uniform
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Bump, Colour, Dirt, Material, Paint, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import material_names
@@ -103,8 +103,8 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
     shape = _draw_shape(job, number // job.views)
     if job.style != "photographs":
         return _paper_recipe(job, number, rng, shape)
-    finish = picked(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
-    count = picked(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
+    finish = choice(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
+    count = choice(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
     return Recipe(
         seed=job.seed,
         number=number,
@@ -118,7 +118,7 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
         paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
         dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
         bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
-        bounces=min(job.bounces, picked(rng, range(4), BOUNCE_SHARES)),
+        bounces=min(job.bounces, choice(rng, range(4), BOUNCE_SHARES)),
     )
 
 
@@ -128,8 +128,8 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
     measured = [one for one in _measured(job) if errors[one[1]] <= PUBLISHED_ERROR]
     if not measured:
         raise SettingsError(f"no material of {job.merl} is as the paper's: matt enough and of weak colour; take more")
-    count = picked(rng, range(2, 7), MATERIAL_COUNT_SHARES[1:])
-    chosen = [picked(rng, measured) for _ in range(count)]
+    count = choice(rng, range(2, 7), MATERIAL_COUNT_SHARES[1:])
+    chosen = [choice(rng, measured) for _ in range(count)]
     pattern = _pattern(rng, count)
     if pattern.kind == "parts":  # a shape with one part would have one material
         pattern = replace(pattern, kind="noise")
@@ -145,13 +145,13 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
         light_sizes=np.zeros(3),
         materials=tuple(Material(kind=kind, source=source) for kind, source in chosen),
         pattern=pattern,
-        bounces=min(job.bounces, picked(rng, range(4), BOUNCE_SHARES)),
+        bounces=min(job.bounces, choice(rng, range(4), BOUNCE_SHARES)),
     )
 
 
 def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
     rng = generator(job.seed, 0, number)
-    kind = picked(rng, job.shapes, [SHAPE_SHARES[name] for name in job.shapes])
+    kind = choice(rng, job.shapes, [SHAPE_SHARES[name] for name in job.shapes])
     if kind == "scene":
         return {"kind": "scene", "pose": "upright"}
     return draw_shape(rng, kind, mesh_files(job.meshes) if kind == "meshes" else ())
@@ -163,19 +163,19 @@ def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
 def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
     if pose not in ("upright", "front"):
         return rotation(rng)
-    spin = turn_about(Z, between(rng, 0, 360)).T
+    spin = turn_about(Z, uniform(rng, 0, 360)).T
     if pose == "upright":  # the object's z is up in the image, seen from slightly below to well above
-        roll = turn_about(Z, between(rng, -UPRIGHT_ROLL, UPRIGHT_ROLL)).T
-        return roll @ turn_about((1, 0, 0), between(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
+        roll = turn_about(Z, uniform(rng, -UPRIGHT_ROLL, UPRIGHT_ROLL)).T
+        return roll @ turn_about((1, 0, 0), uniform(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
     # "front": the object's z towards the camera
-    tilt = between(rng, 0, 2 * math.pi)
+    tilt = uniform(rng, 0, 2 * math.pi)
     lean: NDArray[np.float64] = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
     return lean @ spin
 
 
 def _camera(rng: np.random.Generator, size: int) -> Camera:
     orthographic = rng.random() < ORTHOGRAPHIC_SHARE
-    length, margin = between_log(rng, *FOCAL_LENGTH), between_log(rng, *MARGIN)
+    length, margin = log_uniform(rng, *FOCAL_LENGTH), log_uniform(rng, *MARGIN)
     centre = size * (0.5 + SHIFT * (2 * rng.random(2) - 1))
     pose = np.eye(4)
     if orthographic:
@@ -186,20 +186,20 @@ def _camera(rng: np.random.Generator, size: int) -> Camera:
 
 
 def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
-    slants = np.clip(between(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
+    slants = np.clip(uniform(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
 
 
 def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> NDArray[np.float64]:
-    slants, tilts = np.array(picked(rng, rigs)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
+    slants, tilts = np.array(choice(rng, rigs)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
     return direction_from_angles(slants, tilts)
 
 
 def _light_size(rng: np.random.Generator) -> float:
     sharp = rng.random() < SHARP_LIGHT_SHARE
-    return between(rng, *SHARP_LIGHT) if sharp else between_log(rng, *SOFT_LIGHT)
+    return uniform(rng, *SHARP_LIGHT) if sharp else log_uniform(rng, *SOFT_LIGHT)
 
 
 # --- materials --------------------------------------------------------------------------------------------------------
@@ -237,19 +237,19 @@ def _uniform_material(rng: np.random.Generator, finish: str) -> Material:
     if finish == "plain":
         return Material(
             base_color=_colour(rng, PLAIN_BRIGHTNESS),
-            roughness=between(rng, *PLAIN_ROUGHNESS),
-            specular=between(rng, *PLAIN_SPECULAR) * (rng.random() >= LAMBERTIAN_SHARE),
+            roughness=uniform(rng, *PLAIN_ROUGHNESS),
+            specular=uniform(rng, *PLAIN_SPECULAR) * (rng.random() >= LAMBERTIAN_SHARE),
         )
     if finish == "satin":
         coated = rng.random() < 0.5
         return Material(
             base_color=_colour(rng, BRIGHTNESS),
-            roughness=between(rng, *SATIN_ROUGHNESS),
-            specular=between(rng, *SPECULAR),
-            coat=between(rng, 0.2, 1.0) * coated,
-            coat_roughness=between(rng, 0.1, 0.4),
+            roughness=uniform(rng, *SATIN_ROUGHNESS),
+            specular=uniform(rng, *SPECULAR),
+            coat=uniform(rng, 0.2, 1.0) * coated,
+            coat_roughness=uniform(rng, 0.1, 0.4),
         )
-    return Material(base_color=_colour(rng, DARK_METAL), roughness=between(rng, *METAL_ROUGHNESS), metallic=1.0)
+    return Material(base_color=_colour(rng, DARK_METAL), roughness=uniform(rng, *METAL_ROUGHNESS), metallic=1.0)
 
 
 def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
@@ -258,28 +258,28 @@ def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
     if tone is None:
         color = _colour(rng, brightness)
     else:
-        scale = between_log(rng, *brightness) / max(tone)
+        scale = log_uniform(rng, *brightness) / max(tone)
         color = (tone[0] * scale, tone[1] * scale, tone[2] * scale)
-    roughness = between(rng, *picked(rng, list(ROUGHNESS), list(ROUGHNESS.values())))
+    roughness = uniform(rng, *choice(rng, list(ROUGHNESS), list(ROUGHNESS.values())))
     sheen, coat, subsurface = rng.random(3) < (SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE)
     return Material(
         base_color=color,
         roughness=roughness,
         metallic=float(metal),
-        specular=between(rng, *SPECULAR),
-        ior=between(rng, *IOR),
-        sheen=between(rng, 0.2, 1.0) * bool(sheen),
-        sheen_roughness=between(rng, 0.2, 0.8),
-        coat=between(rng, 0.3, 1.0) * bool(coat),
-        coat_roughness=between(rng, 0.02, 0.3),
-        subsurface=between(rng, 0.2, 1.0) * bool(subsurface),
-        subsurface_radius=between_log(rng, *SUBSURFACE_RADIUS),
+        specular=uniform(rng, *SPECULAR),
+        ior=uniform(rng, *IOR),
+        sheen=uniform(rng, 0.2, 1.0) * bool(sheen),
+        sheen_roughness=uniform(rng, 0.2, 0.8),
+        coat=uniform(rng, 0.3, 1.0) * bool(coat),
+        coat_roughness=uniform(rng, 0.02, 0.3),
+        subsurface=uniform(rng, 0.2, 1.0) * bool(subsurface),
+        subsurface_radius=log_uniform(rng, *SUBSURFACE_RADIUS),
     )
 
 
 def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour:
     """A linear colour, grey, natural or of any hue and saturation, whose brightest channel is within `brightness`."""
-    value = between_log(rng, *brightness)
+    value = log_uniform(rng, *brightness)
     saturation, hue = 0.0 if rng.random() < GREY_SHARE else rng.random(), rng.random()
     if rng.random() < NATURAL_SHARE and saturation:
         low, high = NATURAL_SATURATION
@@ -290,14 +290,14 @@ def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour
 
 
 def _pattern(rng: np.random.Generator, count: int) -> Pattern:
-    kind = picked(rng, list(PATTERN_SHARES), list(PATTERN_SHARES.values()))
+    kind = choice(rng, list(PATTERN_SHARES), list(PATTERN_SHARES.values()))
     hard = rng.random() < HARD_EDGE_SHARE
     x, y, z = direction(rng).tolist()
     return Pattern(
         kind="parts" if count == 1 else kind,  # type: ignore[arg-type]
-        scale=between_log(rng, *PATTERN_SCALE),
-        softness=between(rng, *SOFTNESS) * (not hard),
-        warp=between(rng, *WARP),
+        scale=log_uniform(rng, *PATTERN_SCALE),
+        softness=uniform(rng, *SOFTNESS) * (not hard),
+        warp=uniform(rng, *WARP),
         direction=(x, y, z),
         seed=new_seed(rng),
     )
@@ -306,9 +306,9 @@ def _pattern(rng: np.random.Generator, count: int) -> Pattern:
 def _paint(rng: np.random.Generator, share: float) -> Paint:
     painted, coloured = rng.random(2) < (share, 0.5)
     return Paint(
-        amount=between(rng, *PAINT_AMOUNT) * bool(painted),
+        amount=uniform(rng, *PAINT_AMOUNT) * bool(painted),
         hue=rng.random() * bool(coloured),
-        scale=between_log(rng, *PAINT_SCALE),
+        scale=log_uniform(rng, *PAINT_SCALE),
         seed=new_seed(rng),
     )
 
@@ -316,14 +316,14 @@ def _paint(rng: np.random.Generator, share: float) -> Paint:
 def _dirt(rng: np.random.Generator, share: float) -> Dirt:
     dirty = rng.random() < share
     return Dirt(
-        amount=between(rng, *DIRT_AMOUNT) * dirty,
+        amount=uniform(rng, *DIRT_AMOUNT) * dirty,
         color=_colour(rng, (0.03, 0.4)),
-        scale=between_log(rng, *DIRT_SCALE),
+        scale=log_uniform(rng, *DIRT_SCALE),
         seed=new_seed(rng),
     )
 
 
 def _bump(rng: np.random.Generator, share: float) -> Bump:
     bumpy = rng.random() < share
-    slope, scale = between_log(rng, *BUMP_SLOPE), between_log(rng, *BUMP_SCALE)
+    slope, scale = log_uniform(rng, *BUMP_SLOPE), log_uniform(rng, *BUMP_SCALE)
     return Bump(height=slope / scale * bumpy, scale=scale, seed=new_seed(rng))

@@ -19,12 +19,12 @@ def new_seed(rng: np.random.Generator) -> int:
     return int(rng.integers(1 << 62))
 
 
-def between(rng: np.random.Generator, low: float, high: float) -> float:
+def uniform(rng: np.random.Generator, low: float, high: float) -> float:
     """A number from the uniform distribution between `low` and `high`."""
     return low + (high - low) * float(rng.random())
 
 
-def between_log(rng: np.random.Generator, low: float, high: float) -> float:
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     """A number from the log-uniform distribution between `low` and `high`."""
     share = float(rng.random())
     return low if low == high else float(low * (high / low) ** share)
@@ -35,12 +35,12 @@ def chance(rng: np.random.Generator, probability: float) -> bool:
     return bool(rng.random() < probability)
 
 
-def count(rng: np.random.Generator, low: int, high: int) -> int:
+def integer(rng: np.random.Generator, low: int, high: int) -> int:
     """An integer from `low` to `high`, inclusive."""
     return int(rng.integers(low, high + 1))
 
 
-def picked(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequence[float] | None = None) -> Choice:
+def choice(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequence[float] | None = None) -> Choice:
     """One of the choices, equally likely or in proportion to their weights."""
     shares = np.cumsum(np.ones(len(choices)) if weights is None else weights)
     return choices[min(len(choices) - 1, int(np.searchsorted(shares, rng.random() * shares[-1], side="right")))]

@@ -239,20 +239,22 @@ class ShowSamples(Operation):
 
     def run(self, progress: Progress = silent) -> SamplesShown:
         """Write the image, and describe the samples."""
-        from mpsnet_core.io.files import check_apart, checked_bits, writable_path
-        from mpsnet_core.io.frames import is_several, matching_files
+        from mpsnet_core.io.files import check_no_overwrite, checked_bits, writable_path
+        from mpsnet_core.io.frames import is_folder_or_pattern, matching_files
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise
 
         paths: list[Path] = []
         for given in self.path:
             # The Windows shell does not expand patterns.
-            paths += matching_files(given) if is_several(given) and not Path(given).is_dir() else [Path(given)]
+            paths += (
+                matching_files(given) if is_folder_or_pattern(given) and not Path(given).is_dir() else [Path(given)]
+            )
         first = paths[0]
         beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
         output = writable_path(self.output or beside)
         checked_bits(output, 8)
-        check_apart(paths, [output])
+        check_no_overwrite(paths, [output])
         progress(0.0, "reading")
         samples: list[Path] = []
         photos: list[Path] = []

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
-from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file, written_whole
-from mpsnet_core.io.image_input import complaint, image_attribute, image_input, libraries_silent
+from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
+from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.image_reading import MAX_VALUE
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
@@ -123,7 +123,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
             }
         ),
     )
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
         assert target is not None
         done = closed = False
@@ -132,7 +132,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
         finally:  # Windows cannot remove open files
             closed = target.close()
         if not (closed and done):
-            reason = complaint(target) or complaint(oiio)
+            reason = pending_error(target) or pending_error(oiio)
             raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 
 
@@ -206,7 +206,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     path = existing_file(path, "sample")
     source = image_input(path)
     if source is None:
-        complaint(oiio)  # clear OpenImageIO's error, or the next file reports it again
+        pending_error(oiio)  # clear OpenImageIO's error, or the next file reports it again
         raise FormatError(f"{path} is not a sample, or its header is cut short; delete it and make it again")
     try:
         spec = source.spec()
@@ -262,9 +262,9 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
 
 def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32]:
     """Rows `begin` to `end` - 1 of all channels, (rows, W, C)."""
-    with libraries_silent():
+    with silence_libraries():
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
-    reason = complaint(source)
+    reason = pending_error(source)
     if values is None or reason:
         raise FormatError(
             f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"

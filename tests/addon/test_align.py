@@ -10,8 +10,8 @@ from mathutils import Matrix
 from blender_addon.commands import main
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
+from blender_addon.panels.photo_inputs import camera_of
 from blender_addon.panels.step import Kind
-from blender_addon.panels.what_counts import camera_of
 from blender_addon.photo.align import _camera_object
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of

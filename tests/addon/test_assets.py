@@ -83,7 +83,7 @@ def test_a_material_with_the_node_group_looks_as_the_baked_one(textured, tmp_pat
 
 def test_without_a_texture_it_says_so(textured, scene):
     bpy.ops.mesh.primitive_cube_add()
-    with pytest.raises(RuntimeError, match='"Cube" wears no baked texture'):
+    with pytest.raises(RuntimeError, match='"Cube" uses no baked texture'):
         bpy.ops.mps.make_node_group()
     scene.mps.bake.target = textured
     bpy.ops.mps.make_node_group()

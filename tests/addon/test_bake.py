@@ -13,7 +13,7 @@ from mathutils import Matrix, Vector
 from blender_addon.operators import core_run
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
-from blender_addon.slices import give_up
+from blender_addon.slices import close_slices
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
@@ -242,7 +242,7 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
         folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
         graph = bpy.context.evaluated_depsgraph_get()
         slices = [begin_mesh(folder / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
-        held.callback(give_up, slices)
+        held.callback(close_slices, slices)
         one = core_run._Job(
             held, [core_run._Run(slices, lambda: started.append({file.name for file in folder.iterdir()}))]
         )
@@ -251,11 +251,11 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
 
     whole, count = job(), 0
     while not started:
-        whole.go_on()
+        whole.advance()
         count += 1
     assert count > 16 and started == [{"0.npz", "1.npz"}]
     cancelled = job()
-    cancelled.go_on()
+    cancelled.advance()
     assert len(started) == 1 and len(list(tmp_path.iterdir())) == 2
     for one in (cancelled, whole):
         one.leave(manager)
@@ -283,7 +283,7 @@ def test_the_window_is_drawn_before_a_long_slice(scene, monkeypatch):
     job = core_run._Job(ExitStack(), [core_run._Run([slices()], lambda: done.append("started"))])
     for until in (["short", "short"], ["long"], ["long", "started"]):
         done.clear()
-        job.go_on()
+        job.advance()
         assert done == until
 
 

@@ -192,18 +192,18 @@ def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
         (without_texture, 'no material of "Sphere" has a Normal Map node with a texture; choose the file'),
         (through_another_node, "does not come straight from an image texture; choose the file"),
         (in_object_space, 'normal map "waves.png" is not in tangent space; choose the file'),
-        (on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (on_other_uvs, 'the existing normal map is on UV map "Other"; bake onto that one'),
         (
             lambda normal, obj, folder: through_a_mapping(normal, 1, obj.data.uv_layers.new(name="Other").name),
-            'the present normal map is on UV map "Other"; bake onto that one',
+            'the existing normal map is on UV map "Other"; bake onto that one',
         ),
-        (on_the_rendered_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (on_the_rendered_uvs, 'the existing normal map is on UV map "Other"; bake onto that one'),
         (
             lambda normal, obj, folder: through_a_mapping(normal, 10, "UVMap"),
             '"waves.png" does not lie straight on a UV map; link its texture to a UV Map node, or choose the file',
         ),
         (boxed, '"waves.png" does not lie straight on a UV map'),
-        (weak, '"waves.png" is not worn at strength 1; set it to 1'),
+        (weak, '"waves.png" is not used at strength 1; set it to 1'),
         (baked_here, 'the only normal map is "MPS Sphere", which was baked here; choose the file'),
         (painted, 'the normal map "waves.png" has changes that are not in its file; save it first'),
         (
@@ -364,7 +364,7 @@ def test_what_wears_no_map_is_baked_as_it_is_and_reported(
     bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
     assert leans(tmp_path / "Sphere_normal.png") == (0, 0) and leans(tmp_path / "Second_normal.png") == (-0.2, 0.4)
     told = scene.mps.records["bake"].notes
-    assert told.count("nothing lies beneath its texture") == told.count("object Sphere: there is no present map") == 1
+    assert told.count("nothing lies beneath its texture") == told.count("object Sphere: there is no existing map") == 1
 
 
 def test_maps_of_another_name_are_named_by_tokens(

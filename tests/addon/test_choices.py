@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from blender_addon.settings.choices import begin_with_choices, choices, keep_choices
+from blender_addon.settings.choices import choices, restore_choices, save_choices
 
 
 @pytest.fixture
@@ -17,9 +17,9 @@ def preferences():
 
 def new_file():
     """As a live Blender opens a new file."""
-    keep_choices()
+    save_choices()
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    begin_with_choices()
+    restore_choices()
     return bpy.context.scene.mps
 
 
@@ -46,9 +46,9 @@ def test_a_file_that_has_its_own_keeps_them_and_they_are_not_taken_for_the_artis
     bpy.ops.wm.save_as_mainfile(filepath=theirs)
     mps = new_file()
     mps.rig.tilt, mps.rig.slant = 20, 50
-    keep_choices()
+    save_choices()
     bpy.ops.wm.open_mainfile(filepath=theirs)
-    begin_with_choices()
+    restore_choices()
     mps = bpy.context.scene.mps
     assert (mps.rig.tilt, mps.rig.slant) == (10, 30)
     mps = new_file()

@@ -177,7 +177,7 @@ def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
     manager = bpy.context.window_manager
     running = core_run._Job(held, [core_run._Run([], lambda: CoreProcess(operation, [output]))])
-    running.go_on()
+    running.advance()
     core_run._jobs.append(running)
     manager.mps.running = "MPS_OT_estimate"
     wait_for_writing(running.process, output.parent)

@@ -1,6 +1,6 @@
-"""Detail on top of a present map, and detail alone, against Blender's own bake of the geometry that has it all.
+"""Detail on top of an existing map, and detail alone, against Blender's own bake of the geometry that has it all.
 
-A smooth ball is the low-poly. Its present map is Blender's bake of a ball with large relief, the views are Cycles
+A smooth ball is the low-poly. Its existing map is Blender's bake of a ball with large relief, the views are Cycles
 renders of balls with fine relief, and the reference is Blender's bake of a ball with both.
 """
 
@@ -107,7 +107,7 @@ def covered(folder: Path) -> np.ndarray:
 
 
 def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene", tmp_path: Path) -> None:
-    """Whether the photo shows the detail on something smooth, or on the object with the relief of its present map."""
+    """Whether the photo shows the detail on something smooth, or on the object with the relief of its existing map."""
     set_up_cycles(SIZE)
     low, large, both = low_poly(), ball(True, False), ball(True, True)
     present = blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION)
@@ -122,7 +122,7 @@ def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene"
         simply = degrees_between(added, reference)[there]
         print(f"all of the relief {all_of_it}: {error.mean():.2f}°, {np.percentile(error, 95):.2f}° at 95%")
         bare = degrees_between(present, reference)[there]
-        print(f"simply added {simply.mean():.2f}°, the present map alone {bare.mean():.2f}°")
+        print(f"simply added {simply.mean():.2f}°, the existing map alone {bare.mean():.2f}°")
         assert error.mean() < 1
         assert bare.mean() > 4
         assert (simply.mean() > 2) == all_of_it

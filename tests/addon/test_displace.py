@@ -404,7 +404,7 @@ def test_what_cannot_be_displaced_is_reported(worn, scene, tmp_path):
     other = bpy.data.objects.new("Other", worn.data.copy())
     other.data.materials.clear()
     scene.collection.objects.link(other)
-    with pytest.raises(RuntimeError, match='"Other" wears no baked texture; choose the object that it was baked onto'):
+    with pytest.raises(RuntimeError, match='"Other" uses no baked texture; choose the object that it was baked onto'):
         bpy.ops.mps.displace(target="Other")
     with pytest.raises(RuntimeError, match="is not a mesh but camera"):
         bpy.ops.mps.bake(target=scene.camera.name)

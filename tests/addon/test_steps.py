@@ -8,16 +8,16 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.operators.progress import Pace, in_words
+from blender_addon.operators.progress import Pace, time_left_text
 from blender_addon.panels import CLASSES
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.material import MPS_PT_material
 from blender_addon.panels.photo import MPS_PT_photo
+from blender_addon.panels.photo_inputs import camera_of, lights_of
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind, sentence
 from blender_addon.panels.text import lines, shortened
-from blender_addon.panels.what_counts import camera_of, lights_of
 from blender_addon.provenance import cached_file_sizes
 from blender_addon.settings.record import notes_of
 from mpsnet_core.scene.rig import near_rig, write_rig
@@ -479,7 +479,7 @@ def test_time_left_is_reported_once_it_can_be_known():
     ],
 )
 def test_time_left_in_words(seconds, words):
-    assert in_words(seconds) == words
+    assert time_left_text(seconds) == words
 
 
 def test_the_panel_names_no_options_of_the_command_line():

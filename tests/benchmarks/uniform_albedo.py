@@ -15,7 +15,7 @@ from synthetic import shaded_sphere
 from mpsnet_core import Capture, NormalMap
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import MODELS_FOLDER
-from mpsnet_core.estimate.uniform_albedo import refined
+from mpsnet_core.estimate.uniform_albedo import refine_normals
 
 PAINT = (0.9, 0.5, 0.3)
 
@@ -42,7 +42,7 @@ def main() -> None:
         answers: list[NormalMap] = []
         one_pass = spent(lambda capture=capture, answers=answers: answers.append(network(capture)))
         before = answers[0].vectors.copy()
-        solving = spent(lambda capture=capture, answers=answers: refined(capture, answers[0]))
+        solving = spent(lambda capture=capture, answers=answers: refine_normals(capture, answers[0]))
         proven = "as it was" if np.array_equal(before, answers[0].vectors) else "solved"
         pixels = capture.mask.sum() / 1e6
         print(

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from distributed import LocalCluster
 
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
 from mpsnet_core.synthesis.job import SampleJob, sample_path
@@ -36,7 +36,7 @@ def stand_in(folder: str) -> None:
             make_sample(job, number, path)
             first.append(path.read_bytes())
         time.sleep(STAND_IN_SECONDS)
-        with written_whole(path) as unfinished:
+        with atomic_write(path) as unfinished:
             unfinished.write_bytes(first[0])
 
     serve(folder, make)

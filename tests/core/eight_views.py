@@ -171,7 +171,7 @@ def near_ends(texels: SphereTexels, label: np.ndarray, width: float = 0.15) -> n
 
 REACH = 1 / 256  # the part of the texture that a side's mean is taken over
 PIECE = 8  # pieces of border are so many times as long and wide at most
-FEWEST = 2  # and at least this long
+MIN_COUNT = 2  # and at least this long
 
 
 def jumps(error: np.ndarray, label: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -205,7 +205,7 @@ def jumps(error: np.ndarray, label: np.ndarray, near: np.ndarray) -> tuple[np.nd
             piece = (row // (PIECE * reach) * 1000 + column // (PIECE * reach)) * 10**6 + sides
             _, number, count = np.unique(piece[whole], return_inverse=True, return_counts=True)
             total = np.stack([np.bincount(number, jump[whole][:, k]) for k in range(3)], axis=1)
-            into.append(np.degrees(np.linalg.norm(total / count[:, None], axis=1))[count >= FEWEST * reach])
+            into.append(np.degrees(np.linalg.norm(total / count[:, None], axis=1))[count >= MIN_COUNT * reach])
     return np.concatenate(at_borders), np.concatenate(at_ends), np.concatenate(elsewhere)
 
 

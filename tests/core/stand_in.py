@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
 from mpsnet_core.synthesis.job import SampleJob, samples_there
@@ -54,7 +54,7 @@ def make(job: SampleJob, number: int, path: Path) -> None:
         raise InputError(f"sample {number} shows nothing; choose another")
     slow = folder / "slow"
     seconds = float(slow.read_text()) if slow.exists() else 0.0
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_bytes(b"half of it ")
         for deadly in (folder / f"die_{number}", folder / f"always_die_{number}"):
             if deadly.exists():

@@ -15,7 +15,7 @@ from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
 from mpsnet_core.capture.capture import Capture, read_capture
 from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo, write_albedo
-from mpsnet_core.estimate.distant_lights import as_distant_lights
+from mpsnet_core.estimate.distant_lights import convert_to_distant_view
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig, published_rig, write_rig
@@ -134,7 +134,7 @@ def test_near_lights_are_near_for_the_white_photo_too() -> None:
     facing = NormalMap(np.broadcast_to([0, 0, 1.0], (48, 48, 3)), mask)
     found = albedo_from_white(capture, facing)
     assert white.max() > 1.3 * white.min() and found.max() < 1.02 * found.min()
-    np.testing.assert_array_equal(as_distant_lights(capture).white, capture.white)
+    np.testing.assert_array_equal(convert_to_distant_view(capture).white, capture.white)
 
 
 def test_the_albedo_is_as_bright_whatever_the_exposure() -> None:

@@ -10,13 +10,13 @@ from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.chromaticity import without_chromaticity_albedo
-from mpsnet_core.estimate.albedo_removal.clusters import without_clustered_albedo
-from mpsnet_core.estimate.albedo_removal.second_estimate import combined
+from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
+from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
+from mpsnet_core.estimate.albedo_removal.second_estimate import blend_by_confidence
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
-from mpsnet_core.estimate.white_photo import painted_grey
+from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import published_rig
 
@@ -40,7 +40,7 @@ def test_the_photo_becomes_that_of_one_paint() -> None:
     painted = Painted(narrow=True)
     photo = replace(painted.capture, white=None)
     well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
-    found = without_clustered_albedo(photo, bent(painted, 5))
+    found = divide_out_clustered_albedo(photo, bent(painted, 5))
     assert found is not None
     assert unevenness(painted, photo, well_lit) > 0.8
     assert unevenness(painted, found, well_lit) < 0.03
@@ -53,7 +53,7 @@ def test_pure_paints_are_found_though_most_pixels_are_dark_in_each_light(floor: 
     rows, columns = np.indices(painted.sphere.mask.shape)
     albedo = paints[(rows // 11 + columns // 17) % 3]
     photo = Capture(albedo * painted.light, painted.sphere.mask, published_rig())
-    found = without_clustered_albedo(photo, bent(painted, 2))
+    found = divide_out_clustered_albedo(photo, bent(painted, 2))
     if found is not None:  # a surface as good as black in two lights has nothing in common
         well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
         assert np.isfinite(found.image).all()
@@ -64,7 +64,7 @@ def test_pure_paints_are_found_though_most_pixels_are_dark_in_each_light(floor: 
 def test_exposure_does_not_matter(exposure: float) -> None:
     painted = Painted(narrow=True)
     photo = replace(painted.capture, image=painted.capture.image * exposure, white=None)
-    found = without_clustered_albedo(photo, bent(painted, 5))
+    found = divide_out_clustered_albedo(photo, bent(painted, 5))
     assert found is not None
     well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
     assert unevenness(painted, found, well_lit) < 0.03
@@ -74,14 +74,16 @@ def test_a_highlight_in_half_floats_stays_finite() -> None:
     painted = Painted(narrow=True)
     image = (painted.capture.image * 1000).astype(np.float16)
     image[40:42, 40:42] = 60000
-    found = without_clustered_albedo(replace(painted.capture, image=image, white=None), bent(painted, 2))
+    found = divide_out_clustered_albedo(replace(painted.capture, image=image, white=None), bent(painted, 2))
     assert found is not None and np.isfinite(found.image).all()
 
 
 def test_near_lights_light_each_place_in_their_own_way() -> None:
     scene = ball(near=NEAR, size=96)
     stripes = np.where(np.indices(scene.mask.shape)[1] // 9 % 2 == 0, 0.2, 0.8)[..., None]
-    found = without_clustered_albedo(scene.capture(image=scene.image * stripes), NormalMap(scene.normals, scene.mask))
+    found = divide_out_clustered_albedo(
+        scene.capture(image=scene.image * stripes), NormalMap(scene.normals, scene.mask)
+    )
     assert found is not None
     lit = scene.lit & (scene.image > 0.2).all(axis=-1)
     assert np.log(found.image[lit] / scene.image[lit]).std(axis=0).max() < 0.05
@@ -89,19 +91,19 @@ def test_near_lights_light_each_place_in_their_own_way() -> None:
 
 def test_a_surface_of_one_paint_needs_no_second_look() -> None:
     painted = Painted(colours=1, narrow=True)
-    assert without_clustered_albedo(replace(painted.capture, white=None), bent(painted, 2)) is None
+    assert divide_out_clustered_albedo(replace(painted.capture, white=None), bent(painted, 2)) is None
 
 
 def test_what_hardly_any_pixel_shows_has_no_colours() -> None:
     painted = Painted(size=16)
-    assert without_clustered_albedo(replace(painted.capture, white=None), bent(painted, 0)) is None
+    assert divide_out_clustered_albedo(replace(painted.capture, white=None), bent(painted, 0)) is None
 
 
 def test_with_a_white_photo_only_the_brightness_of_each_paint_is_left_to_even_out() -> None:
     painted = Painted()
-    grey = painted_grey(painted.capture)
+    grey = normalise_by_white_photo(painted.capture)
     well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
-    found = without_chromaticity_albedo(painted.capture, grey, bent(painted, 2))
+    found = divide_out_chromaticity_albedo(painted.capture, grey, bent(painted, 2))
     assert unevenness(painted, grey, well_lit) > 0.3
     # Between two paints a pixel counts as of both.
     assert unevenness(painted, found, well_lit) < 0.1
@@ -111,17 +113,17 @@ def test_black_around_the_object_does_not_count() -> None:
     painted = Painted()
     photo = replace(painted.capture, mask=np.ones_like(painted.sphere.mask))
     normals = bent(painted, 2)
-    found = without_chromaticity_albedo(
-        photo, painted_grey(photo), NormalMap(normals.vectors + np.float32([0, 0, 1e-6]), photo.mask)
+    found = divide_out_chromaticity_albedo(
+        photo, normalise_by_white_photo(photo), NormalMap(normals.vectors + np.float32([0, 0, 1e-6]), photo.mask)
     )
-    expected = without_chromaticity_albedo(painted.capture, painted_grey(painted.capture), normals)
+    expected = divide_out_chromaticity_albedo(painted.capture, normalise_by_white_photo(painted.capture), normals)
     np.testing.assert_allclose(found.image[painted.lit], expected.image[painted.lit], rtol=0.2, atol=0.01)
 
 
 def test_a_white_photo_of_one_chromaticity_changes_nothing() -> None:
     painted = Painted(colours=1)
-    grey = painted_grey(painted.capture)
-    found = without_chromaticity_albedo(painted.capture, grey, bent(painted, 2))
+    grey = normalise_by_white_photo(painted.capture)
+    found = divide_out_chromaticity_albedo(painted.capture, grey, bent(painted, 2))
     assert unevenness(painted, found, painted.lit) == pytest.approx(unevenness(painted, grey, painted.lit), abs=0.01)
 
 
@@ -130,7 +132,7 @@ def test_a_still_of_a_painted_surface_gains_by_it(white: bool) -> None:
     painted = Painted(narrow=not white)
     capture = painted.capture if white else replace(painted.capture, white=None)
     network = find_network("multiscale")
-    once = OnnxModel(network.path, passes=3)(painted_grey(capture))
+    once = OnnxModel(network.path, passes=3)(normalise_by_white_photo(capture))
     twice = Estimator(network.path, passes=3)(capture)
 
     def error(estimate: NormalMap) -> float:
@@ -144,7 +146,7 @@ def test_each_pixel_takes_the_estimate_that_expects_less_error() -> None:
     left, right = (np.broadcast_to(np.float32([x, 0, 1]), (1, 4, 3)) for x in (-1, 1))
     first = NormalMap(left, mask, np.float32([[0.9, 0.5, 0.9, 0.0]]))
     second = NormalMap(right, mask, np.float32([[0.5, 0.9, 0.9, 0.0]]))
-    result = combined(first, second)
+    result = blend_by_confidence(first, second)
     np.testing.assert_allclose(result.vectors[0, 0], left[0, 0] / np.sqrt(2), atol=1e-3)
     np.testing.assert_allclose(result.vectors[0, 1], right[0, 0] / np.sqrt(2), atol=1e-3)
     np.testing.assert_allclose(result.confidence, [[0.9, 0.9, 0.9, 0.0]], atol=0.01)

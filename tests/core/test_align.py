@@ -18,10 +18,10 @@ from synthetic import write_file
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment import search
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
-from mpsnet_core.estimate.alignment.mirror import better_mirrored
+from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
 from mpsnet_core.estimate.alignment.points import camera_from_points
-from mpsnet_core.estimate.alignment.refine import measured, refined
-from mpsnet_core.estimate.alignment.search import searched
+from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+from mpsnet_core.estimate.alignment.search import search_cameras
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -154,7 +154,7 @@ class TestFromAStart:
         off = rng.normal(size=3)
         pose[:3, 3] += 0.08 * bumpy_ball.SIZE * off / np.linalg.norm(off)
         start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 800 * 1.08), None, pose)
-        fit = refined(evidence(photo), faces(), start)
+        fit = refine_camera(evidence(photo), faces(), start)
         assert_the_same(fit.camera, photo.camera)
         assert fit.overlap > 0.98
         assert fit.degrees < 3
@@ -162,7 +162,7 @@ class TestFromAStart:
     def test_a_known_focal_length_stays(self):
         photo = photographed()
         start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 800.0), None, looking(44, 12, 10).world_from_camera)
-        fit = refined(evidence(photo), faces(), start, fix_focal=True)
+        fit = refine_camera(evidence(photo), faces(), start, fix_focal=True)
         assert fit.camera.focal.tolist() == [800, 800]
         assert_the_same(fit.camera, photo.camera)
 
@@ -171,7 +171,7 @@ class TestFromAStart:
         photo = photographed()
         flat = photo.normals + photo.mask[..., None] * np.array([0.05, -0.05, 0.3], np.float32)
         flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-9)
-        fit = refined(NormalMap(flat, photo.mask), faces(), looking(45, 10, 4))
+        fit = refine_camera(NormalMap(flat, photo.mask), faces(), looking(45, 10, 4))
         assert_the_same(fit.camera, photo.camera)
 
 
@@ -179,13 +179,15 @@ def test_a_camera_that_is_wrong_does_not_make_a_mesh_mirrored():
     """Seen from behind, where in a mirror it would look as from the front, from where it fits as it is."""
     photo = bumpy_ball.photo(looking(5, 20, 3), bumpy_ball.NEARLY_SYMMETRIC)
     mesh = MeshFaces.of(bumpy_ball.mesh(bumps=bumpy_ball.NEARLY_SYMMETRIC))
-    assert better_mirrored(evidence(photo), mesh, measured(evidence(photo), mesh, looking(185, -20, -3))) is None
+    assert (
+        find_better_mirrored(evidence(photo), mesh, measure_fit(evidence(photo), mesh, looking(185, -20, -3))) is None
+    )
 
 
 @pytest.mark.long
 def test_without_a_start_the_best_view_is_the_right_one():
     photo = photographed(-120, -35, 170)
-    best, *others = searched(evidence(photo), faces(), looking(0, 0, 0, lens=700.0))
+    best, *others = search_cameras(evidence(photo), faces(), looking(0, 0, 0, lens=700.0))
     assert_the_same(best.camera, photo.camera)
     assert all(other.cost > best.cost for other in others)
 
@@ -193,7 +195,7 @@ def test_without_a_start_the_best_view_is_the_right_one():
 @pytest.mark.long
 def test_without_a_start_a_likely_focal_length_that_is_wrong_does_no_harm():
     photo = photographed(-120, -35, 170)
-    best, *_ = searched(evidence(photo), faces(), looking(0, 0, 0, lens=2400.0), usual_focal=700.0)
+    best, *_ = search_cameras(evidence(photo), faces(), looking(0, 0, 0, lens=2400.0), usual_focal=700.0)
     assert_the_same(best.camera, photo.camera)
 
 
@@ -202,7 +204,7 @@ def test_without_a_start_a_known_principal_point_stays(monkeypatch: pytest.Monke
     monkeypatch.setattr(search, "TRIED", 1)
     shifted = replace(looking(-120, -35, 170), centre=np.array([330.0, 120.0]))
     photo = bumpy_ball.photo(shifted)
-    best, *_ = searched(evidence(photo), faces(), replace(shifted, world_from_camera=np.eye(4)), fix_focal=True)
+    best, *_ = search_cameras(evidence(photo), faces(), replace(shifted, world_from_camera=np.eye(4)), fix_focal=True)
     assert best.camera.centre.tolist() == [330, 120] and best.camera.focal.tolist() == [800, 800]
     assert_the_same(best.camera, shifted)
 

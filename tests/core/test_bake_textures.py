@@ -115,7 +115,7 @@ def test_each_texture_goes_on_top_of_its_own_map(bench: Bench) -> None:
     _, result, _ = bench.run(*two, "--onto", bench / "was_<OBJECT>.png", *FULL, output="o_<OBJECT>.png")
     assert beneath(result) == {"o_a.png": (0.3, 0.1), "o_b_c.png": (0, 0)}
     missing = bench / "was_b_c.png"
-    assert f"object b/c: there is no present map {missing}, so nothing lies beneath its texture" in result["notes"]
+    assert f"object b/c: there is no existing map {missing}, so nothing lies beneath its texture" in result["notes"]
     uniform_map(bench / "t.1001.png", 0.1, 0.5)
     uniform_map(bench / "t.1002.png", -0.4, 0)
     _, result, _ = bench.run("--onto", bench / "t.<UDIM>.png", *FULL, output="n.<UDIM>.png")
@@ -169,7 +169,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
     for given, output, said in [
         ("m.<UDIM>.png", "s.png", "has <UDIM>, but the textures are not split that way"),
         ("m.<OBJECT>.png", "s.<UDIM>.png", "has <OBJECT>, but the textures are not split that way"),
-        ("x.<UDIM>.png", "s.<UDIM>.png", "there is no present map for any of the textures; check the path"),
+        ("x.<UDIM>.png", "s.<UDIM>.png", "there is no existing map for any of the textures; check the path"),
         ("m.<UDIM>.png", "s.<UDIM>.png", "m.1002.png"),
         ("m.1001.png", "m.<UDIM>.png", "would overwrite"),
         ("0.json", "s.png", needs),
@@ -177,7 +177,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         ("2.json", "s.png", needs),
         ("3.json", "s.png", "is not a mpsnet-present-maps file"),
         ("4.json", "s.png", "convention 'metal' is not known"),
-        ("5.json", "s.png", "present map for any of the textures; check the objects, materials and files in it"),
+        ("5.json", "s.png", "existing map for any of the textures; check the objects, materials and files in it"),
         ("6.json", "s.png", "\\ud800.png does not exist"),
         ("..", "s.png", "is a folder, not a file"),
     ]:
@@ -232,7 +232,7 @@ def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
             *arguments, output=output, view=view
         )
     said = bench.refused("--onto", "maps.json", "--space", "tangent", output="frames", view=view)
-    assert "maps.json lists present maps for several textures; name the one image" in said
+    assert "maps.json lists existing maps for several textures; name the one image" in said
 
 
 def test_samples_and_padding_reach_the_bake(bench: Bench) -> None:

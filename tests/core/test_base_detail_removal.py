@@ -1,4 +1,4 @@
-"""A present map's relief in a view is found, and taken out, where there is some; a sphere whose normals are known."""
+"""A existing map's relief in a view is found, and taken out, where there is some; a sphere whose normals are known."""
 
 from dataclasses import replace
 from pathlib import Path

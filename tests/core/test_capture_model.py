@@ -19,7 +19,7 @@ from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.learning.training.packed import Packed
-from mpsnet_core.learning.training.photographing import photograph
+from mpsnet_core.learning.training.photo_simulation import simulate_photo
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, turned
 from mpsnet_core.synthesis.sample import Sample
@@ -70,7 +70,7 @@ def shot(
         lit,
         directions,
     )
-    return photograph(packed, draw)[0]
+    return simulate_photo(packed, draw)[0]
 
 
 def test_an_ideal_capture_gives_equation_2_its_exact_normals(white: Sample) -> None:

@@ -117,7 +117,7 @@ def test_a_run_here_and_one_on_the_cluster_share_a_folder(cluster: LocalCluster,
 
 
 def test_a_folder_that_the_machines_do_not_see_is_reported(cluster: LocalCluster, tmp_path: Path) -> None:
-    answers = dask.answers_from_cluster(cluster.scheduler_address, COMMAND, tmp_path / "elsewhere", [0])
+    answers = dask.results_from_cluster(cluster.scheduler_address, COMMAND, tmp_path / "elsewhere", [0])
     with pytest.raises(InputError, match=r"worker tcp://.* does not see .*job\.json; choose a folder that all"):
         list(answers)
 

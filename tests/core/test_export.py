@@ -20,7 +20,7 @@ from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_m
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training import export
 from mpsnet_core.learning.training.export import TRAINING_KEY, export_onnx
-from mpsnet_core.learning.training.fine_tune import read_exported, take_weights
+from mpsnet_core.learning.training.fine_tune import load_exported_weights, read_exported
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
 from mpsnet_core.learning.training.recipe import recipe_from_data
@@ -155,7 +155,7 @@ def test_an_exported_network_can_be_trained_further(name: str, models: dict[str,
     network = build_network(name, SMALL[name])
     given = inputs_of(network, 8, *((network.patch,) * 2 if network.kind == "patch" else (64, 64)))
     exported = read_exported(path)
-    take_weights(network, exported, tuple(map(torch.from_numpy, given.values())))
+    load_exported_weights(network, exported, tuple(map(torch.from_numpy, given.values())))
     assert network.training and exported.step == 6
     for layer in network.modules():
         if isinstance(layer, torch.nn.Dropout):
@@ -172,7 +172,7 @@ def test_weights_before_batch_norms_have_one_scale_again(models: dict[str, tuple
     """The smaller the weights, the further a step of the optimiser turns them, and folding changes their scale."""
     network = build_network("multiscale", SMALL["multiscale"])
     given = inputs_of(network, 8, 64, 64)
-    take_weights(network, read_exported(models["multiscale"][1]), tuple(map(torch.from_numpy, given.values())))
+    load_exported_weights(network, read_exported(models["multiscale"][1]), tuple(map(torch.from_numpy, given.values())))
     normed = [layer.weight for layer in network.modules() if isinstance(layer, torch.nn.Conv2d) and layer.bias is None]
     assert len(normed) > 10
     for weight in normed:
@@ -183,7 +183,7 @@ def test_weights_of_another_network_are_refused(models: dict[str, tuple[Trained,
     network = build_network("psfcn", SMALL["psfcn"])
     inputs = tuple(map(torch.from_numpy, inputs_of(network, 2, 64, 64).values()))
     with pytest.raises(InputError, match="is of another network than the recipe's; resume from another"):
-        take_weights(network, read_exported(models["multiscale"][1]), inputs)
+        load_exported_weights(network, read_exported(models["multiscale"][1]), inputs)
 
 
 def test_a_damaged_file_cannot_be_trained_further(models: dict[str, tuple[Trained, Path]], tmp_path: Path) -> None:

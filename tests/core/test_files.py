@@ -19,22 +19,22 @@ from synthetic import left_by, listing
 from mpsnet_core.cli import _stop
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import (
-    makeable_folder,
+    atomic_write,
+    creatable_folder,
     remove_abandoned,
     remove_file,
     remove_unfinished,
     unfinished_path,
     writable_path,
     write_json,
-    written_together,
-    written_whole,
+    write_transaction,
 )
 from mpsnet_core.uninterrupted import uninterrupted
 
 
 def test_a_file_appears_only_once_it_is_whole(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
-    with written_whole(target) as unfinished:
+    with atomic_write(target) as unfinished:
         unfinished.write_text("new")
         assert not target.exists()
     assert target.read_text() == "new"
@@ -62,9 +62,9 @@ def test_a_file_is_on_the_disk_before_it_counts_and_then_its_name_is(
 def test_files_of_a_block_appear_at_its_end_and_what_is_removed_goes_then(tmp_path: Path) -> None:
     for name in ("b.json", "c.json"):
         write_json(tmp_path / name, {})
-    with written_together():
+    with write_transaction():
         write_json(tmp_path / "a.json", {})
-        with written_together():
+        with write_transaction():
             write_json(tmp_path / "b.json", {"new": True})
             remove_file(tmp_path / "c.json")
         with contextlib.suppress(InputError):
@@ -74,7 +74,7 @@ def test_files_of_a_block_appear_at_its_end_and_what_is_removed_goes_then(tmp_pa
     assert listing(tmp_path) == ["a.json", "b.json"]
     assert "new" in (tmp_path / "b.json").read_text()
     remove_file(tmp_path / "a.json")
-    with pytest.raises(KeyboardInterrupt), written_together():
+    with pytest.raises(KeyboardInterrupt), write_transaction():
         remove_file(tmp_path / "b.json")
         write_json(tmp_path / "c.json", {})
         raise KeyboardInterrupt
@@ -87,7 +87,7 @@ def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
 ) -> None:
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(stopped_by), written_whole(target) as unfinished:
+    with pytest.raises(stopped_by), atomic_write(target) as unfinished:
         unfinished.write_text("half")
         raise stopped_by("stopped")
     assert target.read_text() == "old"
@@ -100,9 +100,9 @@ def test_a_signal_at_any_time_leaves_all_files_old_or_all_new_and_no_litter(tmp_
 
     def write_two(folder: Path) -> None:
         writable_path(folder / "a.txt")
-        with written_together():
+        with write_transaction():
             for name in ("a.txt", "b.txt"):
-                with written_whole(folder / name) as unfinished:
+                with atomic_write(folder / name) as unfinished:
                     unfinished.write_text("new")
 
     def signal_at(number: int) -> Callable[[FrameType, str, object], None]:
@@ -160,12 +160,12 @@ def test_a_signal_waits_for_what_is_marked_whatever_its_name(monkeypatch: pytest
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")
-@pytest.mark.parametrize("place", [writable_path, lambda path: makeable_folder(path, "pictures")])
+@pytest.mark.parametrize("place", [writable_path, lambda path: creatable_folder(path, "pictures")])
 def test_a_folder_that_takes_no_files_is_reported_before_the_work(place: Callable[[str], Path], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written to; choose another folder"):
         place("/proc/new")
     with pytest.raises(InputError, match=r"^cannot put the pictures into /proc: the folder /proc cannot be written to"):
-        makeable_folder("/proc", "pictures")
+        creatable_folder("/proc", "pictures")
     assert place(str(tmp_path / "new")) == tmp_path / "new"
     assert listing(tmp_path) == []
 
@@ -213,8 +213,8 @@ def test_a_disk_that_fills_up_leaves_the_old_file_and_no_litter(tmp_path: Path, 
 
 def killed_while_writing(path: Path) -> tuple[int, Path]:
     """The number of a process that ended in the middle of writing a file, and what it left."""
-    code = "import os, sys; from mpsnet_core.io.files import written_whole\n" + (
-        "with written_whole(sys.argv[1]) as unfinished: unfinished.write_text('half'); os._exit(9)"
+    code = "import os, sys; from mpsnet_core.io.files import atomic_write\n" + (
+        "with atomic_write(sys.argv[1]) as unfinished: unfinished.write_text('half'); os._exit(9)"
     )
     before = set(path.parent.iterdir())
     child = subprocess.Popen([sys.executable, "-c", code, path])
@@ -236,7 +236,7 @@ def test_the_next_run_removes_what_one_that_was_killed_left_but_not_what_one_is_
     killed_while_writing(tmp_path / "out.png")
     alive = left_by(os.getppid(), tmp_path / "out.png")
     alive.touch()
-    with written_whole(tmp_path / "out.png") as unfinished:
+    with atomic_write(tmp_path / "out.png") as unfinished:
         unfinished.write_text("whole")
     assert listing(tmp_path) == sorted(["out.png", alive.name])
 
@@ -257,14 +257,14 @@ def test_no_link_that_was_laid_before_is_written_through(tmp_path: Path, monkeyp
     """Names cannot be foreseen; one that is taken all the same is not used."""
     names = []
     for _ in range(2):
-        with written_whole(tmp_path / "out.txt") as unfinished:
+        with atomic_write(tmp_path / "out.txt") as unfinished:
             assert unfinished.is_file()
             names.append(unfinished.name)
     assert len(set(names)) == 2
     (tmp_path / "mine").write_text("mine")
     monkeypatch.setattr("secrets.token_hex", lambda size: "00" * size)
     unfinished_path(tmp_path / "out.txt").symlink_to("mine")
-    with pytest.raises(InputError, match=r"cannot write .*out\.txt"), written_whole(tmp_path / "out.txt"):
+    with pytest.raises(InputError, match=r"cannot write .*out\.txt"), atomic_write(tmp_path / "out.txt"):
         pass
     assert (tmp_path / "mine").read_text() == "mine"
 
@@ -275,7 +275,7 @@ def test_a_file_is_written_where_a_link_leads(tmp_path: Path) -> None:
     for name, target in (("old", "shared/old.json"), ("new", "shared/new.json"), ("lost", "gone/x.json")):
         (tmp_path / f"{name}.json").symlink_to(target)
     (tmp_path / "shared" / "old.json").write_text("old")
-    with written_together():
+    with write_transaction():
         for name in ("old", "new"):
             write_json(tmp_path / f"{name}.json", {"a": 1})
     assert listing(tmp_path / "shared") == ["new.json", "old.json"]

@@ -5,7 +5,7 @@ import pytest
 from synthetic import Sphere, degrees_between, shaded_sphere
 
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.fireflies import without_fireflies
+from mpsnet_core.estimate.fireflies import remove_fireflies
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_a_firefly_becomes_as_its_surroundings(
     image = plain.copy()
     for row, column in places:
         image[row, column, channels] = 1000
-    found = without_fireflies(sphere.capture(image=image, mask=np.ones((32, 48), bool))).image
+    found = remove_fireflies(sphere.capture(image=image, mask=np.ones((32, 48), bool))).image
     np.testing.assert_array_equal(found, plain)
     assert found.dtype == kind and image.max() == 1000
 
@@ -53,7 +53,7 @@ def test_highlights_of_a_render_stay(painted: Sphere, peak: float) -> None:
     cosines = painted.normals @ (halves / np.linalg.norm(halves, axis=1, keepdims=True)).T
     image = (painted.image + peak * np.maximum(cosines, 0) ** 800).astype(np.float32)
     capture = painted.capture(image=image)
-    assert without_fireflies(capture) is capture
+    assert remove_fireflies(capture) is capture
 
 
 @pytest.mark.parametrize("sensor", [{"clip": 1.0}, {"clipped": np.zeros((64, 64, 3), bool)}], ids=["file", "raw"])
@@ -62,4 +62,4 @@ def test_a_photograph_stays(painted: Sphere, sensor: dict[str, object]) -> None:
     image = 0.1 * painted.image
     image[30, 30] = 0.9
     capture = painted.capture(image=image, **sensor)
-    assert without_fireflies(capture) is capture
+    assert remove_fireflies(capture) is capture

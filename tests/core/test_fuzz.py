@@ -234,10 +234,10 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (here / "tiny.toml").write_text(recipe + "learning_rate = 0.001\n[options]\nwidth = 4\n")
     if find_spec("torch"):
-        from mpsnet_core.learning.training.loop import Places, train
+        from mpsnet_core.learning.training.loop import TrainingPaths, train
         from mpsnet_core.learning.training.recipe import read_recipe
 
-        train(read_recipe(here / "tiny.toml"), [here / "job"], [], places=Places(here / "checkpoint"))
+        train(read_recipe(here / "tiny.toml"), [here / "job"], [], paths=TrainingPaths(here / "checkpoint"))
     return here
 
 

@@ -9,7 +9,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.grain import without_grain
+from mpsnet_core.estimate.albedo_removal.grain import divide_out_grain
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.rig import published_rig
 
@@ -40,7 +40,7 @@ def test_grain_is_divided_out(name: str, scenes: dict[str, Scene]) -> None:
     scene = scenes[name]
     capture = scene.capture(image=scene.image * PAINT * grain(scene.image.shape))
     assert spread(scene, capture) > 0.07
-    assert spread(scene, without_grain(capture)) < 0.015
+    assert spread(scene, divide_out_grain(capture)) < 0.015
 
 
 @pytest.mark.parametrize("steep", [0.0, 0.1])
@@ -51,7 +51,7 @@ def test_of_a_nearly_flat_wall_too(steep: float) -> None:
     rig = published_rig()
     clean = (normals / np.linalg.norm(normals, axis=-1, keepdims=True)) @ rig.directions.T * PAINT
     clean *= 1 + 0.003 * np.random.default_rng(4).normal(size=clean.shape)
-    found = without_grain(Capture((clean * grain(clean.shape)).astype(np.float32), np.ones((128, 128), bool), rig))
+    found = divide_out_grain(Capture((clean * grain(clean.shape)).astype(np.float32), np.ones((128, 128), bool), rig))
     assert np.log(found.image / clean).mean(axis=-1).std() < 0.015
 
 
@@ -59,7 +59,7 @@ def test_noise_of_the_sensor_stays_in_part(scenes: dict[str, Scene]) -> None:
     """So that the solver of matt surfaces sees how exact equation 2 is."""
     scene = scenes["distant"]
     noise = 1 + 0.01 * np.random.default_rng(2).normal(size=scene.image.shape)
-    found = without_grain(scene.capture(image=scene.image * grain(scene.image.shape) * noise))
+    found = divide_out_grain(scene.capture(image=scene.image * grain(scene.image.shape) * noise))
     assert 0.004 < spread(scene, found, np.ones(3)) < 0.02
 
 
@@ -87,7 +87,7 @@ def two_colours(scene: Scene) -> np.ndarray:
 def test_what_proves_no_grain_stays(change: Callable[[Scene], np.ndarray], scenes: dict[str, Scene]) -> None:
     scene = scenes["distant"]
     capture = scene.capture(image=scene.image * change(scene))
-    assert without_grain(capture) is capture
+    assert divide_out_grain(capture) is capture
 
 
 def test_shadows_and_clipped_pixels_stay(scenes: dict[str, Scene]) -> None:
@@ -98,7 +98,7 @@ def test_shadows_and_clipped_pixels_stay(scenes: dict[str, Scene]) -> None:
     bright = scene.mask & (image.max(axis=-1) > np.percentile(image[scene.mask], 99))
     clip = float(image[bright].max(axis=-1).min())
     capture = scene.capture(image=np.minimum(image, clip), clip=clip)
-    found = without_grain(capture)
+    found = divide_out_grain(capture)
     assert found is not capture
     shadow = found.image[side // 2 + 1 : side // 2 + 7, side // 3 + 1 : side // 3 + 7]
     np.testing.assert_array_equal(shadow, capture.image[side // 2 + 1 : side // 2 + 7, side // 3 + 1 : side // 3 + 7])

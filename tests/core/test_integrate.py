@@ -9,10 +9,10 @@ from height_shapes import Surface, off, plane, saddle, spheres, square_camera
 from mpsnet_core.arrays.mask_regions import labelled
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.relief.integration.fast import LOOSE
-from mpsnet_core.relief.integration.gradients import LEAST_FACING
+from mpsnet_core.relief.integration.gradients import MIN_FACING
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
 from mpsnet_core.relief.integration.multigrid import Links
-from mpsnet_core.relief.integration.poisson import solved
+from mpsnet_core.relief.integration.poisson import solve_poisson
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -162,7 +162,7 @@ def brute_force(normals: NormalMap) -> np.ndarray:
     """The fast method's equations for a camera of pixels, one at a time, by a dense solver in float64."""
     mask, number = normals.mask, np.cumsum(normals.mask).reshape(normals.mask.shape) - 1
     n_x, n_y, n_z = np.moveaxis(normals.vectors.astype(float), -1, 0)
-    facing = np.maximum(n_z, LEAST_FACING)
+    facing = np.maximum(n_z, MIN_FACING)
     height, width = mask.shape
     rows: list[np.ndarray] = []
     aims: list[float] = []
@@ -264,7 +264,7 @@ def test_a_long_strip_is_right(caplog: pytest.LogCaptureFixture) -> None:
 
 def test_heights_that_are_off_are_reported(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     """As the solver leaves them where it ends too early."""
-    for name in ("MOST", "LEAST"):
+    for name in ("MAX_ITERATIONS", "MIN_ITERATIONS"):
         monkeypatch.setattr(f"mpsnet_core.relief.integration.poisson.{name}", 10)
     surface = saddle(square_camera(128))
     with caplog.at_level("INFO"):
@@ -282,7 +282,7 @@ def test_rounding_does_not_add_up(seed: int) -> None:
     right, down = ((10 ** rng.uniform(-7, 0, shape)).astype(np.float32) for shape in shapes)
     down[size // 2] = 0
     pulls = [(links * rng.normal(size=links.shape) * 20).astype(np.float32) for links in (right, down)]
-    heights = solved(Links(right, down), Links(*pulls), np.zeros((size, size), np.float32), most=400)
+    heights = solve_poisson(Links(right, down), Links(*pulls), np.zeros((size, size), np.float32), max_iterations=400)
     number = np.arange(size * size).reshape(size, size)
     weight, pull, *ends = (
         np.concatenate([part.ravel() for part in pair])

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mpsnet_core.arrays.mask_regions import box_sums, dilated, eroded, filled, labelled, without_specks
+from mpsnet_core.arrays.mask_regions import box_sums, dilated, eroded, fill_small_holes, labelled, remove_small_regions
 
 
 def random_masks() -> Iterator[np.ndarray]:
@@ -51,11 +51,11 @@ def test_specks_and_holes_by_their_sizes() -> None:
     for mask in random_masks():
         parts, gaps = flooded(mask, False), flooded(~mask, True)
         sizes = np.bincount(parts.ravel())
-        np.testing.assert_array_equal(without_specks(mask, 4), mask & (sizes[parts] >= 4))
+        np.testing.assert_array_equal(remove_small_regions(mask, 4), mask & (sizes[parts] >= 4))
         edge = set(np.concatenate([gaps[0], gaps[-1], gaps[:, 0], gaps[:, -1]]).tolist())
         for most in (3, np.inf):
             holes = [n for n in range(1, gaps.max() + 1) if n not in edge and (gaps == n).sum() <= most]
-            np.testing.assert_array_equal(filled(mask, most), mask | np.isin(gaps, holes))
+            np.testing.assert_array_equal(fill_small_holes(mask, most), mask | np.isin(gaps, holes))
 
 
 def test_growing_and_shrinking_by_a_square() -> None:

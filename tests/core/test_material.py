@@ -24,9 +24,9 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import evened, flattened, trend
+from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals, trend
 from mpsnet_core.relief.material.gradients import gradients_of, normals_of
-from mpsnet_core.relief.material.material import filled_part, flat_material
+from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.periodic_heights import periodic_height
 from mpsnet_core.relief.material.resampling import resampled
 from mpsnet_core.scene.normal_map import decode
@@ -48,7 +48,7 @@ def test_a_tilt_of_the_photo_is_taken_out(axis):
     angle = np.radians(7)
     turn = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
     turn = np.eye(3) + np.sin(angle) * turn + (1 - np.cos(angle)) * turn @ turn
-    gradients, tilt = flattened((weave.normals @ turn.T).astype(np.float32), 0)
+    gradients, tilt = flatten_normals((weave.normals @ turn.T).astype(np.float32), 0)
     assert tilt == pytest.approx(7, abs=0.2)
     assert degrees_between(normals_of(gradients), weave.normals).mean() < 0.3
 
@@ -59,9 +59,9 @@ def test_slow_bend_is_taken_out_and_detail_stays():
     bend = np.stack([0.3 * columns**3 + 0.2 * rows, 0.25 * rows**2 * columns], axis=-1)
     bent = normals_of((weave.gradients + bend).astype(np.float32))
     assert degrees_between(bent, weave.normals).mean() > 7
-    gradients, _ = flattened(bent, 4)
+    gradients, _ = flatten_normals(bent, 4)
     assert degrees_between(normals_of(gradients), weave.normals).mean() < 1
-    untouched, _ = flattened(weave.normals.astype(np.float32), 4)
+    untouched, _ = flatten_normals(weave.normals.astype(np.float32), 4)
     assert degrees_between(normals_of(untouched), weave.normals).mean() < 0.3
 
 
@@ -117,8 +117,8 @@ def test_what_a_light_does_not_reach_has_the_colour_of_the_whole():
 def test_slow_changes_of_brightness_are_evened_out():
     truth = patches((260, 330)).astype(np.float32)
     fall_off = np.exp(0.5 * np.linspace(-1, 1, 330) - 0.4 * np.linspace(-1, 1, 260)[:, None] ** 2)[..., None]
-    found = evened((truth * fall_off).astype(np.float32), 4)
-    ratio = found / evened(truth, 4)
+    found = flatten_albedo((truth * fall_off).astype(np.float32), 4)
+    ratio = found / flatten_albedo(truth, 4)
     assert np.ptp(ratio, axis=(0, 1)).max() < 0.02
     assert np.exp(np.log(found).mean(axis=(0, 1))) == pytest.approx(
         np.exp(np.log(truth * fall_off).mean(axis=(0, 1))), rel=1e-3
@@ -243,7 +243,7 @@ def test_of_a_small_photo_all_is_used_or_it_is_refused(side, overlap):
 def test_a_part_of_the_photo_keeps_its_place_under_the_camera():
     weave = Weave()
     camera = Camera("perspective", 330, 260, np.array([500.0, 500.0]))
-    part = filled_part(weave.capture(camera=camera), (30, 20, 200, 100))
+    part = crop_to_filled_part(weave.capture(camera=camera), (30, 20, 200, 100))
     assert part.image.shape == (100, 200, 3)
     rays, _ = np.split(camera.points(np.ones((260, 330))), [2], axis=-1)
     cut, _ = np.split(part.camera.points(np.ones((100, 200))), [2], axis=-1)

@@ -13,7 +13,7 @@ from synthetic import CROSSTALK, degrees_between, write_file
 from mpsnet_core.capture.capture import Capture, capture_from, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError, NoObject
-from mpsnet_core.estimate.distant_lights import as_distant_lights
+from mpsnet_core.estimate.distant_lights import convert_to_distant_view
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera, camera_of_lens, write_camera
@@ -81,7 +81,7 @@ def test_the_baseline_with_grey_world_is_as_good_as_under_distant_lights(close: 
 def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_path: Path, near: float | None) -> None:
     """One that hands on the initial normals gives those that are true, whatever stands between."""
     scene = ball(WIDE, near)
-    frontal = (as_distant_lights(scene.capture()).image > 0).all(axis=-1) & scene.lit
+    frontal = (convert_to_distant_view(scene.capture()).image > 0).all(axis=-1) & scene.lit
     normals = estimate_normals(scene.capture(), pass_through(tmp_path / "same.onnx"))
     assert frontal.sum() > 0.7 * scene.lit.sum()
     assert degrees_between(normals.vectors, scene.normals)[frontal].mean() < 0.02
@@ -90,7 +90,7 @@ def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_
 def test_a_network_sees_a_ball_from_nearby_as_from_afar() -> None:
     """Seen frontally, how far from the ball's middle a line of sight passes is the sine of its normal's slant."""
     scene = ball(WIDE, NEAR)
-    seen = as_distant_lights(scene.capture()).image
+    seen = convert_to_distant_view(scene.capture()).image
     focal, away = WIDE / 36 * SIZE, 1.04 / np.sin(np.arctan(18 / WIDE))
     x, y = np.meshgrid(np.arange(SIZE) + 0.5 - SIZE / 2, SIZE / 2 - 0.5 - np.arange(SIZE))
     from_axis = np.hypot(x, y)

@@ -9,7 +9,7 @@ from mpsnet_core.cli.command import _nobody_reads
 from mpsnet_core.errors import FileError
 from mpsnet_core.io import files
 from mpsnet_core.io.crash_log import describe_unexpected_error
-from mpsnet_core.io.files import check_apart, write_json, written_together, written_whole
+from mpsnet_core.io.files import atomic_write, check_no_overwrite, write_json, write_transaction
 from mpsnet_core.io.frames import output_files
 from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.shapes.meshes import mesh_files
@@ -48,9 +48,9 @@ def test_a_file_that_stays_open_elsewhere_is_named(tmp_path: Path, monkeypatch: 
 
 def test_what_cannot_be_removed_does_not_hide_why_it_was_to_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     denied(monkeypatch, "unlink", 9)
-    with pytest.raises(KeyboardInterrupt), written_whole(tmp_path / "a.txt"):
+    with pytest.raises(KeyboardInterrupt), atomic_write(tmp_path / "a.txt"):
         raise KeyboardInterrupt
-    with pytest.raises(KeyboardInterrupt), written_together():
+    with pytest.raises(KeyboardInterrupt), write_transaction():
         write_json(tmp_path / "b.json", {})
         raise KeyboardInterrupt
 
@@ -64,7 +64,7 @@ def test_names_that_macos_takes_for_one_would_be_overwritten(
     for taken, output in (("Photo.png", "photo.png"), ("Sta\u0308r.png", "st\u00e4r.png")):
         refused = False
         try:
-            check_apart([tmp_path / taken], [tmp_path / output])
+            check_no_overwrite([tmp_path / taken], [tmp_path / output])
         except FileError:
             refused = True
         assert refused == same

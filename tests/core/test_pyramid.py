@@ -13,11 +13,11 @@ from synthetic import CROSSTALK, degrees_between
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.estimate import dense
-from mpsnet_core.estimate.dense import dense_answer
+from mpsnet_core.estimate.dense import predict_dense
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import FEATURE_CHANNELS
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.estimate.white_photo import painted_grey
+from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.progress import silent
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
@@ -80,7 +80,10 @@ def doubled(answer: np.ndarray, mask: np.ndarray, shape: tuple[int, ...]) -> np.
 
 def by_hand(path: Path, capture: Capture) -> np.ndarray:
     """(H, W, 4) normals and confidence, in the camera's frame, of a network of :func:`networks.sees_all`."""
-    session, capture = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"]), painted_grey(capture)
+    session, capture = (
+        onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"]),
+        normalise_by_white_photo(capture),
+    )
     rows, columns = (np.flatnonzero(capture.mask.any(axis=axis)) for axis in (1, 0))
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     mask, light = capture.mask[box], capture.image[box].astype(float) @ np.linalg.inv(capture.rig.mixing).T
@@ -203,7 +206,7 @@ def test_what_a_magnified_photo_s_network_sees_of_the_scale_before_is_its_answer
         seen.append(inputs["pixels"])
         return tuple(model.session.run(None, inputs))
 
-    dense_answer(network, model.card, large, 1024, silent)
+    predict_dense(network, model.card, large, 1024, silent)
     assert [pixels.shape[2:] for pixels in seen] == [(70, 50), (140, 100), (280, 200)]
     error = (1 - answer.confidence) * np.pi / 2
     expected = doubled(np.concatenate([answer.vectors, error[..., None]], axis=-1), mask, (280, 200))
@@ -265,7 +268,7 @@ def shown(capture: Capture, *features: str, tile: int = 1024, **facts: object) -
         return always_facing(inputs, count, *size)
 
     seen = card(**{"kind": "pyramid", "inputs": {name: (name,) for name in features}, **facts})
-    dense_answer(network, seen, capture, tile, silent)
+    predict_dense(network, seen, capture, tile, silent)
     return calls
 
 
@@ -314,7 +317,7 @@ def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:
     photo = np.ones((side, side, 3), np.float32)
     capture = Capture(photo, np.ones((side, side), bool), RIG, white=photo)
     tracemalloc.start()
-    dense_answer(always_facing, card(kind="pyramid", inputs=ALL, halo=16, multiple=16), capture, 256, silent)
+    predict_dense(always_facing, card(kind="pyramid", inputs=ALL, halo=16, multiple=16), capture, 256, silent)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 1.25 * side * side * 4 * 4 + 0.6 * photo.nbytes
@@ -330,7 +333,7 @@ def test_the_answer_of_the_scale_before_is_given_back_as_it_is_used_up() -> None
 
     seen = card(kind="pyramid", inputs={"mask": ("mask",)}, halo=16, multiple=16)
     tracemalloc.start()
-    dense_answer(network, seen, capture, 64, silent)
+    predict_dense(network, seen, capture, 64, silent)
     tracemalloc.stop()
     before = (side // 2) ** 2 * 4 * 4
     first, *_, last = told[-((side // 64) ** 2) :]

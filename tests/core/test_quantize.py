@@ -21,10 +21,10 @@ from mpsnet_core.learning.training.export import export_onnx
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
 from mpsnet_core.learning.training.quantize import CROP, SEED, QuantizationErrors, quantise
 from mpsnet_core.learning.training.recipe import recipe_from_data
-from mpsnet_core.learning.training.validation import measured
+from mpsnet_core.learning.training.validation import validation_errors
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
 
@@ -129,10 +129,10 @@ def test_what_it_costs_is_measured_on_photographs_that_did_not_calibrate(
     model: Path, made: tuple[Path, QuantizationErrors], samples: Path
 ) -> None:
     """The model's part of it; on all scales, each with the model's own answer on the scale before."""
-    network, photographer = untrained("multiscale"), Photographer(PackedSamples([samples]), seed=SEED, window=CROP)
+    network, simulator = untrained("multiscale"), PhotoSimulator(PackedSamples([samples]), seed=SEED, window=CROP)
     with torch.no_grad():
         # Three of two samples calibrated: epochs 0 and 1.
-        found = [measured(network, network.inputs, photographer.batch(number, 1)) for number in (4, 5, 6)]
+        found = [validation_errors(network, network.inputs, simulator.batch(number, 1)) for number in (4, 5, 6)]
     errors = np.concatenate([missed for scales in found for missed, _ in scales])
     assert errors.mean(dtype=float) == pytest.approx(made[1].model_mae_deg, abs=1e-2)
     assert 0 < abs(made[1].mae_deg - made[1].model_mae_deg) < 0.5

@@ -8,7 +8,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.shading.gloss import lobe, reflected
+from mpsnet_core.synthesis.shading.gloss import lobe, reflect_light
 from mpsnet_core.synthesis.shading.lights import Light
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes.shape import Shape, joined
@@ -165,7 +165,7 @@ def test_highlights_are_as_broad_as_their_lights(roughness: float, size: float, 
     rng = np.random.default_rng(3)
     normals = direction_from_angles(30 * np.sqrt(rng.random(400)), 360 * rng.random(400)).astype(np.float32)
     views = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
-    found = reflected(plastic, lobe(plastic).width, light, normals, views, None, rng.integers(64, size=400))
+    found = reflect_light(plastic, lobe(plastic).width, light, normals, views, None, rng.integers(64, size=400))
     across = np.linspace(-1, 1, 45)
     places = np.stack(np.meshgrid(across, across), -1).reshape(-1, 2)
     expected, total = np.zeros((400, 3)), np.zeros(400)

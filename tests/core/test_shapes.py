@@ -306,7 +306,7 @@ def test_a_hole_with_a_long_rim_is_filled(tmp_path: Path) -> None:
     cone = np.concatenate([ring, [(0, 1.0, 0)]])
     here = np.arange(len(turn))
     faces = np.column_stack([here, np.roll(here, -1), np.full(len(turn), len(turn))])
-    vertices, filled = meshes.closed(cone, faces)
+    vertices, filled = meshes.fill_mesh_holes(cone, faces)
     assert len(vertices) == len(cone) + 1 and len(filled) == 2 * len(faces)
     assert_closed(filled.astype(np.int32))
 

@@ -27,7 +27,7 @@ def test_a_tile_of_a_weave_is_a_whole_number_of_periods(degrees, shape):
     for step in (found.right, found.down):
         periods = weave.axes @ step / weave.period
         assert np.abs(periods - np.round(periods)).max() < 0.02, periods
-    assert min(found.alike) > 0.8
+    assert min(found.correlation) > 0.8
     # Both have room in the photo with their overlap, and use most of it.
     corners = np.abs(found.right) + np.abs(found.down)
     assert (1.2 * corners <= np.array(shape[::-1]) + 1).all()
@@ -46,7 +46,7 @@ def test_the_step_is_as_exact_where_it_is_looked_for_in_a_smaller_picture(monkey
 def test_what_does_not_repeat_has_a_tile_as_large_as_the_photo_allows():
     random = np.random.default_rng(1).normal(size=(240, 360, 3)).astype(np.float32)
     found = find_tiling(random, 0.2)
-    assert found.alike == (None, None)
+    assert found.correlation == (None, None)
     assert found.right.tolist() == [300, 0] and found.down.tolist() == [0, 200]
     assert found.right[1] == 0
 
@@ -57,7 +57,7 @@ def test_ribs_repeat_one_way_and_the_other_way_is_square_to_it():
     across = columns * np.cos(np.radians(3)) + rows * np.sin(np.radians(3))
     ribs = np.sin(2 * np.pi * across / 19.3) + 0.4 * np.random.default_rng(2).normal(size=across.shape)
     found = find_tiling(ribs[..., None].astype(np.float32), 0.2)
-    assert found.alike[0] > 0.7
+    assert found.correlation[0] > 0.7
     normal = np.array([np.cos(np.radians(3)), np.sin(np.radians(3))])
     for step in (found.right, found.down):
         ribs_passed = step @ normal / 19.3

@@ -46,10 +46,10 @@ def train(b: Bench, *arguments: str | Path, samples: Path | None = None, **chang
 
 def checkpoint(b: Bench, name: str = "c", **changes: Any) -> Path:
     """What a run leaves that had the good samples and, with these changes, the good recipe."""
-    from mpsnet_core.learning.training.loop import Places, train
+    from mpsnet_core.learning.training.loop import TrainingPaths, train
     from mpsnet_core.learning.training.recipe import read_recipe
 
-    train(read_recipe(recipe(b, **changes)), [sample_folder(b)], [], places=Places(b / name))
+    train(read_recipe(recipe(b, **changes)), [sample_folder(b)], [], paths=TrainingPaths(b / name))
     return b / name
 
 
@@ -60,8 +60,8 @@ def resume(b: Bench, checkpoint: Path, **changes: Any) -> None:
 def without(library: str, run: Callable[[], Any]) -> None:
     """Run this where a library is not installed."""
     with pytest.MonkeyPatch.context() as patch:
-        places = ("mpsnet_core.learning.training", "mpsnet_core.learning.evaluation.samples")
-        for name in [name for name in sys.modules if name.startswith(places)]:
+        paths = ("mpsnet_core.learning.training", "mpsnet_core.learning.evaluation.samples")
+        for name in [name for name in sys.modules if name.startswith(paths)]:
             patch.delitem(sys.modules, name)
         patch.setitem(sys.modules, library, None)
         run()

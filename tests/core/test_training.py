@@ -25,12 +25,12 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training.checkpoint import read_checkpoint
 from mpsnet_core.learning.training.export import export_onnx
-from mpsnet_core.learning.training.fine_tune import fit_reach
-from mpsnet_core.learning.training.inputs import Batch, patches_of
-from mpsnet_core.learning.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
+from mpsnet_core.learning.training.fine_tune import fit_lit_layer
+from mpsnet_core.learning.training.inputs import Batch, sample_patches
+from mpsnet_core.learning.training.loop import LOGGED_EVERY, Trained, TrainingPaths, learning_rate, train
 from mpsnet_core.learning.training.loss import angle_between, loss_of
 from mpsnet_core.learning.training.networks import build_network
-from mpsnet_core.learning.training.networks.network import Inside, Prediction
+from mpsnet_core.learning.training.networks.network import IntermediateOutputs, Prediction
 from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
 from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
@@ -62,8 +62,8 @@ def recipe(network: str, **changes: Any) -> TrainingRecipe:
 
 
 def run(of: TrainingRecipe, samples: Path, checkpoint: Path, **options: Any) -> Trained:
-    places = Places(checkpoint, options.pop("resume", None), options.pop("logs", None))
-    return train(of, [samples], options.pop("validation", []), places=places, **options)
+    paths = TrainingPaths(checkpoint, options.pop("resume", None), options.pop("logs", None))
+    return train(of, [samples], options.pop("validation", []), paths=paths, **options)
 
 
 def assert_same(one: Path, other: Path) -> None:
@@ -142,7 +142,9 @@ def test_equation_2_inside_learns_where_all_lights_reach_and_is_trusted_where_it
     trust = torch.zeros(2, 1, 5, 5)
     for values in (formula, own, trust):
         values.requires_grad_()
-    prediction = Prediction(own.detach(), torch.zeros(2, 1, 5, 5), Inside(torch.zeros_like(lit), formula, own, trust))
+    prediction = Prediction(
+        own.detach(), torch.zeros(2, 1, 5, 5), IntermediateOutputs(torch.zeros_like(lit), formula, own, trust)
+    )
     loss_of(prediction, truth, torch.ones(2, 5, 5), error_weight=1.0, lit=lit).total.backward()
     assert formula.grad is not None and trust.grad is not None and own.grad is None
     assert torch.equal(formula.grad.abs().sum(dim=1) > 0, lit.all(dim=1))
@@ -161,7 +163,7 @@ def test_patches_are_cut_around_pixels_that_count() -> None:
     weights = (torch.rand((3, 9, 12), generator=random) < 0.3).float()
     weights[1] = 0  # nothing counts there
     batch = Batch((photo, normals), truth, weights)
-    patches = patches_of(batch, network, 30, random)
+    patches = sample_patches(batch, network, 30, random)
     assert patches.truth.shape == (60, 3) and patches.inputs[0].shape == (60, 3, 5, 5) and patches.weights.all()
     for number in range(60):
         picture = (0, 2)[number // 30]
@@ -266,7 +268,7 @@ def test_a_network_to_be_fine_tuned_knows_which_lights_reach() -> None:
     told = torch.einsum("kc,nchw->nkhw", torch.randn(3, maps[0].shape[1]), maps[0])
     lit = (told > told.median()).float()
     weights = (torch.arange(32) % 2).expand(2, 32, 32)
-    fit_reach(network, Batch(inputs, torch.zeros(2, 3, 32, 32), weights, lit))
+    fit_lit_layer(network, Batch(inputs, torch.zeros(2, 3, 32, 32), weights, lit))
     found = network.lit(maps[0]) > 0
     others = weights[:, None].expand(lit.shape) == 0
     assert float((found == (lit > 0.5))[others].float().mean()) > 0.97

@@ -10,7 +10,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.uniform_albedo import halving, refine, refined
+from mpsnet_core.estimate.uniform_albedo import halving, refine, refine_normals
 from mpsnet_core.io.image import SATURATED_SHARE
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -44,7 +44,7 @@ def errors(estimate: NormalMap, scene: Scene) -> np.ndarray:
 @pytest.mark.parametrize("name", ["distant", "wide lens", "near lights"])
 def test_a_painted_ball_is_solved(name: str, scenes: dict[str, Scene]) -> None:
     scene = scenes[name]
-    before, after = network(scene), refined(painted(scene), network(scene))
+    before, after = network(scene), refine_normals(painted(scene), network(scene))
     assert errors(before, scene)[scene.mask].mean() > 5
     assert errors(after, scene)[scene.lit].mean() < 0.3
     assert 90 * (1 - after.confidence[scene.lit]).mean() < 1.0
@@ -53,7 +53,7 @@ def test_a_painted_ball_is_solved(name: str, scenes: dict[str, Scene]) -> None:
 @pytest.mark.parametrize("name", ["distant", "near lights"])
 def test_where_a_light_does_not_reach_the_others_help(name: str, scenes: dict[str, Scene]) -> None:
     scene = scenes[name]
-    before, after = network(scene), refined(painted(scene), network(scene))
+    before, after = network(scene), refine_normals(painted(scene), network(scene))
     shadow = scene.mask & ~scene.lit
     assert errors(after, scene)[shadow].mean() < 0.5 * errors(before, scene)[shadow].mean()
     assert 90 * (1 - after.confidence[shadow]).mean() == pytest.approx(errors(after, scene)[shadow].mean(), abs=2.0)
@@ -65,7 +65,7 @@ def test_a_cast_shadow_of_one_light_is_solved_by_the_two_others(scenes: dict[str
     shadow[:, :70], shadow[:, 90:] = False, False
     image = scene.image * PAINT
     image[shadow, 0] = 0
-    after = errors(refined(scene.capture(image=image), network(scene)), scene)
+    after = errors(refine_normals(scene.capture(image=image), network(scene)), scene)
     assert after[shadow].mean() < 0.4 * errors(network(scene), scene)[shadow].mean()
     assert after[scene.lit & ~shadow].mean() < 0.3
 
@@ -75,7 +75,7 @@ def test_noise_hides_no_proof(name: str, scenes: dict[str, Scene]) -> None:
     """At full resolution lengths differ by more than any proof allows; at less of it the noise is averaged out."""
     scene = scenes[name]
     noise = np.random.default_rng(1).normal(1, 0.04, scene.image.shape)
-    before, after = network(scene), refined(painted(scene, PAINT * noise), network(scene))
+    before, after = network(scene), refine_normals(painted(scene, PAINT * noise), network(scene))
     assert errors(before, scene)[scene.lit].mean() > 5
     assert errors(after, scene)[scene.lit].mean() < 2
     assert 90 * (1 - after.confidence[scene.lit]).mean() == pytest.approx(errors(after, scene)[scene.lit].mean(), abs=2)
@@ -84,9 +84,9 @@ def test_noise_hides_no_proof(name: str, scenes: dict[str, Scene]) -> None:
 def test_noise_in_a_proven_colour_is_averaged_out(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes["distant"]
     capture = painted(scene, PAINT * np.random.default_rng(1).normal(1, 0.015, scene.image.shape))
-    mended = refined(capture, network(scene))
-    monkeypatch.setattr(refine, "LEAST_OBJECT", np.inf)
-    alone = refined(capture, network(scene))
+    mended = refine_normals(capture, network(scene))
+    monkeypatch.setattr(refine, "MIN_OBJECT", np.inf)
+    alone = refine_normals(capture, network(scene))
     assert errors(alone, scene)[scene.lit].mean() < 3
     assert errors(mended, scene)[scene.lit].mean() < 0.7 * errors(alone, scene)[scene.lit].mean()
 
@@ -100,7 +100,7 @@ def test_half_the_resolution_shows_means_of_the_mask(scenes: dict[str, Scene], m
     camera = replace(scene.camera, height=121, width=97)
     capture = Capture(image, mask, scene.rig, camera, clip=0.9, depth=depth)
     estimate = NormalMap(scene.normals[odd].astype(np.float32), mask)
-    small, normals = halving.halved(capture, estimate)
+    small, normals = halving.halve(capture, estimate)
     assert small.mask.shape == (61, 49)
     seen, here = camera.points(np.ones((121, 97))), small.camera.points(np.ones((61, 49)))
     for row, column in np.ndindex(61, 49):
@@ -124,14 +124,14 @@ def test_what_changed_at_half_the_resolution_is_the_same_in_one_band_and_in_seve
 ) -> None:
     scene, odd = scenes["distant"], (slice(0, 121), slice(0, 97))
     mask, random = scene.mask[odd], np.random.default_rng(1)
-    half = halving.halved(Capture(scene.image[odd], mask, scene.rig), NormalMap(scene.normals[odd], mask))[1]
+    half = halving.halve(Capture(scene.image[odd], mask, scene.rig), NormalMap(scene.normals[odd], mask))[1]
     turn = 0.1 * random.normal(size=(61, 49, 3)).astype(np.float32) * half.mask[..., None]
     trust = -0.2 * half.mask.astype(np.float32)
     mended = []
     for rows in (256, 16):
         monkeypatch.setattr(halving, "ROWS", rows)
         mended.append(NormalMap(scene.normals[odd].astype(np.float32), mask))
-        halving.mend(mended[-1], half, turn, trust)
+        halving.add_upsampled_changes(mended[-1], half, turn, trust)
     whole, banded = mended
     np.testing.assert_array_equal(banded.vectors, whole.vectors)
     # The same of all pixels of the mask, up to its border.
@@ -161,7 +161,7 @@ def noisy(scene: Scene) -> np.ndarray:
 @pytest.mark.parametrize("image_of", [glossy, many_colours, not_lambert, noisy], ids=lambda image_of: image_of.__name__)
 def test_any_other_surface_stays_as_it_is(image_of: Callable[[Scene], np.ndarray], scenes: dict[str, Scene]) -> None:
     scene = scenes["distant"]
-    after = refined(scene.capture(image=image_of(scene) * scene.mask[..., None]), network(scene))
+    after = refine_normals(scene.capture(image=image_of(scene) * scene.mask[..., None]), network(scene))
     np.testing.assert_array_equal(after.vectors, network(scene).vectors)
     np.testing.assert_array_equal(after.confidence, network(scene).confidence)
 
@@ -176,7 +176,7 @@ def test_three_flat_faces_prove_nothing(scenes: dict[str, Scene]) -> None:
     normals = np.where(scene.mask[..., None], faces[face], 0)
     colours = np.array([[1, 0.6, 0.5], [0.5, 0.9, 0.6], [0.7, 0.7, 1]])[face]
     box = replace(scene, normals=normals, image=np.maximum(normals @ DIRECTIONS.T, 0) * colours)
-    np.testing.assert_array_equal(refined(box.capture(), network(box)).vectors, network(box).vectors)
+    np.testing.assert_array_equal(refine_normals(box.capture(), network(box)).vectors, network(box).vectors)
 
 
 def test_a_large_flat_face_beside_a_round_part_hides_no_proof(scenes: dict[str, Scene]) -> None:
@@ -186,7 +186,7 @@ def test_a_large_flat_face_beside_a_round_part_hides_no_proof(scenes: dict[str, 
     image = np.where(flat[..., None], normals @ DIRECTIONS.T, scene.image)
     capped = replace(scene, normals=normals, image=image)
     assert flat.sum() > 0.6 * scene.mask.sum()
-    assert errors(refined(painted(capped), network(capped)), capped)[scene.lit].mean() < 0.3
+    assert errors(refine_normals(painted(capped), network(capped)), capped)[scene.lit].mean() < 0.3
 
 
 def test_clipped_pixels_stay_as_they_are(scenes: dict[str, Scene]) -> None:
@@ -195,7 +195,7 @@ def test_clipped_pixels_stay_as_they_are(scenes: dict[str, Scene]) -> None:
     clip = float(np.quantile(image[scene.lit, 0], 0.8))
     capture = scene.capture(image=np.minimum(image, clip), clip=clip)
     clipped = capture.saturated.any(axis=-1) & scene.mask
-    after, before = refined(capture, network(scene)), network(scene)
+    after, before = refine_normals(capture, network(scene)), network(scene)
     np.testing.assert_array_equal(after.vectors[clipped], before.vectors[clipped])
     assert errors(after, scene)[scene.lit & ~clipped].mean() < 0.3
 
@@ -203,9 +203,9 @@ def test_clipped_pixels_stay_as_they_are(scenes: dict[str, Scene]) -> None:
 def test_tiles_are_the_same_as_the_whole(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes["wide lens"]
     monkeypatch.setattr(refine, "TILE", 1000)
-    whole = refined(painted(scene), network(scene))
+    whole = refine_normals(painted(scene), network(scene))
     monkeypatch.setattr(refine, "TILE", 24)
-    tiles = refined(painted(scene), network(scene))
+    tiles = refine_normals(painted(scene), network(scene))
     np.testing.assert_allclose(tiles.vectors, whole.vectors, atol=1e-5)
     np.testing.assert_allclose(tiles.confidence, whole.confidence, atol=1e-5)
 

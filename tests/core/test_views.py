@@ -117,13 +117,13 @@ class Table:
 
     def _run(self, *arguments: str | Path) -> str:
         good: list[str | Path] = ["--model", "lambertian", "--size", "64", "--space", "object"]
-        words, complaint = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(words), contextlib.redirect_stderr(complaint):
+        words, errors = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(words), contextlib.redirect_stderr(errors):
             code = main(["views", *map(str, [*good, "-o", self / "texture.png", *arguments])])
         if code:
-            (line,) = complaint.getvalue().splitlines()
+            (line,) = errors.getvalue().splitlines()
             raise InputError(line)
-        sys.stderr.write(complaint.getvalue())
+        sys.stderr.write(errors.getvalue())
         return words.getvalue()
 
     def texture(self) -> np.ndarray:
@@ -748,7 +748,7 @@ def test_views_that_do_not_belong_together_are_reported(table: Table) -> None:
 
 
 def test_a_preset_names_the_texture_and_detail_goes_on_top_of_a_map(table: Table) -> None:
-    """Of all views together: where none sees, the present map stays as it is."""
+    """Of all views together: where none sees, the existing map stays as it is."""
     v, u = np.mgrid[:64, :64] / 64 * 2 * np.pi
     waves = np.stack([0.4 * np.sin(u), 0.3 * np.cos(v), np.ones_like(u)], -1)
     waves /= np.linalg.norm(waves, axis=-1, keepdims=True)

@@ -10,7 +10,7 @@ from synthetic import CROSSTALK, degrees_between
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.white_photo import measured_white, painted_grey
+from mpsnet_core.estimate.white_photo import fit_white_photo, normalise_by_white_photo
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 
 
@@ -18,7 +18,7 @@ from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 def test_of_a_matt_object_it_is_the_photo_of_a_grey_one(narrow: bool) -> None:
     """Whatever paint, crosstalk and gains are: each light alone, on the mean of the three albedos."""
     painted = Painted(narrow=narrow)
-    found = painted_grey(painted.capture)
+    found = normalise_by_white_photo(painted.capture)
     np.testing.assert_allclose(found.image, painted.albedo.mean(axis=-1, keepdims=True) * painted.light, atol=0.004)
     assert painted.off(painted.capture, painted.lit).max() < 0.5
     assert painted.off(replace(painted.capture, white=None), painted.lit).mean() > 10
@@ -40,7 +40,7 @@ def test_highlights_on_a_tenth_of_the_pixels_change_the_gains_by_little() -> Non
     shine = np.random.default_rng(1).random(painted.lit.shape) < 0.1
     image = painted.capture.image + 0.5 * shine[..., None] * MIXED.mixing[:, 0]
     white = painted.capture.white + 0.5 * shine[..., None] * GAINS
-    found = measured_white(replace(painted.capture, image=image, white=white))
+    found = fit_white_photo(replace(painted.capture, image=image, white=white))
     assert found is not None
     np.testing.assert_allclose(found.gains / found.gains[1], GAINS / GAINS[1], rtol=0.03)
 
@@ -99,7 +99,7 @@ def test_a_flat_surface_gets_as_much_of_every_light() -> None:
     """One direction determines no plane: what is left is near grey world, and no gains beyond all bounds."""
     image = np.full((20, 20, 3), 0.4) * [1, 2, 0.5] + np.random.default_rng(2).normal(0, 0.004, (20, 20, 3))
     capture = Capture(image, np.ones((20, 20), bool), published_rig(), white=np.full((20, 20, 3), 0.5))
-    found = painted_grey(capture).image.mean(axis=(0, 1))
+    found = normalise_by_white_photo(capture).image.mean(axis=(0, 1))
     np.testing.assert_allclose(found / found.mean(), 1, atol=0.25)
 
 
@@ -108,7 +108,7 @@ def test_a_white_photo_without_one_colour_says_nothing(black: int) -> None:
     painted = Painted()
     white = np.array(painted.capture.white)
     white[..., black] = 0
-    found = painted_grey(replace(painted.capture, white=white))
+    found = normalise_by_white_photo(replace(painted.capture, white=white))
     assert found.white is None
     np.testing.assert_array_equal(found.image, painted.capture.image)
 
@@ -118,13 +118,13 @@ def test_where_it_is_clipped_the_surface_is_taken_to_have_its_mean_colour(caplog
     painted = Painted(colours=1)
     clipped = np.zeros(painted.capture.image.shape, bool)
     clipped[30:60, 30:60, 1] = True
-    found = painted_grey(replace(painted.capture, white_clipped=clipped))
-    np.testing.assert_allclose(found.image, painted_grey(painted.capture).image, rtol=0.05, atol=0.01)
+    found = normalise_by_white_photo(replace(painted.capture, white_clipped=clipped))
+    np.testing.assert_allclose(found.image, normalise_by_white_photo(painted.capture).image, rtol=0.05, atol=0.01)
     clipped[painted.sphere.mask] = True
-    assert painted_grey(replace(painted.capture, white_clipped=clipped)).white is None
+    assert normalise_by_white_photo(replace(painted.capture, white_clipped=clipped)).white is None
     clipped[40, 40:55] = False  # too few to measure by
     nearly_all = replace(painted.capture, white_clipped=clipped)
-    assert painted_grey(nearly_all).white is None
+    assert normalise_by_white_photo(nearly_all).white is None
     estimate_normals(nearly_all, "lambertian")
     assert "the white photo is NOT USED" in caplog.text
 
@@ -133,7 +133,7 @@ def test_a_pixel_saturated_in_one_channel_is_known_to_be_wrong_in_all() -> None:
     painted = Painted()
     clipped = np.zeros(painted.capture.image.shape, bool)
     clipped[50, 50, 2] = True
-    found = painted_grey(replace(painted.capture, clipped=clipped))
+    found = normalise_by_white_photo(replace(painted.capture, clipped=clipped))
     assert found.saturated[50, 50].all() and found.saturated.sum() == 3
 
 
@@ -141,5 +141,5 @@ def test_what_is_dark_in_the_white_photo_is_not_divided_by_its_noise() -> None:
     painted = Painted()
     white = np.array(painted.capture.white)
     white[40:44, 40:44] = 1e-9
-    found = painted_grey(replace(painted.capture, white=white)).image
+    found = normalise_by_white_photo(replace(painted.capture, white=white)).image
     assert np.isfinite(found).all() and np.abs(found[40:44, 40:44]).max() < 2 * painted.capture.image.max()

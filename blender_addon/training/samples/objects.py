@@ -107,14 +107,14 @@ def _at_unit_size(meshes: list[tuple[Any, Matrix]]) -> SceneObjects:
 
 def _number_materials(meshes: Any) -> None:
     plain = None
-    worn = []
+    used = []
     for mesh in meshes:
         for slot, material in enumerate(mesh.materials):
             if material is None:
                 plain = plain or bpy.data.materials.new("MPS Plain")
                 mesh.materials[slot] = material = plain
-            worn.append(material)
-    for number, material in enumerate(dict.fromkeys(worn)):
+            used.append(material)
+    for number, material in enumerate(dict.fromkeys(used)):
         material.pass_index = number
         material.displacement_method = "BUMP"
 

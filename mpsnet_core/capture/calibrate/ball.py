@@ -14,7 +14,7 @@ ROUNDS = 30
 # Errors of neighbouring outline points are correlated; about one in this many is independent.
 POINTS_THAT_AGREE = 4
 # Least uncertainty of an outline in pixels: of one that was detected, and of one drawn by hand.
-LEAST_UNCERTAINTY = 0.03
+MIN_UNCERTAINTY = 0.03
 HAND_UNCERTAINTY = 0.5
 HAND_POINTS = 180
 NO_FIT = "no ball fits the outline that was found; give the circle by hand (x,y,r)"
@@ -149,8 +149,8 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     outward = points[inliers] - middle
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     jacobian = np.column_stack([outward, np.ones(len(outward))])
-    variance = max(residual, LEAST_UNCERTAINTY) ** 2 * POINTS_THAT_AGREE
-    covariance = variance * np.linalg.pinv(jacobian.T @ jacobian) + LEAST_UNCERTAINTY**2 * np.eye(3)
+    variance = max(residual, MIN_UNCERTAINTY) ** 2 * POINTS_THAT_AGREE
+    covariance = variance * np.linalg.pinv(jacobian.T @ jacobian) + MIN_UNCERTAINTY**2 * np.eye(3)
     bins = np.floor(np.arctan2(outward[:, 1], outward[:, 0]) / (2 * np.pi) * 72).astype(int) % 72
     return Ball(centre, size, camera, residual, len(np.unique(bins)) / 72, covariance)
 
@@ -239,6 +239,6 @@ def _outline_error(
         across: NDArray[np.float64] = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
         return across * focal
     distance = np.linalg.norm(centre)
-    beside = np.linalg.norm(np.cross(away, centre / distance), axis=1)
-    angle: NDArray[np.float64] = np.arcsin(np.clip(beside, 0, 1)) - np.arcsin(radius / distance)
+    sine_to_centre = np.linalg.norm(np.cross(away, centre / distance), axis=1)
+    angle: NDArray[np.float64] = np.arcsin(np.clip(sine_to_centre, 0, 1)) - np.arcsin(radius / distance)
     return angle * focal

@@ -14,7 +14,7 @@ from mpsnet_core.scene.camera import Camera
 
 # Longer side of the image in which circles are detected.
 SEARCHED_SIDE = 400
-LEAST_SIDE = 16
+MIN_SIDE = 16
 # Range of a ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
@@ -22,11 +22,11 @@ CANDIDATES = 12
 # they were moved to outlines.
 ALIKE, SAME = 0.1, 0.02
 # A circle with less of its outline visible, or a larger residual (as a share of the radius), is no ball.
-LEAST_SEEN = 0.2
+MIN_SEEN = 0.2
 ROUGHEST = 0.01
 # Pixels above this share of the brightest are mirrored lights, if they are a small share of the photo.
 BRIGHT = 0.5
-MOST_BRIGHT = 0.03
+MAX_BRIGHT = 0.03
 
 # An overlapping circle with this share of the ball's score may be the ball instead.
 RIVAL = 0.6
@@ -47,7 +47,7 @@ def find_balls(
     visible outline are chosen. Warns of an overlapping circle that is nearly as likely. Raises GeometryError if fewer
     are found.
     """
-    if min(image.shape[:2]) < LEAST_SIDE:
+    if min(image.shape[:2]) < MIN_SIDE:
         raise GeometryError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
     small = block_means(image, step)
@@ -69,7 +69,7 @@ def find_balls(
             ball = sharp_outline(photo, ball, mirror=mirror)
         except GeometryError:
             continue
-        if ball.seen >= LEAST_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
+        if ball.seen >= MIN_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
             scored.append((_score(ball), ball))
     scored.sort(key=lambda pair: -pair[0])
     chosen: list[tuple[float, Ball]] = []
@@ -81,11 +81,11 @@ def find_balls(
         number = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
         raise GeometryError(f"{number} found in the photo; give the circle by hand (x,y,r), or a mask of the ball")
     for score, ball in chosen:
-        _note_rival(score, ball, scored)
+        _warn_of_rival(score, ball, scored)
     return sorted(balls, key=lambda ball: ball.circle.x)
 
 
-def _note_rival(score: float, ball: Ball, scored: list[tuple[float, Ball]]) -> None:
+def _warn_of_rival(score: float, ball: Ball, scored: list[tuple[float, Ball]]) -> None:
     """Warn of an overlapping circle that is nearly as likely to be the ball."""
     for other_score, other in scored:
         a, b = ball.circle, other.circle
@@ -119,7 +119,7 @@ def _bright(image: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(H, W) the brightest pixels; none if they are too many to be mirrored lights."""
     brightness = image.max(axis=-1)
     bright = brightness > BRIGHT * brightness.max()
-    return bright if bright.mean() < MOST_BRIGHT else np.zeros_like(bright)
+    return bright if bright.mean() < MAX_BRIGHT else np.zeros_like(bright)
 
 
 def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circle]:
@@ -150,8 +150,10 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
         for _ in range(2):  # there may be a second ball of the same size
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))
             found.append((votes[row, column] / np.sqrt(size), Circle(2 * column + 1, 2 * row + 1, float(size))))
-            gone = int(size) // 2
-            votes[max(row - gone, 0) : row + gone + 1, max(column - gone, 0) : column + gone + 1] = 0
+            suppressed = int(size) // 2
+            votes[
+                max(row - suppressed, 0) : row + suppressed + 1, max(column - suppressed, 0) : column + suppressed + 1
+            ] = 0
     rows, columns = np.nonzero(bright)
     chosen: list[Circle] = []
     for _, circle in sorted(found, key=lambda pair: -pair[0]):

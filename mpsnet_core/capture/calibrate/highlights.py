@@ -23,13 +23,13 @@ CANDIDATE = 0.25
 # Uncertainty of a spot's centroid, as a share of its radius: normally, and for a clipped spot, which hides its peak.
 CENTROID_SHARE = 0.05
 CLIPPED_SHARE = 0.1
-LEAST_UNCERTAINTY = 0.1
+MIN_UNCERTAINTY = 0.1
 # The same where clipped highlights touch: one hides part of the other.
 HIDDEN_SHARE = 0.25
 # Pixels whose chromaticities differ by less have one colour.
 SAME_COLOUR = 0.08
 # Least difference of log likelihood between the best and the second-best order of the lights.
-LEAST_MARGIN = 0.2
+MIN_MARGIN = 0.2
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
     orders = sorted(permutations(range(3)), key=lambda order: -sum(logs[k, order[k]] for k in range(3)))
     best, second = (sum(logs[k, order[k]] for k in range(3)) for order in orders[:2])
     singular = np.linalg.svd(colours, compute_uv=False)
-    if best - second < LEAST_MARGIN or singular[-1] < 0.05 * singular[0]:
+    if best - second < MIN_MARGIN or singular[-1] < 0.05 * singular[0]:
         return None
     ordered: NDArray[np.float64] = colours[:, orders[0]]
     return ordered
@@ -226,7 +226,7 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
         window.left + float(column) + 0.5,
         window.top + float(row) + 0.5,
         radius,
-        float(np.hypot((CLIPPED_SHARE if clipped else CENTROID_SHARE) * radius, LEAST_UNCERTAINTY)),
+        float(np.hypot((CLIPPED_SHARE if clipped else CENTROID_SHARE) * radius, MIN_UNCERTAINTY)),
         clipped,
         float(light[order[1]] / light[order[0]]) if count > 1 else 0.0,
         _colour(window.excess[spot].sum(axis=0)),

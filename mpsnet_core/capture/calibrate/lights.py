@@ -12,7 +12,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.capture.calibrate.highlights import Highlight
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.scene.camera import camera_of_lens
 
 log = logging.getLogger(__name__)
@@ -134,7 +134,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     origins, rays = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
     blur = np.stack([sighting.uncertainties() for sighting in sightings])
     target = np.mean([sighting.ball.centre for sighting in sightings], axis=0)
-    _note_doubts(sightings)
+    _warn_of_doubts(sightings)
     precision = 1 / blur**2
     mean = normalised(np.einsum("pni,pn->ni", rays, precision))
     # The effect of the lens is the same at all places, so averaging does not reduce it.
@@ -164,9 +164,9 @@ def _with_positions(
     away = points - found.target
     distance = np.linalg.norm(away, axis=1)
     ahead = np.einsum("pni,pni->n", points - origins, rays) > 0
-    far = ~ahead | (errors > UNSURE * distance)
-    if far.any():
-        names = ", ".join(str(k + 1) for k in np.flatnonzero(far))
+    unsure_lights = ~ahead | (errors > UNSURE * distance)
+    if unsure_lights.any():
+        names = ", ".join(str(k + 1) for k in np.flatnonzero(unsure_lights))
         log.info(
             "light %s: the rays from the ball's places are nearly parallel, so it is far away; "
             "these are directions alone",
@@ -214,7 +214,7 @@ def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequenc
     """
     rows = np.asarray(directions, np.float64)
     lines = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, rows, strict=True)]
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 
@@ -227,7 +227,7 @@ def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
     return found
 
 
-def _note_doubts(sightings: Sequence[Sighting]) -> None:
+def _warn_of_doubts(sightings: Sequence[Sighting]) -> None:
     for sighting in sightings:
         ball = sighting.ball
         if ball.residual > 0.004 * ball.circle.radius or ball.seen < 0.5:

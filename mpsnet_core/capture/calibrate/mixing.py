@@ -20,11 +20,11 @@ log = logging.getLogger(__name__)
 # Share of the ball's radius to use: the rim is blurred, and reflection of grazing light is not Lambertian.
 USED_RADIUS = 0.9
 # Enough pixels for a matrix; more are subsampled.
-MOST_PIXELS = 10_000
-LEAST_PIXELS = 200
+MAX_PIXELS = 10_000
+MIN_PIXELS = 200
 ROUNDS = 20
 # Largest shift of the outline per round, in pixels.
-MOST_NUDGE = 2.0
+MAX_NUDGE = 2.0
 # Other unknowns to refine: the outline's centre and radius in pixels, two rotations of each light in radians, and the
 # exponent of the cosine minus Lambert's 1. Prior standard deviations of the last seven (2°; a rough ball has 0.9).
 OTHERS = 10
@@ -43,7 +43,7 @@ UNDETERMINED = 0.06
 # If a larger share of the photo's variance is unexplained, it shows something else.
 FOREIGN = 0.5
 # Light that arrives at a smaller cosine does not determine its strength reliably.
-LEAST_COSINE = 0.1
+MIN_COSINE = 0.1
 # Largest residual, as a share of the brightness, of a model that describes the photo.
 POOR = 0.05
 AMBIENT = 0.03
@@ -148,25 +148,25 @@ def _fitted(
     weight: NDArray[np.float64] = np.ones(colours.shape)
     scale = float(colours.std())
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
-    there = _surface(ball, rig, points)
+    at_ball = _surface(ball, rig, points)
     for turn in range(ROUNDS):
-        basis = _shading(*there, rig, moved[3:])
+        basis = _shading(*at_ball, rig, moved[3:])
         jacobian = np.zeros((len(points), 3, OTHERS))
         if turn == 0:
             answer = _joint_step(basis, jacobian, colours, weight, np.eye(OTHERS), moved, free)[0]
         for number, size in enumerate(STEPS):
-            aside = moved + size * np.eye(OTHERS)[number]
+            perturbed = moved + size * np.eye(OTHERS)[number]
             # Only the first three unknowns move the ball's surface.
-            place, normal = _surface(drawn.nudged(*aside[:3]), rig, points) if number < 3 else there
-            beside = _shading(place, normal, rig, aside[3:])
-            jacobian[..., number] = (beside - basis) @ answer / size
+            place, normal = _surface(drawn.nudged(*perturbed[:3]), rig, points) if number < 3 else at_ball
+            perturbed_basis = _shading(place, normal, rig, perturbed[3:])
+            jacobian[..., number] = (perturbed_basis - basis) @ answer / size
         prior = precision * scale**2
         answer, step, left = _joint_step(basis, jacobian, colours, weight, prior, moved, free)
-        step[:3] = np.clip(step[:3], -MOST_NUDGE, MOST_NUDGE)
+        step[:3] = np.clip(step[:3], -MAX_NUDGE, MAX_NUDGE)
         moved = moved + step
         ball = drawn.nudged(*moved[:3])
-        there = _surface(ball, rig, points)
-        error = _shading(*there, rig, moved[3:]) @ answer - colours
+        at_ball = _surface(ball, rig, points)
+        error = _shading(*at_ball, rig, moved[3:]) @ answer - colours
         scale = deviation(error[weight > 0])
         lighter = biweight(error, scale)
         settled = turn > 3 and np.abs(lighter - weight).mean() < 1e-3 and np.abs(step).max() < 1e-3
@@ -218,8 +218,8 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
         points, colours = _ball_pixels(photo, ball)
         basis = _shading(*_surface(ball, rig, points), rig)
         shading = basis[:, light]
-        lit = shading > LEAST_COSINE
-        if lit.sum() < LEAST_PIXELS:
+        lit = shading > MIN_COSINE
+        if lit.sum() < MIN_PIXELS:
             raise GeometryError(f"the {LIGHT_NAMES[light]} light reaches too little of the ball; check rig and circle")
         ambient.append(_ambient(basis, colours, light))
         columns.append((colours[lit] - ambient[-1]) / shading[lit, None])
@@ -248,7 +248,7 @@ def equation_2_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> floa
     clipped = np.any([photo.saturated for photo in photos], axis=0)
     points, colours = _ball_pixels(replace(photos[0], pixels=pixels, clipped=clipped), ball)
     place, normal = _surface(ball, rig, points)
-    lit = (_shading(place, normal, rig)[:, :3] > LEAST_COSINE).all(axis=1)
+    lit = (_shading(place, normal, rig)[:, :3] > MIN_COSINE).all(axis=1)
     if not lit.any():
         return None
     place, normal = place[lit], normal[lit]
@@ -270,13 +270,13 @@ def mixing_from_card(
     cosines = rig.directions @ facing
     columns = []
     for light, photo in enumerate(_three_photos(photos)):
-        if cosines[light] <= LEAST_COSINE:
+        if cosines[light] <= MIN_COSINE:
             raise GeometryError(f"the {LIGHT_NAMES[light]} light does not reach the card's face; check its normal")
         inside = photo.pixels[mask].astype(np.float64)
         usable = ~photo.saturated[mask].any(axis=1) & np.isfinite(inside).all(axis=1)
-        if usable.sum() < LEAST_PIXELS:
+        if usable.sum() < MIN_PIXELS:
             raise GeometryError(
-                f"the photo of the {LIGHT_NAMES[light]} light has fewer than {LEAST_PIXELS} usable pixels of the card; "
+                f"the photo of the {LIGHT_NAMES[light]} light has fewer than {MIN_PIXELS} usable pixels of the card; "
                 "expose shorter, or mark more of it"
             )
         columns.append(inside[usable] / cosines[light])
@@ -303,10 +303,10 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
         inside = dot(normal, back) > np.sqrt(1 - USED_RADIUS**2)
         colours = photo.pixels[y, x].astype(np.float64)
         usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
-        chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MOST_PIXELS)]
-    if not len(points) or len(chosen) < LEAST_PIXELS:
+        chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MAX_PIXELS)]
+    if not len(points) or len(chosen) < MIN_PIXELS:
         raise GeometryError(
-            f"the photo has fewer than {LEAST_PIXELS} usable pixels of the ball; is the circle right, and is it not "
+            f"the photo has fewer than {MIN_PIXELS} usable pixels of the ball; is the circle right, and is it not "
             "overexposed?"
         )
     if not colours[chosen].any():

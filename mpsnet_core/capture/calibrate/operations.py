@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 # Most files to name in a sentence.
-MOST_NAMED = 16
+MAX_NAMED = 16
 
 
 @dataclass(frozen=True)
-class LooksAtBall(ReadsPhotos, HasLens):
+class UsesBall(ReadsPhotos, HasLens):
     """The ball in the photo, the camera, and outputs besides the rig."""
 
     heading: ClassVar[str] = "the ball, and extra output files"
@@ -61,20 +61,20 @@ class LooksAtBall(ReadsPhotos, HasLens):
     def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
         """The photos, after checking that the results can be written and overwrite no input."""
         from mpsnet_core.capture.masks import mask_source
-        from mpsnet_core.io.files import check_apart, checked_bits, writable_path
-        from mpsnet_core.io.frames import expand_images, files_meant
+        from mpsnet_core.io.files import check_no_overwrite, checked_bits, writable_path
+        from mpsnet_core.io.frames import expand_file_options, expand_images
 
         if self.radius is not None and not 0 < self.radius < math.inf:
             raise SettingsError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
         files = _without_masks(expand_images(given))
         outputs = [file for file in (output, self.overlay, self.json) if file]
         mask = self.mask and mask_source(self.mask)
-        others = files_meant((mask, self.dark, self.flat, self.camera))
+        others = expand_file_options((mask, self.dark, self.flat, self.camera))
         for number, one in enumerate(outputs):
             writable_path(one)
             # The rig is read completely before it is written again; no other output may replace it.
             to_keep = [rig] if number and rig else []
-            check_apart([*files, *others, *to_keep, *outputs[:number]], [one])
+            check_no_overwrite([*files, *others, *to_keep, *outputs[:number]], [one])
         if self.overlay:
             checked_bits(Path(self.overlay), 8)
         return files
@@ -135,7 +135,7 @@ class _Chosen:
 
 
 @dataclass(frozen=True)
-class CalibrateLights(LooksAtBall):
+class CalibrateLights(UsesBall):
     """Find the lights' directions or positions from photos of a mirror ball."""
 
     command: ClassVar[str] = "calibrate lights"
@@ -177,7 +177,7 @@ class CalibrateLights(LooksAtBall):
             return self._choose_of_lp()
         from mpsnet_core.capture.calibrate.lights import find_lights
         from mpsnet_core.capture.calibrate.report import ball_facts, lights_facts
-        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
 
         files = self._inputs(self.ball, self.output)
@@ -192,7 +192,7 @@ class CalibrateLights(LooksAtBall):
         lines = [f"{self.output}:", *map(str, lights), *map(str, balls)]
         target = found.target.tolist()
         result = LightsCalibrated(self.output, self.overlay, lights, balls, target, text="\n".join(lines))
-        with written_together():
+        with write_transaction():
             self._write_rig(found, chosen)
             if self.overlay:
                 self._draw(self.overlay, found, chosen, pictured)
@@ -277,7 +277,7 @@ class CalibrateLights(LooksAtBall):
             names = [file.stem for file in chosen.files] if chosen.files else chosen.names
             write_lp(self.output, found.directions, names)
             return
-        _note_replaced(Path(self.output))
+        _log_replaced_rig(Path(self.output))
         if found.positions is not None and not self.distant:
             write_rig(self.output, near_rig(found.positions, found.target))
         else:
@@ -304,7 +304,7 @@ class CalibrateLights(LooksAtBall):
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig from three lights of an .lp file."""
         from mpsnet_core.capture.calibrate.report import directions_facts
-        from mpsnet_core.io.files import check_apart, writable_path
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
         from mpsnet_core.io.image import CHANNELS
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
 
@@ -317,11 +317,11 @@ class CalibrateLights(LooksAtBall):
                 f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
             )
         numbers = _three_of(self.lights, len(names))
-        check_apart([file], [self.output])
+        check_no_overwrite([file], [self.output])
         if writable_path(self.output).suffix.lower() != ".json":
             raise FileError(f"{self.output}: a rig of three lights is a .json file; name one")
         rig = LightRig(directions[numbers])
-        _note_replaced(Path(self.output))
+        _log_replaced_rig(Path(self.output))
         write_rig(self.output, rig)
         lights = directions_facts(rig.directions, CHANNELS, [names[k] for k in numbers])
         text = "\n".join([f"{self.output}:", *map(str, lights)])
@@ -352,7 +352,7 @@ class MixingCalibrated(Result):
 
 
 @dataclass(frozen=True)
-class CalibrateMixing(LooksAtBall):
+class CalibrateMixing(UsesBall):
     """Find the mixing matrix from photos of a grey ball or card."""
 
     command: ClassVar[str] = "calibrate mixing"
@@ -378,8 +378,8 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.capture.calibrate.mixing import equation_2_error
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
-        from mpsnet_core.capture.reading import note_other_exposures
-        from mpsnet_core.io.files import written_together
+        from mpsnet_core.capture.reading import warn_of_other_exposures
+        from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.rig import read_rig, write_rig
@@ -390,13 +390,13 @@ class CalibrateMixing(LooksAtBall):
         photos = self._photos(files, mirror=False)
         progress(0.0, "reading the photos")
         read = [photos.read(file) for file in files]
-        note_other_exposures(files, read)
+        warn_of_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
         calibrated = replace(rig, mixing=found.mixing, exact=False)
         off = None if found.ball is None else equation_2_error(read, found.ball, calibrated)
         result = self._result(found, off)
-        with written_together():
+        with write_transaction():
             write_rig(self.output, calibrated)
             if self.overlay and found.ball is not None:
                 picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
@@ -516,7 +516,7 @@ def _three_of(text: str, count: int) -> list[int]:
 def _numbered(files: Iterable[Path]) -> str:
     """The files with their numbers, for the end of a sentence; only the first ones if there are many."""
     numbered = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
-    return f" ({', '.join(numbered[:MOST_NAMED] + ['...'] * (len(numbered) > MOST_NAMED))})"
+    return f" ({', '.join(numbered[:MAX_NAMED] + ['...'] * (len(numbered) > MAX_NAMED))})"
 
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
@@ -536,7 +536,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     return True
 
 
-def _note_replaced(file: Path) -> None:
+def _log_replaced_rig(file: Path) -> None:
     """Report that overwriting the rig file discards its mixing, which belongs to other lights."""
     import numpy as np
 

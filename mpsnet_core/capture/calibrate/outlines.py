@@ -131,22 +131,22 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     step = STEP * smaller
     reach = max(share * radius, 2.0 * smaller)
     # Average the pixels beside a line to reduce noise.
-    beside = 2 * int(np.pi * radius / smaller / LINES) + 1
-    outline = ball.outline(LINES * beside)
+    points_per_line = 2 * int(np.pi * radius / smaller / LINES) + 1
+    outline = ball.outline(LINES * points_per_line)
     along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
     across = np.stack([-along[:, 1], along[:, 0]], axis=-1)  # outwards
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     count = int(np.ceil((max(reach, NOISE_REACH * radius) + 2 * step) / step))
     offsets = step * np.arange(-count, count + 1, dtype=np.float64)
     places = outline[:, None] + offsets[:, None] * across[:, None]
-    fine = np.roll(bilinear(picture, *np.moveaxis(places / smaller, -1, 0)), beside // 2, axis=0)
-    profile = fine.reshape(LINES, beside, -1).mean(axis=1)
+    fine = np.roll(bilinear(picture, *np.moveaxis(places / smaller, -1, 0)), points_per_line // 2, axis=0)
+    profile = fine.reshape(LINES, points_per_line, -1).mean(axis=1)
     gradient = profile[:, 2:] - profile[:, :-2]
     steep, usual = _steepness(gradient, BESIDE)
     on_arc, usual_on_arc = _steepness(gradient, [1 / ARC] * ARC)
     near = np.abs(offsets[1:-1]) <= reach
     sure = on_arc[:, near].max(axis=1) > CLEAR * usual_on_arc
-    outline, across = outline[::beside], across[::beside]
+    outline, across = outline[::points_per_line], across[::points_per_line]
     height, width = picture.shape
     ends = outline[:, None] + np.array([-1, 1])[:, None] * (reach + step) * across[:, None]
     whole = np.all((ends > smaller) & (ends < np.array([width - 1, height - 1]) * smaller), axis=(1, 2))

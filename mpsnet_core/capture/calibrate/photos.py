@@ -15,7 +15,7 @@ from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.capture.correction import corrected
 from mpsnet_core.capture.reading import AS_STATED, Reading
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.files import located
+from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.progress import Progress, silent
@@ -92,7 +92,7 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
         mask = read_mask(photos.mask)
         check_same_size(f"the mask {photos.mask}", mask.shape, "the photo", image.shape[:2])
         return [ball_from_mask(mask, camera, photos.radius)]
-    with located(photos.files[0]):
+    with prefix_errors(photos.files[0]):
         return find_balls(image, camera, count=photos.balls, radius=photos.radius, mirror=photos.mirror)
 
 
@@ -107,7 +107,7 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
     for number, file in enumerate(photos.files):
         progress((number + 1) / (len(photos.files) + 1), f"looking for highlights in {file.name}")
         image = photos.read(file)
-        with located(file):
+        with prefix_errors(file):
             for spots, ball in zip(found, balls, strict=True):
                 if len(photos.files) == 1:
                     spots += find_coloured_highlights(image, ball)

@@ -15,7 +15,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 Floats = NDArray[np.floating[Any]]
 
 SAMPLED = 20_000  # pixels of a large photo
-LEAST_PIXELS = 200  # with fewer, the surface's colours cannot be found
+MIN_PIXELS = 200  # with fewer, the surface's colours cannot be found
 GRAZING = 0.1  # a cosine; below, a light shows little of the albedo
 DARKEST = 1e-30  # keeps logarithms finite
 # Rows at a time; intermediate arrays take some hundred bytes a pixel.
@@ -54,7 +54,7 @@ def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]
     return valid
 
 
-def divided_by(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:
+def divide_out_albedo(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:
     """The unmixed capture divided by the albedo.
 
     factors: for a slice of rows, returns the unmixed image (h, W, 3) and its divisor, (h, W, 3) or (h, W, 1).

@@ -1,6 +1,6 @@
 """Divide out the brightness of a surface's paints, using the chromaticity that a white photo shows.
 
-Painted grey by its white photo (:mod:`mpsnet_core.estimate.white_photo`), a surface is still brighter in one paint than
+Normalised by its white photo (:mod:`mpsnet_core.estimate.white_photo`), a surface is still brighter in one paint than
 in another, and no photo shows how much of that is shading. But pixels of one chromaticity mostly have one albedo. So
 albedos by estimated normals are averaged over pixels of similar chromaticity, and divided out. A surface of one
 chromaticity does not change.
@@ -16,16 +16,16 @@ from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import (
-    LEAST_PIXELS,
+    MIN_PIXELS,
     SAMPLED,
     Floats,
     Pixels,
-    divided_by,
+    divide_out_albedo,
     pixels_in,
     valid_in,
 )
 from mpsnet_core.estimate.distant_lights import pseudo_normals
-from mpsnet_core.estimate.white_photo import WhitePhoto, measured_white, white_valid
+from mpsnet_core.estimate.white_photo import WhitePhoto, fit_white_photo, valid_white_pixels
 from mpsnet_core.scene.normal_map import NormalMap
 
 # The histogram over log(red / green) and log(blue / green): half width, cell size, standard deviation of the smoothing
@@ -36,51 +36,51 @@ CELLS = round(2 * HALF_WIDTH / CELL)
 AGREEMENT = np.radians(5.0)
 # Weight of the mean albedo in each cell, as a share of the object's pixels.
 PRIOR = 0.001
-LEAST_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo would be mostly noise
-LEAST_ALBEDO = 0.02  # as a share of the median
+MIN_SQUARES = 0.05  # sum of the three squared cosines; below, the albedo would be mostly noise
+MIN_ALBEDO = 0.02  # as a share of the median
 
 
-def without_chromaticity_albedo(photo: Capture, painted: Capture, normals: NormalMap) -> Capture:
-    """`painted` with the brightness of its paints divided out.
+def divide_out_chromaticity_albedo(photo: Capture, grey: Capture, normals: NormalMap) -> Capture:
+    """`grey` with the brightness of its paints divided out.
 
     Parameters
     ----------
     photo : Capture
         The capture with its white photo.
-    painted : Capture
-        The same, painted grey.
+    grey : Capture
+        The same, normalised by the white photo.
     normals : NormalMap
-        A network's normals of `painted`, in camera space.
+        A network's normals of `grey`, in camera space.
     """
-    measured, white = measured_white(photo), photo.white
-    if measured is None or white is None:
-        return painted
-    chromaticities, albedos, weights = _sample(photo, painted, normals, measured, white)
-    if len(albedos) < LEAST_PIXELS or weights.sum() <= 0:
-        return painted
+    fit, white = fit_white_photo(photo), photo.white
+    if fit is None or white is None:
+        return grey
+    chromaticities, albedos, weights = _sample(photo, grey, normals, fit, white)
+    if len(albedos) < MIN_PIXELS or weights.sum() <= 0:
+        return grey
     cells, shares = _corners(chromaticities)
-    offset = np.log(np.maximum(albedos / np.median(albedos), LEAST_ALBEDO))
+    offset = np.log(np.maximum(albedos / np.median(albedos), MIN_ALBEDO))
     offset -= np.average(offset, weights=weights)
     total, count = (_smoothed_sums(cells, shares * values[:, None]) for values in (weights * offset, weights))
     brightness = (total / (count + PRIOR * len(weights))).astype(np.float32)
 
     def factors(rows: slice) -> tuple[Floats, Floats]:
-        cells, shares = _corners(_chromaticities(measured, white[rows]))
-        shares *= white_valid(painted, rows)[..., None]
-        return painted.image[rows], np.exp((brightness[cells] * shares).sum(axis=-1))[..., None]
+        cells, shares = _corners(_chromaticities(fit, white[rows]))
+        shares *= valid_white_pixels(grey, rows)[..., None]
+        return grey.image[rows], np.exp((brightness[cells] * shares).sum(axis=-1))[..., None]
 
-    return divided_by(painted, factors)
+    return divide_out_albedo(grey, factors)
 
 
 def _sample(
-    photo: Capture, painted: Capture, normals: NormalMap, measured: WhitePhoto, white: Floats
+    photo: Capture, grey: Capture, normals: NormalMap, fit: WhitePhoto, white: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Chromaticity (N, 2), albedo (N,) and weight (N,) of pixels from all over the object."""
     chromaticities, albedos, weights = [], [], []
-    for rows, chosen in sampled_rows(painted.mask, SAMPLED):
-        pixels = pixels_in(painted, normals, rows)
-        chosen &= valid_in(painted, pixels, rows) & white_valid(painted, rows)
-        chromaticities.append(_chromaticities(measured, white[rows])[chosen])
+    for rows, chosen in sampled_rows(grey.mask, SAMPLED):
+        pixels = pixels_in(grey, normals, rows)
+        chosen &= valid_in(grey, pixels, rows) & valid_white_pixels(grey, rows)
+        chromaticities.append(_chromaticities(fit, white[rows])[chosen])
         albedos.append(_albedos(pixels)[chosen])
         solved = normalised(pseudo_normals(np.maximum(pixels.light, 0), pixels.lights))
         off = np.linalg.norm(solved - normals.vectors[rows], axis=-1)
@@ -92,13 +92,13 @@ def _albedos(pixels: Pixels) -> Floats:
     """(...) least-squares albedo over the three lights."""
     cosines = np.maximum(pixels.cosines, 0)
     brightness = (np.maximum(pixels.light, 0) * cosines).sum(axis=-1)
-    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), LEAST_SQUARES)
+    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), MIN_SQUARES)
     return albedos
 
 
-def _chromaticities(measured: WhitePhoto, pixels: Floats) -> Floats:
+def _chromaticities(fit: WhitePhoto, pixels: Floats) -> Floats:
     """(..., 2) log(red / green) and log(blue / green)."""
-    red, green, blue = np.moveaxis(np.log(measured.factors(pixels)), -1, 0)
+    red, green, blue = np.moveaxis(np.log(fit.factors(pixels)), -1, 0)
     return np.stack([green - red, green - blue], axis=-1)
 
 

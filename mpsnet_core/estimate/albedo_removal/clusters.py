@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.albedos import LEAST_PIXELS, SAMPLED, Floats, divided_by, pixels_in, valid_in
+from mpsnet_core.estimate.albedo_removal.albedos import (
+    MIN_PIXELS,
+    SAMPLED,
+    Floats,
+    divide_out_albedo,
+    pixels_in,
+    valid_in,
+)
 from mpsnet_core.scene.normal_map import NormalMap
 
 # A pixel's weight is this power of the network's confidence.
@@ -32,7 +39,7 @@ SHAPE = (CELLS, CELLS, CELLS)
 # A cluster with at least this share of the pixels is certain. The colours of smaller ones are divided out in part.
 CERTAIN_SHARE = 0.05
 # Below this standard deviation of the log colour over all pixels, the surface has one colour.
-LEAST_DIFFERENCE = 0.2
+MIN_DIFFERENCE = 0.2
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,7 @@ class _Clusters:
         return colours
 
 
-def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
+def divide_out_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
     """The capture as if its surface had one colour.
 
     Parameters
@@ -72,7 +79,7 @@ def without_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | 
         pixels = pixels_in(capture, normals, rows)
         return pixels.light, clusters.colours(pixels.log_albedos)
 
-    return divided_by(capture, factors)
+    return divide_out_albedo(capture, factors)
 
 
 def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:
@@ -89,7 +96,7 @@ def _sample(capture: Capture, normals: NormalMap) -> tuple[Floats, Floats]:
 
 
 def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
-    if len(weights) < LEAST_PIXELS:
+    if len(weights) < MIN_PIXELS:
         return None
     # Centred at the median, unless bright colours would lie outside: with pure paints, each channel is dark in most.
     middle, bright = np.percentile(log_albedos, (50, BRIGHT), axis=0)
@@ -97,7 +104,7 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     within = (np.abs(log_albedos - centre) < HALF_WIDTH).all(axis=-1)
     place = np.ravel_multi_index(tuple(_cells(log_albedos[within], centre).T), SHAPE)
     weights = weights[within]
-    if np.count_nonzero(weights) < LEAST_PIXELS:
+    if np.count_nonzero(weights) < MIN_PIXELS:
         return None
     histogram = np.bincount(place, weights / weights.sum(), CELLS**3).astype(np.float64, copy=False).reshape(SHAPE)
     density = gaussian(histogram, SMOOTHING, range(3))
@@ -115,7 +122,7 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     offsets *= (np.minimum(share / CERTAIN_SHARE, 1) ** 2)[:, None]
     mean = np.average(offsets, axis=0, weights=mass)
     difference = np.sqrt(np.average((offsets - mean) ** 2, axis=0, weights=mass))
-    if difference.max() < LEAST_DIFFERENCE:
+    if difference.max() < MIN_DIFFERENCE:
         return None
     table = np.zeros((CELLS**3, 3), np.float32)
     table[reached] = offsets

@@ -24,33 +24,33 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divided_by
+from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divide_out_albedo
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 
-LEAST_PIXELS = 2_000
+MIN_PIXELS = 2_000
 DIM = 0.15  # share of a light's median below which it may be blocked
 DARKEST = 1e-6  # keeps logarithms finite
 ROUNDS, ENOUGH = 30, 1e-4
 PRIOR = 1e-3  # weight of the assumption that the surface faces the camera, if lengths do not determine its colour
 # Standard deviation of the log length on a surface with grain. Less does not disturb the solver of matt surfaces; more
 # is a pattern rather than grain.
-LEAST_GRAIN, MOST_GRAIN = 0.02, 0.3
+MIN_GRAIN, MAX_GRAIN = 0.02, 0.3
 # Conditions of the proof: the part of that deviation that the direction explains, absolute and as a share,
-MOST_BY_DIRECTION, MOST_EXPLAINED = 0.006, 0.1
+MAX_BY_DIRECTION, MAX_EXPLAINED = 0.006, 0.1
 # the smaller of the two eigenvalues of the fit's normal equations that distinguish colours, per pixel,
 DETERMINED = 0.003
 # the share of pixels that count in the fit,
-LEAST_SHARE = 0.85
+MIN_SHARE = 0.85
 # and the curl relative to random gradients, at the scale where it is smallest, on at least so many cells.
-MOST_CURL, LEAST_CELLS = 0.035, 400
+MAX_CURL, MIN_CELLS = 0.035, 400
 # Instead of the curl: a standard deviation of directions, in radians, below which the surface is flat and has one tint.
 FLAT = 0.035
 # The curl is measured on at most this many pixels, on this many scales.
-MOST_PIXELS, SCALES = 1 << 18, 5
-LEAST_FACING = 0.3  # least z of normals whose gradients are used
+MAX_PIXELS, SCALES = 1 << 18, 5
+MIN_FACING = 0.3  # least z of normals whose gradients are used
 # The deviation of lengths to leave, per radian of noise in the normals: the solver of matt surfaces takes from it how
 # exact equation 2 is. The deviation must be this many times the noise; else it may be noise itself.
-LEFT_BY_NOISE, LEAST_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
+LEFT_BY_NOISE, MIN_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Grain:
     noise: float = 0.0
 
 
-def without_grain(capture: Capture) -> Capture:
+def divide_out_grain(capture: Capture) -> Capture:
     """The capture as if its surface had one albedo; unchanged if the photo does not prove grain of one chromaticity.
 
     Lights may be near. Each channel of the result is one light alone. Normals by equation 2 do not change.
@@ -95,7 +95,7 @@ def without_grain(capture: Capture) -> Capture:
     grain = find_grain(capture)
     if grain is None:
         return capture
-    share = 1 - max(LEFT_BY_NOISE * grain.noise, LEAST_LEFT) / grain.deviation
+    share = 1 - max(LEFT_BY_NOISE * grain.noise, MIN_LEFT) / grain.deviation
 
     def factors(rows: slice) -> tuple[Floats, Floats]:
         light, vectors, usable = _equation_2(capture, rows, grain.gains)
@@ -104,7 +104,7 @@ def without_grain(capture: Capture) -> Capture:
         brightness *= share * usable * biweight(brightness, 2 * grain.deviation) ** 0.5
         return light, np.exp(brightness)[..., None]
 
-    return divided_by(capture, factors)
+    return divide_out_albedo(capture, factors)
 
 
 def find_grain(capture: Capture) -> Grain | None:
@@ -112,16 +112,16 @@ def find_grain(capture: Capture) -> Grain | None:
     grain = _fit(capture)
     if (
         grain is None
-        or not LEAST_GRAIN < grain.deviation < MOST_GRAIN
-        or grain.by_direction > min(MOST_BY_DIRECTION, MOST_EXPLAINED * grain.deviation)
-        or grain.share < LEAST_SHARE
+        or not MIN_GRAIN < grain.deviation < MAX_GRAIN
+        or grain.by_direction > min(MAX_BY_DIRECTION, MAX_EXPLAINED * grain.deviation)
+        or grain.share < MIN_SHARE
     ):
         return None
     flat = grain.turned < FLAT
     if not flat and grain.determined < DETERMINED:
         return None
     grain = _with_curl(capture, grain)
-    proven = grain.deviation > ABOVE_NOISE * grain.noise and (flat or grain.curl < MOST_CURL)
+    proven = grain.deviation > ABOVE_NOISE * grain.noise and (flat or grain.curl < MAX_CURL)
     return grain if proven else None
 
 
@@ -136,7 +136,7 @@ def _equation_2(
 
 def _fit(capture: Capture) -> Grain | None:
     light, lights = _sample(capture)
-    if len(light) < LEAST_PIXELS:
+    if len(light) < MIN_PIXELS:
         return None
     parts = pseudo_normals_by_light(light, lights)
     gains = facing = np.median(lights[..., 2], axis=0) / np.median(light, axis=0)  # of a surface that faces the camera
@@ -191,7 +191,7 @@ def _sample(capture: Capture) -> tuple[Floats, Floats]:
 def _with_curl(capture: Capture, grain: Grain) -> Grain:
     """Add the curl at the best of all scales, and the noise at the finest."""
     halvings = 0
-    while capture.mask.size >> 2 * halvings > MOST_PIXELS:
+    while capture.mask.size >> 2 * halvings > MAX_PIXELS:
         halvings += 1
     vectors, usable = [], []
     for rows in bands(len(capture.mask), ROWS << halvings):
@@ -206,8 +206,8 @@ def _with_curl(capture: Capture, grain: Grain) -> Grain:
     for scale in range(SCALES):
         if scale:
             field, counts = _halved(field, counts, 1)
-        along_x, along_y = gradient_derivatives(normalised(field), counts, LEAST_FACING)
-        if len(along_x) < LEAST_CELLS:
+        along_x, along_y = gradient_derivatives(normalised(field), counts, MIN_FACING)
+        if len(along_x) < MIN_CELLS:
             break
         curl = float(np.square(along_y[:, 0] - along_x[:, 1]).mean())
         if scale == 0:  # the curl has twice the normals' variance; each halving averages four and halves the noise

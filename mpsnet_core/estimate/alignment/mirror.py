@@ -6,8 +6,8 @@ import numpy as np
 
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats
-from mpsnet_core.estimate.alignment.refine import Fit, measured, refined
-from mpsnet_core.estimate.alignment.search import moved_onto_mask
+from mpsnet_core.estimate.alignment.refine import Fit, measure_fit, refine_camera
+from mpsnet_core.estimate.alignment.search import move_onto_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -17,7 +17,7 @@ MIRRORED = 0.96
 _ACROSS = np.array([-1.0, 1.0, 1.0])
 
 
-def better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | None:
+def find_better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | None:
     """The fit of the mesh's mirror image if it is better than the mesh's own, else None.
 
     Candidates are reflections along the principal axes, because a nearly symmetric object fits nearly as well when
@@ -47,9 +47,9 @@ def better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | No
 def _fit_reflected(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
     """The best fit that starts at reflections of `camera`. estimate: of the mirrored photo."""
     across = [*faces.axes, camera.rotation[:, 2]]
-    starts = [moved_onto_mask(estimate, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
-    start = min(starts, key=lambda one: measured(estimate, faces, one).cost)
-    return refined(estimate, faces, start, fix_focal=True)
+    starts = [move_onto_mask(estimate, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
+    start = min(starts, key=lambda one: measure_fit(estimate, faces, one).cost)
+    return refine_camera(estimate, faces, start, fix_focal=True)
 
 
 def _reflected(camera: Camera, middle: Floats, axis: Floats) -> Camera:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.capture.operations import ReadsPhotos
-from mpsnet_core.defaults import LEAST_FOCAL, MASK, MOST_FOCAL
+from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
@@ -32,7 +32,7 @@ LONGEST = 1024
 POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.005, 35.0, 0.9
 # Another view whose cost is below this multiple of the best might be the right one.
 AMBIGUOUS = 1.3
-LEAST_SIDE = 4  # pixels of the object's shorter side on the coarsest scale
+MIN_SIDE = 4  # pixels of the object's shorter side on the coarsest scale
 CANDIDATES = 3
 # Focal lengths along x and y that differ by at most this factor count as equal: photogrammetry fits both.
 SQUARE = 1.005
@@ -109,8 +109,8 @@ class Align(RunsModel, ReadsPhotos):
     focal: float | None = option(
         default=None,
         metavar="MM",
-        low=LEAST_FOCAL,
-        high=MOST_FOCAL,
+        low=MIN_FOCAL,
+        high=MAX_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
         unset="estimated too, from the one that the photo's EXIF data state",
     )
@@ -138,8 +138,8 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.pairs import read_pairs
-        from mpsnet_core.io.files import check_apart, writable_image, writable_path
-        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path
+        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.scene.mesh import read_mesh
 
         if self.points and self.start:
@@ -149,7 +149,7 @@ class Align(RunsModel, ReadsPhotos):
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
         mask = mask_source(self.mask)
         inputs = (self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points, self.lens)
-        check_apart(files_meant(inputs), outputs)  # the start may be overwritten, to refine it in place
+        check_no_overwrite(expand_file_options(inputs), outputs)  # the start may be overwritten, to refine it in place
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
@@ -193,10 +193,10 @@ class Align(RunsModel, ReadsPhotos):
         """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
 
-        from mpsnet_core.estimate.alignment.mirror import better_mirrored
+        from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-        from mpsnet_core.estimate.alignment.refine import measured, refined
-        from mpsnet_core.estimate.alignment.search import moved_onto_mask, searched
+        from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+        from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
         height, width = capture.mask.shape
@@ -216,20 +216,22 @@ class Align(RunsModel, ReadsPhotos):
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
             begin, rest = shown.camera(lens or free), part(progress, 0.4, 0.9)
             usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
-            fits = searched(estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest)
+            fits = search_cameras(
+                estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest
+            )
         else:
             progress(0.4, "aligning")
             begin = shown.camera(rough)
             if by_points is None:
-                begin = moved_onto_mask(estimate, faces, begin)
-            fits = [refined(estimate, faces, begin, fix_focal=fixed)]
+                begin = move_onto_mask(estimate, faces, begin)
+            fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
         if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
-            fits = [measured(estimate, faces, begin)]
+            fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
         progress(0.9, "comparing with the mirrored mesh")
-        image = better_mirrored(estimate, faces, best)
+        image = find_better_mirrored(estimate, faces, best)
         turned_over = image is not None and not _is_poor(image, small.mask)
         return [shown.whole(fit) for fit in fits], by_points, turned_over
 
@@ -244,7 +246,7 @@ class Align(RunsModel, ReadsPhotos):
         progress: Progress,
     ) -> CameraFound:
         from mpsnet_core.estimate.alignment.points import reprojection_errors
-        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import write_camera
 
@@ -272,7 +274,7 @@ class Align(RunsModel, ReadsPhotos):
             log.warning("pair %d contradicts the others and was left out", left_out[0] + 1)
         others = list(zip(self._others(), fits[1:], strict=False))
         progress(0.95, "writing")
-        with written_together():
+        with write_transaction():
             write_camera(self.output, best.camera)
             for path, fit in others:
                 write_camera(path, fit.camera)
@@ -333,7 +335,7 @@ def _check_size(mask: "NDArray[np.bool_]") -> None:
     from mpsnet_core.estimate.alignment.refine import SCALES
 
     height, width = (side.stop - side.start for side in bounding_box(mask))
-    if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < LEAST_SIDE:
+    if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < MIN_SIDE:
         raise GeometryError(
             f"the object is {width} x {height} pixels, too little to place a mesh by; take a larger photo of it"
         )

@@ -49,8 +49,8 @@ def overlay(
     if pairs is not None:
         pixels, points = pairs
         poses = Poses.of(camera)
-        there = poses.projected(poses.in_camera(points))[0]
-        for number, (start, end) in enumerate(zip(pixels, there, strict=True)):
+        projected_points = poses.projected(poses.in_camera(points))[0]
+        for number, (start, end) in enumerate(zip(pixels, projected_points, strict=True)):
             colour = LEFT_OUT_COLOUR if number in left_out else USED_COLOUR
             right, down = np.array([4.0 * wide, 0]), np.array([0, 4.0 * wide])
             for a, b in ((start, end), (start - right, start + right), (start - down, start + down)):

@@ -9,7 +9,7 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.alignment.pose import Floats
 from mpsnet_core.io.files import check_small, existing_file
 
-MOST_PAIRS = 1000
+MAX_PAIRS = 1000
 FARTHEST = 1e9
 _EXAMPLE = '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}'
 
@@ -38,8 +38,8 @@ def read_pairs(path: str | os.PathLike[str]) -> tuple[Floats, Floats]:
     except (ValueError, RecursionError):
         raise FormatError(f"{path} is not valid JSON; write it as {_EXAMPLE}") from None
     pairs = data.get("pairs") if isinstance(data, dict) else None
-    if not isinstance(pairs, list) or not 1 <= len(pairs) <= MOST_PAIRS:
-        raise FormatError(f"{path} holds no list of 1 to {MOST_PAIRS} pairs; write it as {_EXAMPLE}")
+    if not isinstance(pairs, list) or not 1 <= len(pairs) <= MAX_PAIRS:
+        raise FormatError(f"{path} holds no list of 1 to {MAX_PAIRS} pairs; write it as {_EXAMPLE}")
     found = []
     for number, pair in enumerate(pairs, 1):
         if not isinstance(pair, dict) or set(pair) != {"pixel", "point"}:

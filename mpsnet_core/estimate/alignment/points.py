@@ -9,7 +9,7 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow, spread_rotations
 from mpsnet_core.scene.camera import Camera
 
-LEAST_PAIRS = 4
+MIN_PAIRS = 4
 STARTS = 64
 PROMISING = 8  # of the starts
 FIRST_STEPS, STEPS = 10, 40
@@ -75,12 +75,12 @@ def camera_from_points(
     translation of a scaled orthographic camera. Leaving out each pair in turn detects one that contradicts all others.
     """
     pixels, points = np.asarray(pixels, np.float64), np.asarray(points, np.float64)
-    if len(points) < LEAST_PAIRS:
-        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {LEAST_PAIRS} or more, best 6 to 12")
+    if len(points) < MIN_PAIRS:
+        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {MIN_PAIRS} or more, best 6 to 12")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:
         raise GeometryError("the points on the mesh lie in one line; choose some beside it")
-    least = LEAST_PAIRS + 1 if lens else LEAST_PAIRS + 2
+    least = MIN_PAIRS + 1 if lens else MIN_PAIRS + 2
     fits = [np.ones(len(points), bool)]
     if len(points) >= least:
         fits += [np.arange(len(points)) != k for k in range(len(points))]
@@ -128,14 +128,14 @@ def _fits(
     kept = np.argsort(cost.reshape(len(used), -1), axis=1)[:, :PROMISING]
     kept = (kept + np.arange(len(used))[:, None] * STARTS * len(focals)).ravel()
     weight = weight[kept]
-    poses, _ = _solved(begun.chosen(kept), pixels, local, weight, known, STEPS)
+    poses, _ = _solved(begun.subset(kept), pixels, local, weight, known, STEPS)
     off = np.linalg.norm(poses.projected(poses.in_camera(local)) - pixels, axis=2)
     behind = (poses.in_camera(local)[..., 2] > -1e-6).any(axis=1)
     count = weight.sum(axis=1)
     error = np.where(behind, np.inf, np.sqrt((weight * off**2).sum(axis=1) / count))
     error = np.where(np.isfinite(error), error, np.inf)
     best = error.reshape(len(used), -1).argmin(axis=1) + np.arange(len(used)) * PROMISING
-    found = poses.chosen(best)
+    found = poses.subset(best)
     # From the points' normalised frame back to world space.
     translation = found.translation * size - np.einsum("kij,j->ki", found.rotation, middle)
     world = Poses(found.rotation, translation, found.focal, found.centre)

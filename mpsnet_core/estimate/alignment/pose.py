@@ -41,7 +41,7 @@ class Poses:
         world = np.linalg.inv(camera.world_from_camera).astype(np.float64, copy=False)
         return cls(world[None, :3, :3], world[None, :3, 3], camera.focal[:1].copy(), camera.centre)
 
-    def chosen(self, which: NDArray[np.intp]) -> "Poses":
+    def subset(self, which: NDArray[np.intp]) -> "Poses":
         return Poses(self.rotation[which], self.translation[which], self.focal[which], self.centre)
 
     def camera(self, width: int, height: int, which: int = 0) -> Camera:

@@ -79,7 +79,7 @@ class _Scale:
     across: Floats = field(repr=False)
 
 
-def refined(
+def refine_camera(
     estimate: NormalMap,
     faces: MeshFaces,
     start: Camera,
@@ -124,10 +124,10 @@ def refined(
         if scale.factor == 1:
             break
     camera = _world(local, faces.scene).camera(width, height)
-    return measured(estimate, faces, camera)
+    return measure_fit(estimate, faces, camera)
 
 
-def measured(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
+def measure_fit(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
     """Measure how well the mesh, seen by a camera, fits the photo."""
     local = _local(Poses.of(camera), faces.scene)
     scale = _scale(estimate, 256)
@@ -230,8 +230,8 @@ def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[
     height, width = image.mask.shape
     step_in = np.clip(mine - 0.75 * across, 0, (width - 1e-6, height - 1e-6)).astype(int)
     points = image.points[step_in[:, 1], step_in[:, 0]]
-    there = image.mask[step_in[:, 1], step_in[:, 0]]
-    mine, across, points = mine[there], across[there], points[there]
+    on_mesh = image.mask[step_in[:, 1], step_in[:, 0]]
+    mine, across, points = mine[on_mesh], across[on_mesh], points[on_mesh]
     if not len(mine):
         return []
     moving = flow(points, np.full(len(points), focal)) / scale.factor

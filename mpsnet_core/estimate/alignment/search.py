@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
-from mpsnet_core.estimate.alignment.refine import Fit, measured, refined
+from mpsnet_core.estimate.alignment.refine import Fit, measure_fit, refine_camera
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -22,7 +22,7 @@ ROUGH_SCALES = ((48, 12), (96, 8))
 SAME, NEIGHBOURS = 5.0, 12.0
 
 
-def searched(
+def search_cameras(
     estimate: NormalMap,
     faces: MeshFaces,
     lens: Camera,
@@ -55,20 +55,20 @@ def searched(
     fits = []
     for number, camera in enumerate(views):
         progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
-        fits.append(refined(estimate, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
-    rough = _different(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
+        fits.append(refine_camera(estimate, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
+    rough = _distinct_fits(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
     best = []
     for number, fit in enumerate(rough):
         progress(0.7 + 0.2 * number / len(rough), f"best view {number + 1} of {len(rough)}")
-        best.append(refined(estimate, faces, fit.camera, fix_focal=fix_focal))
-    best = _different(sorted(best, key=lambda fit: fit.cost))
+        best.append(refine_camera(estimate, faces, fit.camera, fix_focal=fix_focal))
+    best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.
         factors = [*ZOOMS, *([usual_focal / float(best[0].camera.focal[0])] if usual_focal else [])]
         for number, factor in enumerate(factors):
             progress(0.9 + 0.1 * number / len(factors), f"lens {number + 1} of {len(factors)}")
-            best.append(refined(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
-    return _different(sorted(best, key=lambda fit: fit.cost))[:count]
+            best.append(refine_camera(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
+    return _distinct_fits(sorted(best, key=lambda fit: fit.cost))[:count]
 
 
 def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
@@ -79,7 +79,7 @@ def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
     return replace(camera, focal=camera.focal * factor, world_from_camera=pose)
 
 
-def _different(fits: list[Fit]) -> list[Fit]:
+def _distinct_fits(fits: list[Fit]) -> list[Fit]:
     """Fits without those that are close to a better one."""
     kept: list[Fit] = []
     for fit in fits:
@@ -106,29 +106,29 @@ class _Frame:
 def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progress) -> list[Camera]:
     """The TRIED views that are most similar to the photo."""
     frame, focal = _Frame.of(estimate.mask), float(lens.focal[0])
-    photo = np.stack([_standard(estimate.vectors, estimate.mask, frame, roll) for roll in _rolls()])
+    photo = np.stack([_standardised_picture(estimate.vectors, estimate.mask, frame, roll) for roll in _rolls()])
     small = _small(faces, frame, focal)
     scores, frames = np.empty((DIRECTIONS, ROLLS)), []
-    looks = _looks(DIRECTIONS)
+    looks = _view_directions(DIRECTIONS)
     for number, rotation in enumerate(looks):
         if number % 16 == 0:
             progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
         normals, mask = _picture(faces, rotation, *small)
         frames.append(_Frame.of(mask))
-        scores[number] = _likeness(photo, _standard(normals, mask, frames[-1], 0.0))
+        scores[number] = _similarity(photo, _standardised_picture(normals, mask, frames[-1], 0.0))
     cameras: list[Camera] = []
     for choice in np.argsort(-scores, axis=None):
         number, roll = divmod(int(choice), ROLLS)
         angle = float(_rolls()[roll])
         if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
-        cameras.append(_placed(estimate.mask, faces, looks[number], focal, lens.centre, frames[number], angle))
+        cameras.append(_place_camera(estimate.mask, faces, looks[number], focal, lens.centre, frames[number], angle))
         if len(cameras) == TRIED:
             break
     return cameras
 
 
-def moved_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
+def move_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
     """Shift and zoom a camera until the mesh has the mask's place and size; unchanged if that does not fit better.
 
     A rough start, such as a viewport's view, shows the object elsewhere in the image.
@@ -137,8 +137,8 @@ def moved_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Ca
     _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(estimate.mask), focal))
     if not mask.any():  # a flat sheet seen edge-on
         return camera
-    placed = _placed(estimate.mask, faces, rotation, focal, camera.centre, _Frame.of(mask), 0.0)
-    return max(camera, placed, key=lambda one: measured(estimate, faces, one).overlap)
+    placed = _place_camera(estimate.mask, faces, rotation, focal, camera.centre, _Frame.of(mask), 0.0)
+    return max(camera, placed, key=lambda one: measure_fit(estimate, faces, one).overlap)
 
 
 def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]:
@@ -146,7 +146,7 @@ def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]
     return focal / frame.spread * SIDE / SPREAD, faces.scene.size * focal / max(4 * frame.spread, 1.0)
 
 
-def _placed(
+def _place_camera(
     photo: NDArray[np.bool_],
     faces: MeshFaces,
     rotation: Floats,
@@ -160,15 +160,15 @@ def _placed(
     small_focal, distance = _small(faces, frame, focal)
     rotation = _turn(angle).T @ rotation
     scale = frame.spread / view.spread
-    far = distance * focal / small_focal / scale
+    camera_distance = distance * focal / small_focal / scale
     # The mesh's centre is at the centre of the small image.
     offset = _pixel_turn(angle) @ (SIDE - view.middle) * scale
     x, y = (frame.middle + offset - centre) / focal * (1, -1)
-    translation = np.array([x, y, -1.0]) * far - rotation @ faces.scene.middle
+    translation = np.array([x, y, -1.0]) * camera_distance - rotation @ faces.scene.middle
     return Poses(rotation[None], translation[None], np.array([focal]), centre).camera(width, height)
 
 
-def _likeness(photo: Floats, view: Floats) -> Floats:
+def _similarity(photo: Floats, view: Floats) -> Floats:
     """(R,) similarity of R images of the photo to one of the mesh, from their overlap and the normals' mean cosine."""
     both = np.minimum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     either = np.maximum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
@@ -196,7 +196,7 @@ def _pixel_turn(angle: float) -> Floats:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _looks(count: int) -> Floats:
+def _view_directions(count: int) -> Floats:
     """(count, 3, 3) rotations from world to camera space, for viewing directions spread evenly over the sphere."""
     number = np.arange(count) + 0.5
     z, angle = 1 - 2 * number / count, number * np.pi * (3 - np.sqrt(5))
@@ -219,7 +219,7 @@ def _picture(
     return seen.normals.astype(np.float32), seen.mask
 
 
-def _standard(normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _Frame, roll: float) -> Floats:
+def _standardised_picture(normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _Frame, roll: float) -> Floats:
     """(SIDE, SIDE, 4) normals and mask, normalised in size and position, and rolled by `roll`."""
     steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from mpsnet_core.batch import Batch
-from mpsnet_core.capture.capture import Capture, note_doubts
+from mpsnet_core.capture.capture import Capture, warn_of_doubts
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
@@ -113,7 +113,7 @@ def estimate_sequence(
     from an earlier run is removed at the end.
     """
     run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", apart, convention, count, progress)
-    return run.through(frames, smooth, step)
+    return run.run(frames, smooth, step)
 
 
 @dataclass
@@ -129,16 +129,16 @@ class _Run:
     progress: Progress
     outcome: Outcome = field(default_factory=Outcome)
     batch: Batch[int] = field(default_factory=Batch)
-    nothing: NoObject | None = None  # error of the first frame without an object
+    no_object: NoObject | None = None  # error of the first frame without an object
     stale: list[Path] = field(default_factory=list)  # outputs of such frames, which may exist from earlier runs
     unwritten: dict[int, Frame] = field(default_factory=dict)
 
-    def through(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
+    def run(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
         outcome = self.outcome
-        steps = _plan(_cleared(frames), self.recipe, smooth * step)
+        steps = _plan(_after_cleanup(frames), self.recipe, smooth * step)
         try:
-            with closing(_ahead(self._captured(steps))) as captures, _Behind() as writer:
-                for number, normals in smoothed(self._estimated(captures), smooth, step):
+            with closing(_prefetch(self._captures(steps))) as captures, _BackgroundWriter() as writer:
+                for number, normals in smoothed(self._estimates(captures), smooth, step):
                     writer.run(self._write, self.unwritten.pop(number), normals)
         except InputError as error:
             if not outcome.made:
@@ -146,8 +146,8 @@ class _Run:
             made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
             raise type(error)(f"{error}; {made}; run the same command again to continue") from None
         self.batch.check_any()
-        if self.nothing is not None and not outcome.made + outcome.there:
-            raise self.nothing  # the mask is wrong, for example: keep the normal maps of an earlier run
+        if self.no_object is not None and not outcome.made + outcome.there:
+            raise self.no_object  # the mask is wrong, for example: keep the normal maps of an earlier run
         outcome.failed = self.batch.failed()
         for output in self.stale:
             if output.is_file() and is_result(output, "normals"):
@@ -156,16 +156,16 @@ class _Run:
         self.progress(1.0, "done")
         return outcome
 
-    def _captured(self, steps: Iterable["_Step"]) -> Generator[tuple["_Step", Capture | InputError | None], None, None]:
-        for todo in steps:
-            yield todo, self._taken(todo.frame) if todo.needed else None
+    def _captures(self, steps: Iterable["_Step"]) -> Generator[tuple["_Step", Capture | InputError | None], None, None]:
+        for step in steps:
+            yield step, self._capture_of(step.frame) if step.needed else None
 
-    def _taken(self, frame: Frame) -> Capture | InputError | None:
+    def _capture_of(self, frame: Frame) -> Capture | InputError | None:
         """The frame as a capture, None if it shows no object, or why it cannot be taken."""
         try:
             return self.take(frame)
         except NoObject as error:
-            self.nothing = self.nothing or error
+            self.no_object = self.no_object or error
             self.outcome.left_out.append(frame.number)
             self.stale.append(frame.output)
             log.warning("%s; this frame is left out", error)
@@ -173,29 +173,29 @@ class _Run:
         except InputError as error:
             return error
 
-    def _estimated(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[Shot]:
+    def _estimates(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[Shot]:
         noted = False
-        for number, (todo, capture) in enumerate(captures):
+        for number, (step, capture) in enumerate(captures):
             total = max(self.count, number + 1)
             share = part(self.progress, number / total, (number + 1) / total)
-            share(0.0, f"{number + 1} of {total}: {todo.frame.name}" if self.count else todo.frame.name)
-            self.outcome.there += not todo.stale
-            self.batch.succeeded += not todo.stale
+            share(0.0, f"{number + 1} of {total}: {step.frame.name}" if self.count else step.frame.name)
+            self.outcome.there += not step.stale
+            self.batch.succeeded += not step.stale
             if capture is None:
                 continue
             normals = None
-            with self.batch.one(todo.frame.number) if self.apart else nullcontext():
+            with self.batch.one(step.frame.number) if self.apart else nullcontext():
                 if isinstance(capture, InputError):
                     raise capture
                 if not noted:  # report on the first frame only; the others look alike
-                    note_doubts(capture)
+                    warn_of_doubts(capture)
                     noted = True
-                normals = self.estimator(capture, part(share, 0.0, 0.9, todo.frame.name))
+                normals = self.estimator(capture, part(share, 0.0, 0.9, step.frame.name))
             if normals is None:
                 continue
-            if todo.stale:
-                self.unwritten[todo.frame.number] = todo.frame
-            yield Shot(todo.frame.number, capture.image, normals, todo.stale)
+            if step.stale:
+                self.unwritten[step.frame.number] = step.frame
+            yield Shot(step.frame.number, capture.image, normals, step.stale)
 
     def _write(self, frame: Frame, normals: NormalMap) -> None:
         if not self.outcome.made:
@@ -221,7 +221,7 @@ class _Step:
     needed: bool
 
 
-def _cleared(frames: Iterable[Frame]) -> Iterator[Frame]:
+def _after_cleanup(frames: Iterable[Frame]) -> Iterator[Frame]:
     """The frames, after removing unfinished files of killed runs from their folder."""
     for number, frame in enumerate(frames):
         if number == 0:
@@ -249,7 +249,7 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
 # --- threads ----------------------------------------------------------------------------------------------------------
 
 
-def _ahead(items: Generator[T, None, None]) -> Generator[T, None, None]:
+def _prefetch(items: Generator[T, None, None]) -> Generator[T, None, None]:
     """The items, computed in a thread up to AHEAD in advance. Exceptions are raised when the item's turn comes."""
     end = object()
     reader = ThreadPoolExecutor(1, "mpsnet-read")
@@ -268,7 +268,7 @@ def _ahead(items: Generator[T, None, None]) -> Generator[T, None, None]:
         items.close()
 
 
-class _Behind:
+class _BackgroundWriter:
     """Runs work in a thread, in order, with at most AHEAD jobs waiting. Leaving the context waits for all of it."""
 
     def __init__(self) -> None:
@@ -281,7 +281,7 @@ class _Behind:
         while len(self._pending) > AHEAD:
             self._pending.popleft().result()
 
-    def __enter__(self) -> "_Behind":
+    def __enter__(self) -> "_BackgroundWriter":
         return self
 
     def __exit__(self, *error: object) -> None:

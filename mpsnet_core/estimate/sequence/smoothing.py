@@ -27,10 +27,10 @@ MEASURED = 32768
 # Lower limit of the noise, as a share of the light; it changes a normal by about one degree. Compressed video copies
 # many pixels from frame to frame, whose differences show less noise than others. In shadows, the limit is for this
 # share of the mean light.
-LEAST_NOISE = 0.01
+MIN_NOISE = 0.01
 SHADOW = 0.2
 # Lower limit of confidence: if no frame is confident, all have equal weights.
-LEAST_CONFIDENCE = 0.01
+MIN_CONFIDENCE = 0.01
 
 # Median absolute value of unit normal noise, and the gain of Immerkær's kernel (1996) on noise.
 MEDIAN_OF_NOISE = 0.6745
@@ -90,7 +90,7 @@ def _answer(
         return
     total = np.zeros_like(shot.normals.vectors)
     for other in near:
-        weight = other.normals.confidence + np.float32(LEAST_CONFIDENCE)
+        weight = other.normals.confidence + np.float32(MIN_CONFIDENCE)
         if other is not shot:
             weight = weight * similarities[min(shot.number, other.number), max(shot.number, other.number)]
         total += weight[..., None] * other.normals.vectors  # normals are zero outside their mask
@@ -127,7 +127,7 @@ def _noise(
     places = np.flatnonzero(whole[:-2] & whole[1:-1] & whole[2:])
     places = places[:: max(1, len(places) // MEASURED)]
     mean = float(brightness.mean(where=inside)) if inside.any() else 0.0
-    least = np.float32(LEAST_NOISE) * np.maximum(brightness, np.float32(max(SHADOW * mean, 1e-6)))
+    least = np.float32(MIN_NOISE) * np.maximum(brightness, np.float32(max(SHADOW * mean, 1e-6)))
     if len(places) < CLASSES:
         return least
     rest, level = rest.ravel()[places], brightness[1:-1, 1:-1].ravel()[places]

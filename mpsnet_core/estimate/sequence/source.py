@@ -10,7 +10,7 @@ from pathlib import Path
 from mpsnet_core.capture.masks import mask_identity, mask_source
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.frames import expand_images, is_several, numbering
+from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, numbering
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
@@ -96,7 +96,7 @@ def frame_masks(mask: str) -> Masks:
 
     Raises SettingsError if the files of a folder or pattern are not numbered.
     """
-    if mask_source(mask) != mask or not is_several(mask):
+    if mask_source(mask) != mask or not is_folder_or_pattern(mask):
         return Masks(mask)
     files = expand_images([mask])
     numbered = numbering(files)

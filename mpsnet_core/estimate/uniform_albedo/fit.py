@@ -17,25 +17,25 @@ from mpsnet_core.estimate.distant_lights import pseudo_normals_by_light
 
 Floats = NDArray[np.floating[Any]]
 
-LEAST_PIXELS = 200
+MIN_PIXELS = 200
 # Below this cosine, a light shows little of the colour.
 GRAZING = 0.15
 # Standard deviations of the lengths in the successive rounds of the robust fit, which starts at the network's normals.
 SPREADS = (0.3, 0.15, 0.08, 0.05, 0.03, 0.03)
 FURTHER_SPREADS = 3  # additional rounds if the lengths differ by still less
-LEAST_SPREAD = 0.003
+MIN_SPREAD = 0.003
 ITERATIONS = 4  # per round
 # Conditions of the proof: lengths that differ by at most this,
 SHARPEST = 0.02
-# a density of pixels at that length so many times the density at others (at least LEAST_DENSITY),
-PEAK, LEAST_DENSITY = 12.0, 0.05
+# a density of pixels at that length so many times the density at others (at least MIN_DENSITY),
+PEAK, MIN_DENSITY = 12.0, 0.05
 # so many directions (the perplexity of their histogram), because three flat faces fit any colour; a histogram cell
 # counts at most this share of the pixels, because one large face must not outweigh all others,
 DIRECTIONS, DIRECTION_STEP, LARGEST_FACE = 12.0, 0.2, 0.01
 # a colour that they determine (least eigenvalue of the fit's normal equations, per pixel),
 DETERMINED = 0.01
 # and this share of the object.
-LEAST_SHARE = 0.1
+MIN_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def find_uniform_albedo(
     cosines = np.einsum("...ki,...i->...k", lights, normals)
     positive = (light > 0).all(axis=-1)
     bright = positive & (cosines > GRAZING).all(axis=-1)
-    if np.count_nonzero(bright) < LEAST_PIXELS:
+    if np.count_nonzero(bright) < MIN_PIXELS:
         return None
     parts = pseudo_normals_by_light(light, lights)
     nearby = np.maximum(0.1, 2 * expected_error)
@@ -93,7 +93,7 @@ def find_uniform_albedo(
             length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
             weights *= positive
             total = float(weights.sum())
-            if total < LEAST_PIXELS / 2:
+            if total < MIN_PIXELS / 2:
                 return None
             gradient = np.einsum("ni,nki->nk", vectors, parts) * gains
             equations = np.einsum("nj,nk,n->jk", gradient, gradient, weights) / total
@@ -106,20 +106,20 @@ def find_uniform_albedo(
             centre, found = _peak(length[positive], 2 * spread)
             if found < 0.6 * spread:
                 gains /= centre
-                spreads.append(max(2 * found, LEAST_SPREAD))
+                spreads.append(max(2 * found, MIN_SPREAD))
     length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
     length = np.where(positive, length, 0)
-    beside = (_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2
+    density_outside = (_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2
     close = np.abs(length - 1) < 2 * SPREADS[-1]
     result = UniformAlbedo(
         gains,
         _peak(length, 2 * SPREADS[-1])[1],
         float(np.linalg.eigvalsh(equations)[0]),
-        max(beside, LEAST_DENSITY),
+        max(density_outside, MIN_DENSITY),
         float(close.mean()),
     )
     proven = (
-        result.share > LEAST_SHARE
+        result.share > MIN_SHARE
         and result.spread < SHARPEST
         and _density(length, 0.98, 1.02) > PEAK * result.density
         and result.determined > DETERMINED

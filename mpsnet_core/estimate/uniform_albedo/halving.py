@@ -19,7 +19,7 @@ ROWS = 256
 SURE = 0.8
 
 
-def halved(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
+def halve(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
     """Both at half the resolution: each pixel is the mean of those inside the mask, and clipped if one of them is."""
     shape = tuple(-(-side // 2) for side in capture.mask.shape)
     image = np.zeros((*shape, 3), capture.image.dtype)
@@ -41,7 +41,7 @@ def halved(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
     return small, NormalMap(normals[..., :3], mask, normals[..., 3], in_place=True)
 
 
-def mend(estimate: NormalMap, half: NormalMap, turn: Floats, trust: Floats) -> None:
+def add_upsampled_changes(estimate: NormalMap, half: NormalMap, turn: Floats, trust: Floats) -> None:
     """Add the changes found at half the resolution, in place: `turn` (h, w, 3) to the normals and `trust` (h, w) to
     the confidence, bilinearly from the pixels inside the mask of `half`."""
     if not (turn.any() or trust.any()):

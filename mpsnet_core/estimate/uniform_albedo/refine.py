@@ -27,8 +27,8 @@ from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
-from mpsnet_core.estimate.uniform_albedo.fit import LEAST_SPREAD, Floats, UniformAlbedo, find_uniform_albedo
-from mpsnet_core.estimate.uniform_albedo.halving import halved, mend
+from mpsnet_core.estimate.uniform_albedo.fit import MIN_SPREAD, Floats, UniformAlbedo, find_uniform_albedo
+from mpsnet_core.estimate.uniform_albedo.halving import add_upsampled_changes, halve
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -49,15 +49,15 @@ BOUNCED, BLACK, ARRIVING = 0.02, 0.03, 0.08
 BLACK_SHADOWS = 0.7  # share of shadow pixels that are black; the others are penumbra of any grey
 # Largest value of a light; how far a normal may face away from the camera (its z); least sine by which one or two
 # lights determine a normal: below, errors would grow without bound.
-FULL, FACING, LEAST_SINE = 1.02, -0.05, 0.2
+FULL, FACING, MIN_SINE = 1.02, -0.05, 0.2
 # Prior probabilities of two lights, one light and anything else, where not all three lights reach.
 TWO, ONE, OTHER = 0.5, 0.2, 0.3
-LEAST_PRIOR = 0.02
+MIN_PRIOR = 0.02
 # Pixels of the smallest object to process; factor by which the lengths' deviation falls at half the resolution if noise
 # is six sevenths of their variance (0.5 if it is all of it).
-LEAST_OBJECT, QUIETER = 1000, 0.6
+MIN_OBJECT, QUIETER = 1000, 0.6
 # Radius of a pixel's neighbourhood: share of the object's longer side, and limits in pixels. Rounds of inference.
-AROUND, LEAST_AROUND, MOST_AROUND = 1 / 64, 2, 16
+AROUND, MIN_AROUND, MAX_AROUND = 1 / 64, 2, 16
 ROUNDS = 3
 PAIRS = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 
@@ -90,7 +90,7 @@ class _Hypothesis(NamedTuple):
     left: float = 0.0
 
 
-def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
+def refine_normals(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
     """Refine a network's normals of `capture` where the photo proves a matt surface of one colour.
 
     Without such a proof all normals stay as they are.
@@ -105,31 +105,31 @@ def refined(capture: Capture, estimate: NormalMap, progress: Progress = silent) 
     progress : callable
         Called with the share done, 0 to 1, and a message.
     """
-    return _refined(capture, estimate, find_uniform_albedo(*_sample(capture, estimate)), progress)
+    return _refine_normals(capture, estimate, find_uniform_albedo(*_sample(capture, estimate)), progress)
 
 
-def _refined(
+def _refine_normals(
     capture: Capture, estimate: NormalMap, albedo: UniformAlbedo | None, progress: Progress = silent
 ) -> NormalMap:
-    """As :func:`refined`, with the albedo found at this resolution.
+    """As :func:`refine_normals`, with the albedo found at this resolution.
 
     If noise hides the albedo, or makes the lengths differ, the normals are first corrected at half the resolution.
     """
-    exact = albedo is not None and albedo.spread <= LEAST_SPREAD
-    if not exact and np.count_nonzero(capture.mask) > 4 * LEAST_OBJECT:
-        small, before = halved(capture, estimate)
+    exact = albedo is not None and albedo.spread <= MIN_SPREAD
+    if not exact and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
+        small, before = halve(capture, estimate)
         found = find_uniform_albedo(*_sample(small, before, SAMPLED_HALVED))
         if albedo is None or (found is not None and found.spread < QUIETER * albedo.spread):
             vectors, confidence = before.vectors.copy(), before.confidence.copy()
-            after = _refined(small, before, found, part(progress, 0.0, 0.2))
-            mend(estimate, after, after.vectors - vectors, after.confidence - confidence)
+            after = _refine_normals(small, before, found, part(progress, 0.0, 0.2))
+            add_upsampled_changes(estimate, after, after.vectors - vectors, after.confidence - confidence)
             progress = part(progress, 0.2, 1.0)
     if albedo is None:
         return estimate
     longer = max(side.stop - side.start for side in bounding_box(capture.mask))
-    around = int(np.clip(longer * AROUND, LEAST_AROUND, MOST_AROUND))
+    around = int(np.clip(longer * AROUND, MIN_AROUND, MAX_AROUND))
     waiting: list[tuple[slice, Floats, Floats]] = []  # finished bands that the next band still reads
-    for rows, vectors, confidence in _refined_bands(capture, estimate, albedo, around):
+    for rows, vectors, confidence in _refine_bands(capture, estimate, albedo, around):
         for done, *values in waiting:
             estimate.vectors[done], estimate.confidence[done] = values
         waiting = [(rows, vectors, confidence)]
@@ -163,7 +163,7 @@ def _picture(capture: Capture, estimate: NormalMap, rows: slice) -> _Pixels:
     )
 
 
-def _refined_bands(
+def _refine_bands(
     capture: Capture, estimate: NormalMap, albedo: UniformAlbedo, around: int
 ) -> Iterator[tuple[slice, Floats, Floats]]:
     """Bands of rows with their normals (h, W, 3) and confidence (h, W).
@@ -221,14 +221,14 @@ def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, 
     found = list(_hypotheses(pixels, albedo))
     rest = 1 - min(albedo.share, 0.9)
     prior = np.array([1 - rest, *[TWO * rest / 3] * 3, *[ONE * rest / 3] * 3, OTHER * rest], np.float32)
-    prior = np.maximum(prior, LEAST_PRIOR)
+    prior = np.maximum(prior, MIN_PRIOR)
     likelihood = np.stack([*(one.likelihood for one in found), np.ones_like(pixels.error)], axis=1)
     area = np.maximum(box_sums(place.astype(np.float32), around), 1)
     for number in range(ROUNDS):
         probability = prior * likelihood
         probability /= probability.sum(axis=1, keepdims=True)
         if number < ROUNDS - 1:
-            prior = np.maximum(_means_around(probability, place, around, area), LEAST_PRIOR)
+            prior = np.maximum(_means_around(probability, place, around, area), MIN_PRIOR)
     total = pixels.normals * probability[:, -1:]
     expected = pixels.error * probability[:, -1]
     for one, share in zip(found, probability.T, strict=False):
@@ -252,7 +252,7 @@ def _hypotheses(pixels: _Pixels, albedo: UniformAlbedo) -> Iterator[_Hypothesis]
     strength = np.linalg.norm(pixels.lights, axis=-1)
     lights = (pixels.lights / strength[..., None]).astype(np.float32)
     light = (pixels.light * albedo.gains / strength).astype(np.float32)
-    error = ERROR_OF_SPREAD * max(albedo.spread, LEAST_SPREAD) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
+    error = ERROR_OF_SPREAD * max(albedo.spread, MIN_SPREAD) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
     own = np.maximum(SPREAD_OF_ERROR * pixels.error, 0.01)
     yield _all_three(light, lights, pixels, albedo, error, own)
     for order in PAIRS:
@@ -267,7 +267,7 @@ def _all_three(
     vectors = pseudo_normals(light, lights)
     length = np.linalg.norm(vectors, axis=-1)
     vectors /= np.maximum(length, 1e-6)[:, None]
-    spread = max(albedo.spread, LEAST_SPREAD)
+    spread = max(albedo.spread, MIN_SPREAD)
     volume = np.abs(np.linalg.det(lights))
     likelihood = _density_of_direction(_angle(vectors, pixels.normals), np.hypot(own, error))
     likelihood *= _gaussian(length - 1, spread) / volume * (light > 0).all(axis=-1)
@@ -295,7 +295,7 @@ def _two(
     height = np.sqrt(np.maximum(1 - length**2, 0))
     side = np.where(dot(normals, across) >= 0, height, -height)
     vectors = normalised(plane + side[:, None] * across)
-    steep = np.maximum(height, LEAST_SINE)
+    steep = np.maximum(height, MIN_SINE)
     off = np.hypot(error, BOUNCED) / steep
     likelihood = _density_of_direction(_angle(vectors, normals), np.hypot(own, off)) / (sine * steep)
     likelihood *= _density_of_blocked(light[:, order[2]], dot(vectors, blocked))
@@ -311,7 +311,7 @@ def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: flo
     away /= np.maximum(np.linalg.norm(away, axis=-1), 1e-6)[:, None]
     sine = np.sqrt(1 - cosine**2)
     vectors = normalised(cosine[:, None] * towards + sine[:, None] * away)
-    steep = np.maximum(sine, LEAST_SINE)
+    steep = np.maximum(sine, MIN_SINE)
     off = np.hypot(error, BOUNCED) / steep
     likelihood = _gaussian(_angle(vectors, normals), np.hypot(own, off)) / steep
     for other in (number + 1) % 3, (number + 2) % 3:

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from typing import Any
 
 from mpsnet_core.estimate.registry import BASELINES
-from mpsnet_core.io.files import write_json, written_together
+from mpsnet_core.io.files import write_json, write_transaction
 from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
@@ -90,7 +90,7 @@ def evaluate(
             skipped=skipped,
             text="\n".join([table, *notes]),
         )
-        with written_together():
+        with write_transaction():
             if json:
                 write_json(json, measured.figures())
             if page:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Least share of a pixel's neighbourhood, weighted by the Gaussian, that must be inside the object.
-LEAST_INSIDE = 0.999
+MIN_INSIDE = 0.999
 
 
 def fine_relief(
@@ -24,7 +24,7 @@ def fine_relief(
     through the origin: noise does not bias it, and above 1 detail is exaggerated. None if the truth has no detail.
     """
     lit = lit & mask
-    counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > LEAST_INSIDE)
+    counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > MIN_INSIDE)
     weight = np.maximum(_blurred(lit[..., None], sigma), 1e-6)
 
     def detail(normals: NDArray[np.float32]) -> NDArray[np.float64]:

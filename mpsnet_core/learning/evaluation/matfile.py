@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.npz import most_bytes
+from mpsnet_core.io.npz import unpacked_limit
 
 # "MAT-File Format", MathWorks, tables 1-1 and 1-3.
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -26,7 +26,7 @@ def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float6
     path = existing_file(path, "MATLAB file")
     if path.stat().st_size > MAX_BYTES:
         raise FormatError(f"MATLAB file {path} is larger than 1 GiB; it is not DiLiGenT's")
-    most = most_bytes(path, MAX_BYTES)
+    limit = unpacked_limit(path, MAX_BYTES)
     data = path.read_bytes()
     if data[124:128] != b"\x00\x01IM":
         raise FormatError(f"{path} is not a little-endian MATLAB 5 file; save it with -v7")
@@ -34,9 +34,9 @@ def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float6
         for kind, body in _elements(data[128:]):
             if kind == _COMPRESSED:
                 unpacker = zlib.decompressobj()
-                unpacked = unpacker.decompress(body, most)
+                unpacked = unpacker.decompress(body, limit)
                 if unpacker.unconsumed_tail:
-                    raise FormatError(f"{path} unpacks to more than {most >> 20} MiB; it is not DiLiGenT's")
+                    raise FormatError(f"{path} unpacks to more than {limit >> 20} MiB; it is not DiLiGenT's")
                 kind, body = next(_elements(unpacked))
             if kind == _MATRIX:
                 found = _matrix(body, name)

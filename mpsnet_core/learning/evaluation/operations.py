@@ -20,22 +20,22 @@ if TYPE_CHECKING:
 PROTOCOLS = {"separated": "its own alone", "published": "5/9 its own, 2/9 each of the others", "white": "all alike"}
 
 
-def picture_size(default: int) -> Any:
+def size_option(default: int) -> Any:
     """The option for the size of synthetic images."""
     return option(default=default, low=16, high=8192, help="side of a picture in pixels")
 
 
-def white_beside() -> Any:
+def white_option() -> Any:
     """The option to measure with a white photo as well."""
     return option(default=False, help="measure each once more with a white photo beside it")
 
 
-def blob_count() -> Any:
+def blobs_option() -> Any:
     """The option for the number of shapes in a synthetic test."""
     return option(default=1, low=1, help="how many blobs, each of another shape")
 
 
-def mesh_view_count() -> Any:
+def views_option() -> Any:
     """The option for the number of views of each mesh."""
     return option(default=2, low=1, high=360, help="views of each mesh, from all around")
 
@@ -60,7 +60,7 @@ class MeasuresModels(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Run the test, and write rows and report if requested."""
-        from mpsnet_core.io.files import check_apart, writable_path
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
@@ -69,7 +69,7 @@ class MeasuresModels(Operation):
             writable_path(self.json)
         if self.output:
             page_path(self.output)
-        check_apart([], [file for file in (self.json, self.output) if file])
+        check_no_overwrite([], [file for file in (self.json, self.output) if file])
         return evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
 
 
@@ -93,7 +93,7 @@ class PhotographsSynthetic(MeasuresModels):
     protocol: tuple[str, ...] = option(
         default=("published",), choices=PROTOCOLS, help="how much each channel sees of each colour"
     )
-    size: int = picture_size(256)
+    size: int = size_option(256)
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class EvaluateDiligent(Magnifies):
     protocol: tuple[str, ...] = option(
         default=(), choices=PROTOCOLS, help="how much each channel sees of each colour", unset="all three"
     )
-    white: bool = white_beside()
+    white: bool = white_option()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.diligent import Diligent
@@ -142,7 +142,7 @@ class EvaluateMaterials(PhotographsSynthetic):
     command: ClassVar[str] = "evaluate materials"
 
     merl: str = option(metavar="PATH", help="a folder of MERL .binary files, or .npz of fits")
-    blobs: int = blob_count()
+    blobs: int = blobs_option()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.materials import Materials
@@ -158,7 +158,7 @@ class EvaluateRendered(PhotographsSynthetic):
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     merl: str = option(default="", metavar="PATH", help="measured materials in place of principled ones")
-    views: int = mesh_view_count()
+    views: int = views_option()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.rendered import Rendered
@@ -173,7 +173,7 @@ class EvaluateStatues(Magnifies):
     command: ClassVar[str] = "evaluate statues"
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
-    views: int = mesh_view_count()
+    views: int = views_option()
     slant: float = option(default=30.0, metavar="DEGREES", help="slant of the three lights")
     tilt: tuple[float, ...] = option(
         default=(90.0, 107.0, 131.0),  # straight up, where networks do not rotate the image, and two odd angles
@@ -181,7 +181,7 @@ class EvaluateStatues(Magnifies):
         help="tilt of the first light, from which the others stand 120° apart",
     )
     bounces: int = option(default=0, low=0, high=MAX_BOUNCES, help="number of light bounces between surfaces: 0 to 3")
-    size: int = picture_size(640)
+    size: int = size_option(640)
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.statues import Statues
@@ -203,8 +203,8 @@ class EvaluateColour(PhotographsSynthetic):
 
     command: ClassVar[str] = "evaluate colour"
 
-    white: bool = white_beside()
-    blobs: int = blob_count()
+    white: bool = white_option()
+    blobs: int = blobs_option()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.colour import ColourChanges
@@ -220,7 +220,7 @@ class EvaluateSamples(Magnifies):
 
     folder: tuple[str, ...] = option(positional=True, help="folders of held-out samples")
     count: int = option(default=0, low=0, help="how many samples to use, evenly spread; 0 for all")
-    white: bool = white_beside()
+    white: bool = white_option()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.samples import Samples

@@ -11,15 +11,15 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
+from mpsnet_core.io.files import ensure_folder, writable_path, write_json, write_transaction
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
 from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
-from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
+from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
 from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model, read_recipe
 from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, part, silent
@@ -100,7 +100,7 @@ def evaluate_patch_sizes(
         ]
         table = _table(rows)
         measured = Measured(rows=[asdict(row) for row in rows], published=published, text=table)
-        with written_together():
+        with write_transaction():
             if json:
                 write_json(json, measured.figures())
             if page:
@@ -114,9 +114,9 @@ def _validated(
     """Train one network, or resume its training, and measure it. Also returns the training time in seconds."""
     checkpoint = runs / f"{recipe.name}.checkpoint"
     progress(0.0, recipe.title)
-    places = Places(checkpoint, checkpoint if checkpoint.exists() else None)
-    trained = train(recipe, samples, [], places=places, progress=progress)
-    photographer = Photographer.of(
+    paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None)
+    trained = train(recipe, samples, [], paths=paths, progress=progress)
+    simulator = PhotoSimulator.of(
         trained.network,
         held_out,
         capture_model(recipe.capture),
@@ -125,7 +125,7 @@ def _validated(
         augment=recipe.augment,
         shuffled=False,
     )
-    return validate(trained.network, photographer, a_picture), trained.seconds
+    return validate(trained.network, simulator, a_picture), trained.seconds
 
 
 def _chart(rows: Sequence[PatchRow]) -> str:

@@ -13,7 +13,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.learning.evaluation.measure import Result
 from mpsnet_core.scene.normal_map import NormalMap
@@ -48,7 +48,7 @@ class Report:
     def write(self, title: str, table: str, notes: Sequence[str], charts: Sequence[str]) -> None:
         """Write the page: title, table, notes, SVG charts, and the images of all cases."""
         self.figures.seek(0)
-        with written_whole(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+        with atomic_write(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
             page.write(HEAD.format(title=html.escape(title)))
             page.write(f"<pre>{html.escape(table)}</pre>\n")
             page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)

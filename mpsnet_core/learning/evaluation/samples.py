@@ -1,6 +1,6 @@
 """Test on photographs of held-out samples, drawn as for training. Models are selected by this test.
 
-It needs PyTorch (extra ``train``) for :mod:`mpsnet_core.learning.training.photographing`.
+It needs PyTorch (extra ``train``) for :mod:`mpsnet_core.learning.training.photo_simulation`.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from functools import partial
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import photograph
+from mpsnet_core.learning.training.photo_simulation import simulate_photo
 from mpsnet_core.synthesis.capture_model import CaptureModel
 from mpsnet_core.synthesis.draws import generator
 from mpsnet_core.synthesis.sample import read_sample_data
@@ -54,7 +54,7 @@ def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case
     packed, path = samples[index], samples.paths[index]
     rng = generator(SEED, index)
     # All other random draws are the same with and without the white photo.
-    capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
+    capture, truth = simulate_photo(packed, replace(CaptureModel(), white=float(white)).draw(rng))
     recipe = read_sample_data(path)["recipe"]
     kind = recipe["shape"]["kind"]
     many = len(recipe["materials"]) > 1 or recipe["paint"]["amount"] * recipe["paint"]["hue"] > 0

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from mpsnet_core.errors import FormatError, InputError
-from mpsnet_core.io.files import existing_file, written_whole
+from mpsnet_core.io.files import atomic_write, existing_file
 from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
 
 FORMAT = "mpsnet-checkpoint"
@@ -59,7 +59,7 @@ _TYPES |= {"recipe": dict, "continues": dict | None}
 def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
     """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
-    with written_whole(Path(path)) as unfinished:
+    with atomic_write(Path(path)) as unfinished:
         torch.save(data, unfinished)
 
 

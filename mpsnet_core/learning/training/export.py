@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
-from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
+from mpsnet_core.io.files import atomic_write, temporary_folder, writable_path
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 
@@ -50,7 +50,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
     model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
     _check_equal_outputs(network, model)
-    with written_whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_bytes(model.SerializeToString())
 
 
@@ -83,7 +83,7 @@ def record_of(trained: Trained) -> dict[str, Any]:
     }
 
 
-class _Answer(nn.Module):
+class _ExportedNetwork(nn.Module):
     """A network with the outputs of its card."""
 
     def __init__(self, network: Network) -> None:
@@ -99,7 +99,7 @@ class _Answer(nn.Module):
 
 
 def _onnx_of(network: Network) -> onnx.ModelProto:
-    answer = _Answer(network)
+    answer = _ExportedNetwork(network)
     inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
     outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
     size = {} if network.kind == "patch" else {2: "height", 3: "width"}
@@ -127,7 +127,7 @@ def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:
     for side in sides:
         inputs = _examples(network, 3, side)
         with torch.no_grad():
-            expected = _Answer(network)(*inputs)
+            expected = _ExportedNetwork(network)(*inputs)
         expected = expected if isinstance(expected, tuple) else (expected,)
         found = session.run(None, {name: values.numpy() for name, values in zip(network.inputs, inputs, strict=True)})
         for ours, theirs in zip(expected, found, strict=True):

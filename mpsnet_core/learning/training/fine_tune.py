@@ -24,8 +24,8 @@ CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
 # RMS of a filter's weights before a batch norm, about as long training leaves them. The norm makes the output
 # independent of this scale, but the scale decides how much one optimiser step changes the direction of the weights.
 WEIGHT_SCALE = 0.06
-REACH_PIXELS = 100_000  # to fit which lights reach a pixel
-REACH_DECAY = 1e-5
+LIT_PIXELS = 100_000  # to fit which lights reach a pixel
+LIT_DECAY = 1e-5
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
 
 
 @torch.no_grad()
-def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...]) -> None:
+def load_exported_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...]) -> None:
     """Copy the exported network's weights.
 
     Export folds each batch norm into the convolution before it. Here every batch norm takes its mean and variance from
@@ -129,7 +129,7 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
         network.train()
 
 
-def fit_reach(network: Network, batch: Batch) -> None:
+def fit_lit_layer(network: Network, batch: Batch) -> None:
     """Fit the layer `lit`, if the network has one, to a batch: logistic regression of which lights reach a pixel.
 
     The layer is used in training only, so exported files lack it. From random weights it would need thousands of steps,
@@ -148,7 +148,7 @@ def fit_reach(network: Network, batch: Batch) -> None:
     network.train()
     counted = batch.weights > 0
     maps, reach = (values.movedim(1, -1)[counted] for values in (seen[0], batch.lit))
-    every = max(1, len(maps) // REACH_PIXELS)
+    every = max(1, len(maps) // LIT_PIXELS)
     maps, reach = maps[::every], reach[::every]
     weight, bias = (values.detach().clone().requires_grad_() for values in (layer.weight.flatten(1), layer.bias))
     solver: Any = torch.optim.LBFGS([weight, bias], max_iter=200, line_search_fn="strong_wolfe")
@@ -156,7 +156,7 @@ def fit_reach(network: Network, batch: Batch) -> None:
     def loss() -> Tensor:
         solver.zero_grad()
         entropy = functional.binary_cross_entropy_with_logits(maps @ weight.T + bias, reach)
-        total: Tensor = entropy + REACH_DECAY * weight.square().sum()  # stays finite if all lights reach everywhere
+        total: Tensor = entropy + LIT_DECAY * weight.square().sum()  # stays finite if all lights reach everywhere
         torch.autograd.backward(total)
         return total
 

@@ -10,7 +10,7 @@ from torch.nn import functional
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.learning.training.networks import Network, Prediction
 from mpsnet_core.learning.training.networks.network import unit
-from mpsnet_core.learning.training.photographing import Scale, unmixed
+from mpsnet_core.learning.training.photo_simulation import Scale, unmixed
 
 
 class Batch(NamedTuple):
@@ -25,36 +25,38 @@ class Batch(NamedTuple):
 
 
 @torch.no_grad()
-def with_previous(
-    answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
+def inputs_with_previous_scale(
+    predict: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
 ) -> list[tuple[Tensor, ...]]:
     """A network's inputs for each scale, with its output on the previous scale.
 
-    names: the maps stacked into each input. answer: the network, in evaluation mode.
+    names: the maps stacked into each input. predict: the network, in evaluation mode.
     """
     mask = scales[0].maps["mask"]
     inputs, previous = [], mask.new_zeros(len(mask), 4, *mask.shape[2:])
     for scale, finer in zip(scales, [*scales[1:], None], strict=True):
         maps = {**scale.maps, "previous": previous * scale.maps["mask"]}
-        inputs.append(tuple(torch.cat([map_of(name, maps) for name in stacked], dim=1) for stacked in names.values()))
+        inputs.append(
+            tuple(torch.cat([feature_tensor(name, maps) for name in stacked], dim=1) for stacked in names.values())
+        )
         if finer is not None:
-            previous = _enlarged(answer(*inputs[-1]), scale, finer)
+            previous = _enlarged(predict(*inputs[-1]), scale, finer)
     return inputs
 
 
-def map_of(name: str, maps: Mapping[str, Tensor]) -> Tensor:
-    """The named map, as :func:`mpsnet_core.estimate.features.window_map` computes it."""
+def feature_tensor(name: str, maps: Mapping[str, Tensor]) -> Tensor:
+    """The named map, as :func:`mpsnet_core.estimate.features.feature_map` computes it."""
     if name == "grey_world":
         return maps["photo"] / maps["channel_means"]
     if not name.startswith("initial_normals"):
         return maps[name]
-    light = map_of("grey_world" if name.endswith("grey_world") else "photo", maps)
+    light = feature_tensor("grey_world" if name.endswith("grey_world") else "photo", maps)
     solved = unmixed(light, maps["lights"].reshape(-1, 3, 3))
     solved[:, 2] += (solved == 0).all(dim=1)  # a black pixel faces the camera
     return unit(solved) * maps["mask"]
 
 
-def joined(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Batch:
+def concatenate_scales(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Batch:
     """The windows of all scales as one batch."""
     return Batch(
         tuple(torch.cat(values) for values in zip(*inputs, strict=True)),
@@ -67,10 +69,10 @@ def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
     assert prediction.expected_error is not None
     side = scale.weights.shape[-1] // 2
     window_of = {int(example): number for number, example in enumerate(scale.examples)}
-    answer = torch.cat([prediction.normals, prediction.expected_error, scale.maps["mask"]], dim=1).float()
-    answer[:, :4] *= answer[:, 4:]
+    output = torch.cat([prediction.normals, prediction.expected_error, scale.maps["mask"]], dim=1).float()
+    output[:, :4] *= output[:, 4:]
     parts = [
-        answer[window_of[int(example)], :, top : top + side, left : left + side]
+        output[window_of[int(example)], :, top : top + side, left : left + side]
         for example, (top, left) in zip(finer.examples, finer.places, strict=True)
     ]
     large = functional.interpolate(torch.stack(parts), scale_factor=2, mode="bilinear", align_corners=False)
@@ -78,7 +80,7 @@ def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
     return torch.cat([unit(values[:, :3]), values[:, 3:]], dim=1)
 
 
-def patches_of(batch: Batch, network: Network, count: int, generator: torch.Generator) -> Batch:
+def sample_patches(batch: Batch, network: Network, count: int, generator: torch.Generator) -> Batch:
     """`count` patches from each image of a batch, around pixels that count; images without any are skipped.
 
     inputs become (N * count, C, patch, patch), zero beyond the image; truth (N * count, 3); weights (N * count,).

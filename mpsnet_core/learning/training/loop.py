@@ -24,15 +24,15 @@ from torch.utils.tensorboard import SummaryWriter
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.learning.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from mpsnet_core.learning.training.fine_tune import fit_reach, read_exported, take_weights
-from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
+from mpsnet_core.learning.training.fine_tune import fit_lit_layer, load_exported_weights, read_exported
+from mpsnet_core.learning.training.inputs import Batch, concatenate_scales, inputs_with_previous_scale, sample_patches
 from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
 from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model
-from mpsnet_core.learning.training.signals import held_signals
+from mpsnet_core.learning.training.signals import delay_signals
 from mpsnet_core.learning.training.validation import Figures, validate
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
@@ -70,7 +70,7 @@ class Trained:
 
 
 @dataclass(frozen=True)
-class Places:
+class TrainingPaths:
     """Files of a run. checkpoint: written regularly and at the end, None for nowhere. resume: a checkpoint to resume
     from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard."""
 
@@ -84,7 +84,7 @@ def train(
     samples: list[Path],
     validation: list[Path],
     *,
-    places: Places | None = None,
+    paths: TrainingPaths | None = None,
     precision: Precision = "auto",
     stop_after: int = 0,
     anneal: int = 0,
@@ -99,7 +99,7 @@ def train(
         Network, optimiser and schedule.
     samples, validation
         Folders of training samples and of held-out samples; no validation if there are none.
-    places
+    paths
         Files to write and to resume from.
     precision
         Of the layers. "auto" is bfloat16 if the processor or GPU supports it.
@@ -125,32 +125,32 @@ def train(
     A resumed run ends with the same weights, bit for bit, as an uninterrupted one, on the same machine with the same
     number of threads. If one of several processes is stopped, the others end too, and the last checkpoint remains.
     """
-    places = places or Places()
+    paths = paths or TrainingPaths()
     if anneal and (stop_after or minutes):
         raise SettingsError("an anneal runs to its end; leave out --stop-after and --minutes, or --anneal")
     with _processes() as processes:
-        _check_places(places, anneal)
+        _check_paths(paths, anneal)
         run = _Run(recipe, samples, validation, processes, precision, progress)
-        run.begin(places.resume)
+        run.begin(paths.resume)
         if 0 < stop_after <= run.step:
             raise SettingsError(
-                f"{places.resume} has had {run.step} steps already, which --stop-after counts too; give it more"
+                f"{paths.resume} has had {run.step} steps already, which --stop-after counts too; give it more"
             )
         end = min(recipe.steps, stop_after or recipe.steps)
         if anneal and learning_rate(recipe, run.step) <= 0:
-            raise SettingsError(f"the learning rate of {places.resume} is zero already; anneal from before its decay")
+            raise SettingsError(f"the learning rate of {paths.resume} is zero already; anneal from before its decay")
         if anneal:
             run.anneal, end = (run.step, anneal), run.step + anneal
         if anneal or processes.rank:  # only rank 0 writes
-            places = Places(logs=None if processes.rank else places.logs)
-        figures = _learn(run, places, end, 60 * minutes, progress)
+            paths = TrainingPaths(logs=None if processes.rank else paths.logs)
+        figures = _learn(run, paths, end, 60 * minutes, progress)
         return run.trained(figures)
 
 
-def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Progress) -> Figures | None:
+def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress: Progress) -> Figures | None:
     """Train until step `end`, or for `seconds`. Returns the metrics of the last validation, on rank 0."""
     processes, first = run.processes, run.processes.rank == 0
-    writer = None if places.logs is None else SummaryWriter(str(places.logs))
+    writer = None if paths.logs is None else SummaryWriter(str(paths.logs))
     model = run.network if processes.count == 1 else DistributedDataParallel(run.network)
     between = run.recipe.steps // VALIDATIONS or 1
     figures, begun, before, started = None, run.step, run.seconds, time.monotonic()
@@ -172,12 +172,12 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
                 if writer is not None:
                     writer.add_scalar("validation/mae_deg", figures.mae_deg, run.step)
             if time.monotonic() - saved > SAVED_EVERY:
-                run.save(places.checkpoint)
+                run.save(paths.checkpoint)
                 saved = time.monotonic()
-            if seconds and processes.agreed(time.monotonic() - started > seconds):
+            if seconds and processes.broadcast_stop(time.monotonic() - started > seconds):
                 break
     finally:
-        run.save(places.checkpoint)
+        run.save(paths.checkpoint)
         if writer is not None:
             writer.close()
     if figures is None and run.held_out and first:  # resumed at the recipe's end, for example
@@ -188,8 +188,8 @@ def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Prog
 def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
     """One step on this process's share of the batch. Signals are held back until it is done."""
     rank, count = run.processes.rank, run.processes.count
-    scales = run.photographer.batch(run.step * count + rank, run.recipe.batch // count)
-    with held_signals():
+    scales = run.simulator.batch(run.step * count + rank, run.recipe.batch // count)
+    with delay_signals():
         try:
             return run.advance(model, scales)
         except RuntimeError as error:
@@ -201,9 +201,9 @@ def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
             ) from None
 
 
-def _check_places(places: Places, anneal: int) -> None:
+def _check_paths(paths: TrainingPaths, anneal: int) -> None:
     """Raise InputError if there is nothing to resume from, or the run would overwrite another run's checkpoint."""
-    checkpoint, resume = places.checkpoint, places.resume
+    checkpoint, resume = paths.checkpoint, paths.resume
     if resume is not None:  # fail before the samples are packed, which takes minutes
         existing_file(resume, "model" if resume.suffix.lower() == ".onnx" else "checkpoint")
     if anneal and resume is None:
@@ -262,15 +262,15 @@ class _Run:
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        photographer = partial(
-            Photographer.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
+        simulator = partial(
+            PhotoSimulator.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
         )
         packed = PackedSamples(samples, progress)
-        self.photographer = photographer(packed, seed=recipe.seed, window=recipe.crop)
-        self.held_out: Photographer | None = None
+        self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
+        self.held_out: PhotoSimulator | None = None
         if validation:
             held_out = PackedSamples(validation, progress)
-            self.held_out = photographer(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
+            self.held_out = simulator(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _resolved_precision(precision, device)
         torch.backends.cudnn.deterministic = True
@@ -331,10 +331,10 @@ class _Run:
 
     @torch.no_grad()
     def _batch(self, scales: list[Scale], seed: int) -> Batch:
-        batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
+        batch = concatenate_scales(scales, inputs_with_previous_scale(self.network, self.network.inputs, scales))
         if self.network.kind != "patch":
             return batch
-        return patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(seed))
+        return sample_patches(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(seed))
 
     @torch.no_grad()
     def _update_mean_weights(self) -> None:
@@ -381,7 +381,7 @@ class _Run:
             self.step,
             self.seconds,
             figures,
-            len(self.photographer.samples),
+            len(self.simulator.samples),
             self.fingerprint,
             self.processes.hardware,
             self.precision,
@@ -426,9 +426,9 @@ class _Run:
                 f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
             )
         self.network.eval()
-        batch = self._batch(self.photographer.batch(0, NORM_EXAMPLES), 0)
-        take_weights(self.network, exported, batch.inputs)
-        fit_reach(self.network, batch)
+        batch = self._batch(self.simulator.batch(0, NORM_EXAMPLES), 0)
+        load_exported_weights(self.network, exported, batch.inputs)
+        fit_lit_layer(self.network, batch)
         self.mean_weights = self._weights()
         self.step, self.continues = exported.step, exported.record
 
@@ -497,7 +497,7 @@ class _Processes:
             name = f"{threads} CPU thread{'s' * (threads > 1)}, {platform.machine()} with {instructions}"
         return name if self.count == 1 else f"{self.count} x {name}"
 
-    def agreed(self, stop: bool) -> bool:
+    def broadcast_stop(self, stop: bool) -> bool:
         """Rank 0's `stop`: all processes must stop after the same step, or the others would wait forever."""
         if self.count == 1:
             return stop

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from mpsnet_core.learning.training.networks.network import Inside, Prediction
+from mpsnet_core.learning.training.networks.network import IntermediateOutputs, Prediction
 
 
 class Loss(NamedTuple):
@@ -63,21 +63,21 @@ def loss_of(
         total = total + error_weight * expected
     if gradient_weight:
         total = total + gradient_weight * _gradient_length(prediction.normals - truth, weights)
-    if prediction.inside is not None and lit is not None:
-        total = total + (_inside_loss(prediction.inside, truth, lit) * weights).sum() / count
+    if prediction.intermediate is not None and lit is not None:
+        total = total + (_auxiliary_loss(prediction.intermediate, truth, lit) * weights).sum() / count
     return Loss(total, mean.detach(), expected.detach())
 
 
-def _inside_loss(inside: Inside, truth: Tensor, lit: Tensor) -> Tensor:
+def _auxiliary_loss(intermediate: IntermediateOutputs, truth: Tensor, lit: Tensor) -> Tensor:
     """(N, H, W) auxiliary loss of each pixel, for networks with equation 2 inside."""
     entropy = functional.binary_cross_entropy_with_logits
-    off, own = angle_between(inside.formula, truth), angle_between(inside.own, truth).detach()
+    off, own = angle_between(intermediate.formula, truth), angle_between(intermediate.own, truth).detach()
     reached = (lit > 0.5).all(dim=1)
     better = (off < own).float()
     return (
-        LIT_WEIGHT * entropy(inside.lit, lit, reduction="none").mean(dim=1)
+        LIT_WEIGHT * entropy(intermediate.lit, lit, reduction="none").mean(dim=1)
         + FORMULA_WEIGHT * off / (1 + off / FORMULA_REACH) * reached
-        + TRUST_WEIGHT * (off - own).abs().detach() * entropy(inside.trust.squeeze(1), better, reduction="none")
+        + TRUST_WEIGHT * (off - own).abs().detach() * entropy(intermediate.trust.squeeze(1), better, reduction="none")
     )
 
 

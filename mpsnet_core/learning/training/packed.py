@@ -1,7 +1,8 @@
 """Packed samples: a cache of training samples in half floats that reads fast.
 
-Reading a sample's EXR takes longer than photographing it. So each is read once, cropped to the object, and stored in
-the folder ``packed`` next to it, which can be deleted at any time. A sample that was made again is packed again.
+Reading the EXR of a sample takes longer than simulating its photo. So each is read once, cropped to the object, and
+stored in the folder ``packed`` next to it, which can be deleted at any time. A sample that was made again is packed
+again.
 """
 
 import logging
@@ -17,7 +18,7 @@ from torch import Tensor
 
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.errors import FileError, FormatError
-from mpsnet_core.io.files import ensure_folder, written_whole
+from mpsnet_core.io.files import atomic_write, ensure_folder
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
@@ -113,7 +114,7 @@ def _pack(path: Path) -> None:
     remade = path.stat().st_mtime_ns  # also set on the packed file, to recognise an outdated one
     packed = _packed_path(path)
     ensure_folder(packed.parent, "packed samples")
-    with written_whole(packed) as unfinished:
+    with atomic_write(packed) as unfinished:
         try:
             record = _record(path)
         except FormatError as error:

@@ -28,13 +28,13 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard, record_from_metadata
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
+from mpsnet_core.io.files import atomic_write, temporary_folder, writable_path
 from mpsnet_core.learning.training.export import RIGHT_ANGLE
-from mpsnet_core.learning.training.inputs import with_previous
+from mpsnet_core.learning.training.inputs import inputs_with_previous_scale
 from mpsnet_core.learning.training.networks import Prediction
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer, Scale
-from mpsnet_core.learning.training.validation import measured
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
+from mpsnet_core.learning.training.validation import validation_errors
 from mpsnet_core.progress import Progress, part, silent
 
 QUANTISED = ("Add", "Concat", "Conv", "DepthToSpace", "Relu")
@@ -90,12 +90,12 @@ def quantise(
     if not inner:
         raise FormatError(f"model file {source.path} has no layer between its first and its last; leave it as it is")
     packed = PackedSamples(samples)
-    photographer = Photographer.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
-    model_answer = _Answer(source.session, card)
-    quantised = _quantised(graph, inner, _Photographs(photographer, model_answer, count, part(progress, 0, 0.5)))
+    simulator = PhotoSimulator.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
+    source_model = _SessionModel(source.session, card)
+    quantised = _quantised(graph, inner, _CalibrationInputs(simulator, source_model, count, part(progress, 0, 0.5)))
     session = onnxruntime.InferenceSession(quantised.SerializeToString(), providers=["CPUExecutionProvider"])
     first = -(-count // len(packed)) * len(packed)  # start of the epoch after those used for calibration
-    errors = _errors([model_answer, _Answer(session, card)], photographer, first, count, part(progress, 0.5, 1))
+    errors = _errors([source_model, _SessionModel(session, card)], simulator, first, count, part(progress, 0.5, 1))
     figures = QuantizationErrors(*errors)
     record = record_from_metadata({entry.key: entry.value for entry in graph.metadata_props})
     record["int8"] = {"of": card.name, "photographs": count, "mae_deg": round(figures.mae_deg, 3)}
@@ -103,12 +103,12 @@ def quantise(
     int8_card = replace(card, name=f"{card.name}-int8")
     del quantised.metadata_props[:]
     onnx.helper.set_model_props(quantised, {CARD_KEY: int8_card.to_json(), TRAINING_KEY: json.dumps(record)})
-    with written_whole(output) as unfinished:
+    with atomic_write(output) as unfinished:
         unfinished.write_bytes(quantised.SerializeToString())
     return figures
 
 
-class _Answer:
+class _SessionModel:
     """Runs a model on inputs in the order of its card."""
 
     def __init__(self, session: Any, card: ModelCard) -> None:
@@ -119,32 +119,34 @@ class _Answer:
         return {name: values.numpy() for name, values in zip(self.inputs, inputs, strict=True)}
 
     def __call__(self, *inputs: Tensor) -> Prediction:
-        answer = dict(zip(self.outputs, map(torch.from_numpy, self.session.run(None, self.named(inputs))), strict=True))
-        confidence = answer.get("confidence")
-        return Prediction(answer["normals"], None if confidence is None else (1 - confidence) * RIGHT_ANGLE)
+        outputs = dict(
+            zip(self.outputs, map(torch.from_numpy, self.session.run(None, self.named(inputs))), strict=True)
+        )
+        confidence = outputs.get("confidence")
+        return Prediction(outputs["normals"], None if confidence is None else (1 - confidence) * RIGHT_ANGLE)
 
 
-class _Photographs:
+class _CalibrationInputs:
     """A model's inputs for `count` photographs, scale by scale, as onnxruntime reads calibration data."""
 
-    def __init__(self, photographer: Photographer, answer: _Answer, count: int, progress: Progress) -> None:
+    def __init__(self, simulator: PhotoSimulator, model: _SessionModel, count: int, progress: Progress) -> None:
         self.inputs = (
-            answer.named(seen)
-            for scales in _photographs(photographer, 0, count, progress)
-            for seen in with_previous(answer, answer.inputs, scales)
+            model.named(seen)
+            for scales in _photographs(simulator, 0, count, progress)
+            for seen in inputs_with_previous_scale(model, model.inputs, scales)
         )
 
     def get_next(self) -> dict[str, NDArray[np.float32]] | None:
         return next(self.inputs, None)
 
 
-def _photographs(photographer: Photographer, first: int, count: int, progress: Progress) -> Iterator[list[Scale]]:
+def _photographs(simulator: PhotoSimulator, first: int, count: int, progress: Progress) -> Iterator[list[Scale]]:
     for number in range(count):
         progress(number / count, f"photograph {number + 1} of {count}")
-        yield photographer.batch(first + number, 1)
+        yield simulator.batch(first + number, 1)
 
 
-def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photographs) -> onnx.ModelProto:
+def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _CalibrationInputs) -> onnx.ModelProto:
     prepared = onnx.ModelProto()
     prepared.CopyFrom(graph)
     onnx.helper.set_model_props(prepared, PREPARED)
@@ -210,11 +212,11 @@ def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
 
 
 def _errors(
-    answers: Sequence[_Answer], photographer: Photographer, first: int, count: int, progress: Progress
+    models: Sequence[_SessionModel], simulator: PhotoSimulator, first: int, count: int, progress: Progress
 ) -> list[float]:
     """Mean angular error in degrees of each model, over all valid pixels of `count` photographs."""
-    errors: list[list[NDArray[np.float32]]] = [[] for _ in answers]
-    for scales in _photographs(photographer, first, count, progress):
-        for own, answer in zip(errors, answers, strict=True):
-            own += [error for error, _ in measured(answer, answer.inputs, scales)]
+    errors: list[list[NDArray[np.float32]]] = [[] for _ in models]
+    for scales in _photographs(simulator, first, count, progress):
+        for own, model in zip(errors, models, strict=True):
+            own += [error for error, _ in validation_errors(model, model.inputs, scales)]
     return [float(np.concatenate(own).mean(dtype=np.float64)) for own in errors]

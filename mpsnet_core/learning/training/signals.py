@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def held_signals() -> Iterator[None]:
+def delay_signals() -> Iterator[None]:
     """Hold back the signals that stop the process (Ctrl-C, SIGTERM, SIGBREAK) until the block is done."""
     received: list[int] = []
     handlers = {}

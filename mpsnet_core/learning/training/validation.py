@@ -8,10 +8,10 @@ import torch
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
-from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
+from mpsnet_core.learning.training.inputs import Batch, concatenate_scales, inputs_with_previous_scale, sample_patches
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction
-from mpsnet_core.learning.training.photographing import Photographer, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
 
 PATCHES_A_PICTURE = 200
 PATCHES_AT_ONCE = 1000
@@ -32,23 +32,23 @@ class Figures(NamedTuple):
 
 
 @torch.no_grad()
-def validate(network: Network, photographer: Photographer, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
+def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
     """Errors over all windows on all scales of each held-out sample, photographed once.
 
     patches_a_picture: number of pixels per sample, drawn with a fixed seed, that a patch-wise network estimates.
     """
     network.eval()
     errors, expected = [], []
-    for start in range(0, len(photographer.samples), PICTURES_AT_ONCE):
-        scales = photographer.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
+    for start in range(0, len(simulator.samples), PICTURES_AT_ONCE):
+        scales = simulator.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
         for scale in scales:  # the last batch repeats samples that were counted already; ignore them
-            scale.weights[scale.examples >= len(photographer.samples) - start] = 0
+            scale.weights[scale.examples >= len(simulator.samples) - start] = 0
         if network.kind == "patch":
-            batch = joined(scales, with_previous(network, network.inputs, scales))
+            batch = concatenate_scales(scales, inputs_with_previous_scale(network, network.inputs, scales))
             patches = _patches(network, batch, patches_a_picture, start)
             errors += [_errors(network(*some.inputs), some)[0] for some in patches]
         else:
-            for found, prediction in measured(network, network.inputs, scales):
+            for found, prediction in validation_errors(network, network.inputs, scales):
                 errors.append(found)
                 expected += [] if prediction is None else [prediction]
     error = np.concatenate(errors).astype(np.float64)
@@ -56,16 +56,16 @@ def validate(network: Network, photographer: Photographer, patches_a_picture: in
     return Figures(float(error.mean()), float(error.max()), rank)
 
 
-def measured(
-    answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
+def validation_errors(
+    predict: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
 ) -> list[tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
     """For each scale: angular errors in degrees of the pixels that count, and their expected errors in radians.
 
-    answer, names: as in :func:`mpsnet_core.learning.training.inputs.with_previous`.
+    predict, names: as in :func:`mpsnet_core.learning.training.inputs.inputs_with_previous_scale`.
     """
     return [
-        _errors(answer(*seen), joined([scale], [seen]))
-        for scale, seen in zip(scales, with_previous(answer, names, scales), strict=True)
+        _errors(predict(*seen), concatenate_scales([scale], [seen]))
+        for scale, seen in zip(scales, inputs_with_previous_scale(predict, names, scales), strict=True)
     ]
 
 
@@ -81,4 +81,4 @@ def _patches(network: Network, batch: Batch, count: int, seed: int) -> list[Batc
     """`count` patches of each image, in several batches, because the maps of many patches take much memory."""
     generator = torch.Generator().manual_seed(seed)
     most = PATCHES_AT_ONCE // PICTURES_AT_ONCE
-    return [patches_of(batch, network, min(most, count - done), generator) for done in range(0, count, most)]
+    return [sample_patches(batch, network, min(most, count - done), generator) for done in range(0, count, most)]

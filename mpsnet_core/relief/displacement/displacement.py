@@ -185,8 +185,8 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
         return np.zeros(len(areas), np.float32)
     broadest = float(scale * np.linalg.norm(np.ptp(own.mesh.world_vertices, axis=0)) / (2 * np.pi))
     width = np.where(seen > 0, broadest, min(_fade(own, areas), broadest))
-    held: NDArray[np.float32] = (areas / width**2).astype(np.float32)
-    return held
+    hold_weights: NDArray[np.float32] = (areas / width**2).astype(np.float32)
+    return hold_weights
 
 
 def _solved(
@@ -325,10 +325,10 @@ def _meeting(
     near = np.maximum(seams.texels, 0)
     sides = heights[near] + _gradient(graph, right, below, near, seams.offsets)
     known = seams.texels >= 0
-    there = known.any(axis=1)
-    wanted = ((sides * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1))[there, None]
+    any_known = known.any(axis=1)
+    wanted = ((sides * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1))[any_known, None]
     size = len(values)
-    place = np.clip(seams.places[there], 0, size - 1)
+    place = np.clip(seams.places[any_known], 0, size - 1)
     first = np.minimum(place.astype(np.int64), size - 2)
     x, y = np.moveaxis(place - first, -1, 0)
     share = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=-1)

@@ -13,7 +13,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.io.files import check_apart, writable_image, written_together
+from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
 from mpsnet_core.io.image_reading import read_size
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.operation import Result
@@ -118,7 +118,7 @@ def write_displacement(
         progress=part(progress, 0.1, 0.9),
     )
     progress(0.9, f"writing {Path(target.file).name}")
-    with written_together():
+    with write_transaction():
         means = _write_heights(dict(zip(outputs, tiles.parted(found.values), strict=True)), found, target)
         if turned:
             _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True)))
@@ -204,9 +204,9 @@ def _checked_outputs(
     files: list[Path] = []
     for output in outputs:
         written = height_files(output, bits)
-        check_apart(taken, written)
+        check_no_overwrite(taken, written)
         files += written[:2]
-    check_apart([*taken, *files], map(writable_image, turned))
+    check_no_overwrite([*taken, *files], map(writable_image, turned))
     return [*files, *turned]
 
 

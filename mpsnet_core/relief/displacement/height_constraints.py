@@ -21,9 +21,9 @@ from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
 # Gradients steeper than this (cosine of the angle between the surface and the mesh; 80°) are limited to it: a normal
 # perpendicular to the mesh's would require an infinite height. The limit is lower than that of integration over a
-# photo (gradients.LEAST_FACING): here steep texels have the same weight as all others, and a surface that bends away
+# photo (gradients.MIN_FACING): here steep texels have the same weight as all others, and a surface that bends away
 # further is no height field over its mesh.
-LEAST_FACING = 0.17
+MIN_FACING = 0.17
 # Normals within this distance of the mesh's own count as equal, at eight bits per channel. A texel is unseen if its
 # neighbours within this many texels are equal, too.
 SAME = 0.007
@@ -100,7 +100,7 @@ def chords(
                 chord -= dot(chord, mean)[..., None] * mean
             step = dot(towards, chord)
             first, second = dot(towards, normal), dot(towards, np.roll(normal, -1, axis))
-            least = np.maximum(LEAST_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
+            least = np.maximum(MIN_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
             facing = np.maximum((first + second) / 2, least)
             flat[number, here] = (step / facing)[: len(inside)][inside]
             curved[number, here] = ((second - first) / facing)[: len(inside)][inside]

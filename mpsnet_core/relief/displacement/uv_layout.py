@@ -11,7 +11,7 @@ from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.scene.mesh import Mesh
 
 # Triangles below this fraction of the largest area are degenerate, apart from rounding.
-LEAST_AREA = 1e-12
+MIN_AREA = 1e-12
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Layout:
         triangle = self.triangle[rows]
         covered = triangle >= 0
         row, column = np.nonzero(covered)
-        held = triangle[covered]
-        corners = self.corners[held]
+        hit_triangles = triangle[covered]
+        corners = self.corners[hit_triangles]
         x, y = column - corners[:, 0, 0], row + rows.start - corners[:, 0, 1]
         (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         area = ax * by - ay * bx
@@ -44,7 +44,7 @@ class Layout:
         found = []
         for layer in layers:
             values = np.zeros((*triangle.shape, layer.shape[-1]))
-            values[covered] = np.einsum("nc,nck->nk", weights, layer[held])
+            values[covered] = np.einsum("nc,nck->nk", weights, layer[hit_triangles])
             found.append(values)
         return found
 
@@ -70,9 +70,9 @@ class Layout:
             inside = ((texel >= 0) & (texel < size)).all(axis=-1)
             x, y = np.moveaxis(np.clip(texel, 0, size - 1), -1, 0)
             offset = places - texel
-            far = np.linalg.norm(offset, axis=-1)
-            nearer = inside & (self.island[y, x] == islands) & (far < nearest)
-            texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], far[nearer]
+            distances = np.linalg.norm(offset, axis=-1)
+            nearer = inside & (self.island[y, x] == islands) & (distances < nearest)
+            texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], distances[nearer]
         number = np.cumsum(self.triangle >= 0) - 1
         return Seams(places, np.where(texels >= 0, number[texels], -1).astype(np.int32), offsets)
 
@@ -103,7 +103,7 @@ def layout_of(mesh: Mesh, size: int) -> Layout:
     corners = texel_coordinates(mesh.uvs, size)
     areas = mesh.world_areas
     order = np.argsort(islands.of_triangle, kind="stable").astype(np.int32)
-    order = order[areas[order] > LEAST_AREA * areas.max()]
+    order = order[areas[order] > MIN_AREA * areas.max()]
     laid = triangle_of_texel(corners[order], size)
     triangle = np.where(laid >= 0, order[laid], np.int32(-1))
     island = np.where(laid >= 0, islands.of_triangle[triangle], np.int32(-1))

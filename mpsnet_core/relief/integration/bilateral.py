@@ -7,14 +7,14 @@ from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.integration.fast import equations, fast
-from mpsnet_core.relief.integration.gradients import LEAST_FACING, Gradients
-from mpsnet_core.relief.integration.multigrid import Links, sums_of_blocks
-from mpsnet_core.relief.integration.poisson import relaxed, solved
+from mpsnet_core.relief.integration.gradients import MIN_FACING, Gradients
+from mpsnet_core.relief.integration.multigrid import Links, restrict
+from mpsnet_core.relief.integration.poisson import relax_locally, solve_poisson
 
 # Sharpness of a pixel's choice between its two neighbours (k in the paper, with its value), for changes in pixels.
 SHARPNESS = np.float32(2)
 # Least weight of a neighbour: a part that is cut off all around stays where least squares put it.
-LEAST = np.float32(1e-5)
+MIN_WEIGHT = np.float32(1e-5)
 # Residual of a pixel's equation, in pixels times `facing`, on its chosen side, at which its weight is halved. The first
 # two are for the first and last pass at the coarsest level, because early cuts are seldom undone. The third is for all
 # passes at finer levels, where breaks are nearly in place.
@@ -61,24 +61,24 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
     for number, off in enumerate(offs):
         done, all_done = (STARTED + (1 - STARTED) * count / len(offs) for count in (number, number + 1))
         step = part(progress, done, all_done, "finding depth's edges")
-        weights, pulls = chosen_sides(wanted, depth, off)
-        depth = solved(weights, pulls, depth, most=ITERATIONS, progress=step)
+        weights, weighted_changes = chosen_sides(wanted, depth, off)
+        depth = solve_poisson(weights, weighted_changes, depth, max_iterations=ITERATIONS, progress=step)
     return depth
 
 
 def _halved(wanted: Gradients) -> Gradients:
     """The equations of the half-size level: means over blocks of 2 x 2 pixels."""
-    count = sums_of_blocks(wanted.mask.astype(np.float32))
+    count = restrict(wanted.mask.astype(np.float32))
     mask = count > 0
     np.maximum(count, 1, out=count)
-    facing, right, down = (sums_of_blocks(values) / count for values in (wanted.facing, wanted.right, wanted.down))
+    facing, right, down = (restrict(values) / count for values in (wanted.facing, wanted.right, wanted.down))
     return Gradients(facing, right, down, mask)
 
 
 def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Depth of all pixels of the mask, from that of their 2 x 2 blocks and the blocks' gradients."""
     doubled = np.zeros(mask.shape, np.float32)
-    facing = np.maximum(smaller.facing, LEAST_FACING)
+    facing = np.maximum(smaller.facing, MIN_FACING)
     right, down = smaller.right / facing, smaller.down / facing
     for row, column in np.ndindex(2, 2):
         pixels = doubled[row::2, column::2]
@@ -93,20 +93,20 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
 
     After doubling, breaks are staircases of two pixels. A pixel on the wrong side would stay there: it is continuous
     with its neighbours on that side, and its link to the right side is cut. With every doubling the stairs would grow.
-    So these pixels are relaxed between the surfaces on both sides, which are fixed, with most of the change where
+    So these pixels are relax_locally between the surfaces on both sides, which are fixed, with most of the change where
     neighbours require different gradients or loops do not close. The passes that follow decide anew.
     """
     beside = dilated(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)
-    weights, pulls = equations(wanted)
+    weights, weighted_changes = equations(wanted)
     gradient_right, gradient_down = (
         np.divide(values, wanted.facing, out=np.zeros_like(values), where=wanted.mask)
         for values in (wanted.right, wanted.down)
     )
     alike = _agreement(gradient_right.T, wanted.facing.T).T, _agreement(gradient_down, wanted.facing)
-    for links in (weights, pulls):
+    for links in (weights, weighted_changes):
         links.right[:] *= alike[0]
         links.down[:] *= alike[1]
-    return relaxed(weights, pulls, depth, beside, SEARCHING)
+    return relax_locally(weights, weighted_changes, depth, beside, SEARCHING)
 
 
 def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
@@ -137,19 +137,21 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF
     """
     height, width = depth.shape
     weights = Links(np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32))
-    pulls = Links(np.zeros_like(weights.right), np.zeros_like(weights.down))
+    weighted_changes = Links(np.zeros_like(weights.right), np.zeros_like(weights.down))
     for rows in bands(height):
-        weight, pull = _along(depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T, off)
-        weights.right[rows], pulls.right[rows] = weight.T, pull.T
+        weight, weighted_change = _along(
+            depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T, off
+        )
+        weights.right[rows], weighted_changes.right[rows] = weight.T, weighted_change.T
         # Both pixels of a link compare it with the change on their other side: one more row above and below.
         top = max(rows.start - 1, 0)
         near = slice(top, rows.stop + 2)
-        weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near], off)
+        weight, weighted_change = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near], off)
         links = slice(rows.start, min(rows.stop, height - 1))
-        weights.down[links], pulls.down[links] = (
-            found[rows.start - top : links.stop - top] for found in (weight, pull)
+        weights.down[links], weighted_changes.down[links] = (
+            found[rows.start - top : links.stop - top] for found in (weight, weighted_change)
         )
-    return weights, pulls
+    return weights, weighted_changes
 
 
 def _along(
@@ -159,7 +161,7 @@ def _along(
     mask: NDArray[np.bool_],
     off: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Weights and pulls, each (N - 1, M), of the links along the first axis of (N, M) pixels."""
+    """Weights and weighted changes, each (N - 1, M), of the links along the first axis of (N, M) pixels."""
     linked = mask[1:] & mask[:-1]
     change = (depth[1:] - depth[:-1]) * linked
     # By how much the squared change behind each pixel exceeds that ahead; 0 where there is no neighbour.
@@ -170,7 +172,7 @@ def _along(
     ahead = np.tanh(steeper * (SHARPNESS / 2)) * np.float32(0.5) + np.float32(0.5)
     first = ahead[:-1] / (1 + np.square((facing[:-1] * change - wanted[:-1]) / np.float32(off)))
     second = (1 - ahead[1:]) / (1 + np.square((facing[1:] * change - wanted[1:]) / np.float32(off)))
-    counts = np.maximum(first, LEAST) * facing[:-1], np.maximum(second, LEAST) * facing[1:]
+    counts = np.maximum(first, MIN_WEIGHT) * facing[:-1], np.maximum(second, MIN_WEIGHT) * facing[1:]
     weight = (counts[0] * facing[:-1] + counts[1] * facing[1:]) * linked
-    pull = (counts[0] * wanted[:-1] + counts[1] * wanted[1:]) * linked
-    return weight, pull
+    weighted_change = (counts[0] * wanted[:-1] + counts[1] * wanted[1:]) * linked
+    return weight, weighted_change

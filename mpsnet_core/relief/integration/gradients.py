@@ -12,7 +12,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 # Limit of steepness (cosine of the angle to the line of sight; 87°). It applies to steeper normals and to those that
 # face away from the camera, which cannot be seen. It is close to 90° for the rims of round objects, and does little
 # harm: equations are weighted by the square of this cosine.
-LEAST_FACING = 0.05
+MIN_FACING = 0.05
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Gradients:
     times the focal length in pixels, for a perspective one. The factor `facing` on both sides reduces the weight of
     steep pixels in least squares, because their gradients are uncertain.
 
-    facing, right, down: (H, W) float32, 0 outside the mask; facing is at least LEAST_FACING inside. mask: (H, W) bool.
+    facing, right, down: (H, W) float32, 0 outside the mask; facing is at least MIN_FACING inside. mask: (H, W) bool.
     """
 
     facing: NDArray[np.float32]
@@ -54,7 +54,7 @@ def gradients(normals: NormalMap, camera: Camera) -> Gradients:
         n_x, n_y, n_z = np.moveaxis(normals.vectors[rows], -1, 0)
         facing = n_z if camera.projection == "orthographic" else n_z - n_x * x - n_y * y[rows, None]
         inside = normals.mask[rows]
-        found[0, rows][inside] = np.maximum(facing, LEAST_FACING)[inside]
+        found[0, rows][inside] = np.maximum(facing, MIN_FACING)[inside]
         found[1, rows][inside] = (n_x * np.float32(scale / camera.focal[0]))[inside]
         found[2, rows][inside] = (n_y * np.float32(-scale / camera.focal[1]))[inside]
     return Gradients(found[0], found[1], found[2], normals.mask)

@@ -23,7 +23,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 # do not depend on the object's position.
 GRAIN = 32
 # Limit of the logarithm of depth, which keeps depth finite for any normals.
-MOST_LOG = 40.0
+MAX_LOG = 40.0
 
 
 def integrate(
@@ -104,7 +104,7 @@ def _in_unit(
     inside = depth[mask].astype(np.float64) / pixels_per_unit(camera)
     inside -= (np.bincount(pieces, inside, len(sizes)) / sizes)[pieces]
     if camera.projection == "perspective":
-        inside = np.exp(np.clip(inside, -MOST_LOG, MOST_LOG))
+        inside = np.exp(np.clip(inside, -MAX_LOG, MAX_LOG))
         inside *= distance / (np.bincount(pieces, inside, len(sizes)) / sizes)[pieces]
     values = np.zeros(mask.shape, np.float32)
     values[mask] = -inside

@@ -36,30 +36,33 @@ class Grid:
     inverse: NDArray[np.float32] | None = None
 
 
-def grids_of(weights: Links) -> list[Grid]:
+def build_grids(weights: Links) -> list[Grid]:
     """The grid and successively coarser ones, each of blocks of 2 x 2 pixels of the one before."""
     grids = []
     while max(shape := (weights.right.shape[0], weights.down.shape[1])) > COARSEST:
-        grids.append(Grid(weights, steps_of(weights)))
-        weights = _of_blocks(weights)
+        grids.append(Grid(weights, jacobi_factors(weights)))
+        weights = _coarser_links(weights)
     matrix = _matrix(weights, *shape)
-    return [*grids, Grid(weights, steps_of(weights), np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32))]
+    return [
+        *grids,
+        Grid(weights, jacobi_factors(weights), np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32)),
+    ]
 
 
 def residual(
-    grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32] | None, out: NDArray[np.float32]
+    grid: Grid, u: NDArray[np.float32], target: NDArray[np.float32] | None, out: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Write aim - A u to `out`, which may be `aim` itself. A u sums weight * (u - neighbour) over a pixel's links.
+    """Write target - A u to `out`, which may be `target`. A u sums weight * (u - neighbour) over a pixel's links.
 
-    aim: None for 0.
+    target: None for 0.
     """
     height, width = u.shape
     right, down = grid.links.right, grid.links.down
     for rows in bands(height, max(1, AT_ONCE // width)):
         top, end = rows.start, rows.stop
         band = out[rows]
-        if aim is not out:
-            band[:] = 0 if aim is None else aim[rows]
+        if target is not out:
+            band[:] = 0 if target is None else target[rows]
         flow = u[rows, 1:] - u[rows, :-1]
         flow *= right[rows]
         band[:, :-1] += flow
@@ -73,20 +76,20 @@ def residual(
     return out
 
 
-def corrected(grids: list[Grid], left: NDArray[np.float32]) -> NDArray[np.float32]:
-    """An approximate correction of u for its residual `left`: one V-cycle, symmetric for use as a preconditioner."""
+def v_cycle(grids: list[Grid], residuals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """An approximate correction of u for its residuals: one V-cycle, symmetric for use as a preconditioner."""
     grid = grids[0]
     if grid.inverse is not None:
-        return (grid.inverse @ left.ravel()).reshape(left.shape)
-    u = left * grid.step
-    still = np.empty_like(u)
-    smooth(grid, u, left, still, STEPS - 1)
-    add_blocks(u, corrected(grids[1:], sums_of_blocks(residual(grid, u, left, still))))
-    smooth(grid, u, left, still, STEPS)
+        return (grid.inverse @ residuals.ravel()).reshape(residuals.shape)
+    u = residuals * grid.step
+    scratch = np.empty_like(u)
+    jacobi_steps(grid, u, residuals, scratch, STEPS - 1)
+    prolong(u, v_cycle(grids[1:], restrict(residual(grid, u, residuals, scratch))))
+    jacobi_steps(grid, u, residuals, scratch, STEPS)
     return u
 
 
-def sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def restrict(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H / 2, W / 2) sums over blocks of 2 x 2 pixels, which may be incomplete at the right and the bottom."""
     height, width = values.shape
     pairs = values[0::2].copy()
@@ -96,7 +99,7 @@ def sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return sums
 
 
-def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
+def prolong(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
     """Add to every pixel of (H, W) the value of its block of 2 x 2 pixels."""
     for row in (0, 1):
         for column in (0, 1):
@@ -104,15 +107,17 @@ def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None
             part += blocks[: part.shape[0], : part.shape[1]]
 
 
-def smooth(grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32], room: NDArray[np.float32], times: int) -> None:
-    """Take damped Jacobi steps of u towards A u = aim, in place. room: (H, W) scratch memory."""
+def jacobi_steps(
+    grid: Grid, u: NDArray[np.float32], target: NDArray[np.float32], scratch: NDArray[np.float32], times: int
+) -> None:
+    """Take damped Jacobi steps of u towards A u = target, in place. scratch: (H, W) scratch memory."""
     for _ in range(times):
-        residual(grid, u, aim, room)
-        room *= grid.step
-        u += room
+        residual(grid, u, target, scratch)
+        scratch *= grid.step
+        u += scratch
 
 
-def steps_of(links: Links) -> NDArray[np.float32]:
+def jacobi_factors(links: Links) -> NDArray[np.float32]:
     """(H, W) factors on the residual in a Jacobi step, 0 for pixels without links."""
     sums = np.zeros((links.right.shape[0], links.down.shape[1]), np.float32)
     sums[:, 1:] += links.right
@@ -122,7 +127,7 @@ def steps_of(links: Links) -> NDArray[np.float32]:
     return np.divide(DAMPING, sums, out=sums, where=sums > 0)
 
 
-def _of_blocks(links: Links) -> Links:
+def _coarser_links(links: Links) -> Links:
     """The links between blocks: half the sum of the pixels' links, because the blocks' centres are twice as far apart.
 
     Without the half, a coarse grid of constant blocks corrects too little (Braess, "Towards algebraic multigrid for

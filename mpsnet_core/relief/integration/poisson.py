@@ -11,14 +11,22 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import labelled
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.relief.integration.multigrid import Grid, Links, corrected, grids_of, residual, smooth, steps_of
+from mpsnet_core.relief.integration.multigrid import (
+    Grid,
+    Links,
+    build_grids,
+    jacobi_factors,
+    jacobi_steps,
+    residual,
+    v_cycle,
+)
 
 log = logging.getLogger(__name__)
 
-# Limit of iterations up to a megapixel. Larger images have fewer, for the same run time, but at least LEAST. A smooth
-# surface takes about ten, one whose parts are connected by thin strips more than a hundred.
-MOST, LEAST = 250, 60
-# After LEAST iterations, stop once the mean correction is below this many pixels: noise isolates single pixels at rims,
+# Limit of iterations up to a megapixel. Larger images have fewer, for the same run time, but at least MIN_ITERATIONS. A
+# smooth surface takes about ten, one whose parts are connected by thin strips more than a hundred.
+MAX_ITERATIONS, MIN_ITERATIONS = 250, 60
+# After MIN_ITERATIONS, stop once the mean correction is below this many pixels: noise isolates single pixels at rims,
 # which would take a hundred more.
 ENOUGH = 1e-3
 # Accumulated rounding errors are removed after every so many iterations.
@@ -30,56 +38,58 @@ TOLERANCE = 1e-4
 REPORTED = 0.02
 
 
-def solved(
+def solve_poisson(
     weights: Links,
-    pulls: Links,
+    weighted_changes: Links,
     start: NDArray[np.float32],
     *,
-    most: int | None = None,
+    max_iterations: int | None = None,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
-    """(H, W) weighted least-squares values u whose change over each link is closest to pull / weight.
+    """(H, W) weighted least-squares values u whose change over each link is closest to the wanted one.
 
-    weights: 0 or above. pulls: the wanted change of each link times its weight. start: (H, W) initial guess. Each
-    connected part has an arbitrary constant.
+    weights: 0 or above. weighted_changes: the wanted change of each link times its weight. start: (H, W) initial guess.
+    Each connected part has an arbitrary constant.
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction is below TOLERANCE, or the precision of float32, everywhere,
-    or after `most` iterations. By default there are up to MOST; then it also ends once the mean correction is below
-    ENOUGH, and logs a note if a large correction remains.
+    or after `max_iterations`. By default there are up to MAX_ITERATIONS; then it also ends once the mean correction is
+    below ENOUGH, and logs a note if a large correction remains.
     """
-    grids = grids_of(weights)
+    grids = build_grids(weights)
     linked = np.count_nonzero(grids[0].step)
-    by_default, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
+    by_default = max_iterations is None
+    if max_iterations is None:
+        max_iterations = max(MIN_ITERATIONS, MAX_ITERATIONS * min(2**20, start.size) // start.size)
     u = start.copy()
-    left = gathered(pulls)
-    residual(grids[0], u, left, left)
-    towards, along = np.zeros_like(u), np.empty_like(u)
-    before, first, done = np.float32(1), 0.0, 0.0
+    residuals = right_side(weighted_changes)
+    residual(grids[0], u, residuals, residuals)
+    direction, image = np.zeros_like(u), np.empty_like(u)
+    last_product, first, done = np.float32(1), 0.0, 0.0
     parts: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
-    for number in range(most):
+    for number in range(max_iterations):
         if number % ROUNDED == ROUNDED - 1:
             parts = parts or labelled(grids[0].step > 0)
-            _balance(left, *parts)
-        correction = corrected(grids, left)
+            _remove_null_space(residuals, *parts)
+        correction = v_cycle(grids, residuals)
         remaining = float(np.abs(correction).max())
         if remaining <= TOLERANCE + 1e-6 * float(np.abs(u).max()):
             break
-        if by_default and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
+        if by_default and number >= MIN_ITERATIONS and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / TOLERANCE), 1e-6)
         # The correction may grow from one iteration to the next, but progress must not go back.
-        done = max(done, number / most, min(float(gained), 1.0))
+        done = max(done, number / max_iterations, min(float(gained), 1.0))
         progress(done, "integrating")
-        now = np.vdot(left, correction)
-        towards *= now / before
-        towards += correction
-        residual(grids[0], towards, None, along)
-        step = now / -np.vdot(towards, along)
-        u += step * towards
-        left += step * along
-        before = now
+        product = np.vdot(residuals, correction)
+        direction *= product / last_product
+        direction += correction
+        residual(grids[0], direction, None, image)
+        step = product / -np.vdot(direction, image)
+        u += step * direction
+        residuals += step * image
+        last_product = product
     else:
         if by_default and remaining > REPORTED:
             log.info(
@@ -89,39 +99,39 @@ def solved(
     return u
 
 
-def _balance(left: NDArray[np.float32], labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> None:
+def _remove_null_space(residuals: NDArray[np.float32], labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> None:
     """Subtract the mean of each connected part (:func:`labelled`) from a residual (H, W), in place.
 
     The constant of a connected part is undetermined (the null space of the system). Rounding errors in it would grow
     with every iteration until they dominate.
     """
     sums = np.zeros(len(sizes))
-    for rows in bands(len(left)):
-        sums += np.bincount(labels[rows].ravel(), left[rows].ravel(), len(sizes))
+    for rows in bands(len(residuals)):
+        sums += np.bincount(labels[rows].ravel(), residuals[rows].ravel(), len(sizes))
     means = (sums / np.maximum(sizes, 1)).astype(np.float32)
-    for rows in bands(len(left)):
-        left[rows] -= means[labels[rows]]
+    for rows in bands(len(residuals)):
+        residuals[rows] -= means[labels[rows]]
 
 
-def relaxed(
-    weights: Links, pulls: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
+def relax_locally(
+    weights: Links, weighted_changes: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
 ) -> NDArray[np.float32]:
-    """(H, W) an approximation of :func:`solved` where `free` (H, W), and `start` elsewhere.
+    """(H, W) an approximation of :func:`solve_poisson` where `free` (H, W), and `start` elsewhere.
 
     Each Jacobi step reaches a pixel's neighbours alone: suitable for strips of a few pixels.
     """
     u = start.copy()
-    steps = steps_of(weights)
+    steps = jacobi_factors(weights)
     steps[~free] = 0
-    smooth(Grid(weights, steps), u, gathered(pulls), np.empty_like(u), times)
+    jacobi_steps(Grid(weights, steps), u, right_side(weighted_changes), np.empty_like(u), times)
     return u
 
 
-def gathered(pulls: Links) -> NDArray[np.float32]:
-    """(H, W) the right side of the normal equations: the sum of all pulls at each pixel."""
-    sums = np.zeros((pulls.right.shape[0], pulls.down.shape[1]), np.float32)
-    sums[:, 1:] += pulls.right
-    sums[:, :-1] -= pulls.right
-    sums[1:] += pulls.down
-    sums[:-1] -= pulls.down
+def right_side(weighted_changes: Links) -> NDArray[np.float32]:
+    """(H, W) the right side of the normal equations: the sum of the weighted changes at each pixel."""
+    sums = np.zeros((weighted_changes.right.shape[0], weighted_changes.down.shape[1]), np.float32)
+    sums[:, 1:] += weighted_changes.right
+    sums[:, :-1] -= weighted_changes.right
+    sums[1:] += weighted_changes.down
+    sums[:-1] -= weighted_changes.down
     return sums

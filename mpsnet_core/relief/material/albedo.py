@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.distant_lights import under_distant_lights
+from mpsnet_core.estimate.distant_lights import convert_to_distant_lights
 from mpsnet_core.estimate.estimator import usable_channels
 
 # Cosines between surface normal and light at which the light's albedo starts to count, and counts fully.
@@ -22,7 +22,7 @@ def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bo
     One photo has three values per pixel, and the normals were estimated from them: differences in colour between pixels
     depend on how the model separated normal and colour. Equation 2 cannot do so: all is grey to it, except the mean.
     """
-    distant = capture if capture.rig.near is None else under_distant_lights(capture)
+    distant = capture if capture.rig.near is None else convert_to_distant_lights(capture)
     usable = usable_channels(capture)
     total, weight = np.zeros(3), np.zeros(3)
     for rows in bands(len(normals)):

@@ -12,13 +12,13 @@ from mpsnet_core.relief.material.gradients import gradients_of
 # Block means per side that a smooth polynomial is fitted to; every pixel would not be more exact.
 FITTED = 128
 # Weight in the fit at the image's edge; 1 at its centre.
-LEAST_WEIGHT = 0.03
+MIN_WEIGHT = 0.03
 
 _legvander: Any = np.polynomial.legendre.legvander  # untyped
 
 
-def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
-    """Gradients (H, W, 2) of the flattened surface, and its tilt in degrees.
+def flatten_normals(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
+    """Gradients (H, W, 2) of the flatten_normals surface, and its tilt in degrees.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is rotated to +z. Then large bends are subtracted
     from the gradients: their :func:`trend` with up to `bend` half waves across the image.
@@ -30,7 +30,7 @@ def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float
     return gradients - trend(gradients, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
 
 
-def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
+def flatten_albedo(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
     """The albedo (H, W, 3) without low-frequency changes across the image. Each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)
@@ -72,7 +72,7 @@ def _window(side: int, factor: int) -> NDArray[np.float64]:
 
     At the ends a weave is cut off within a period; the remainder would look like a bend.
     """
-    window: NDArray[np.float64] = LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
+    window: NDArray[np.float64] = MIN_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
     return _sizes(side, factor) * window
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 
 # The tangent of 79°. Steeper surfaces are hardly visible, and one such pixel would dominate a mean. Means here are
-# unweighted, so this limit is lower than that of integration (gradients.LEAST_FACING, 87°), where steep pixels have
+# unweighted, so this limit is lower than that of integration (gradients.MIN_FACING, 87°), where steep pixels have
 # less weight.
 STEEPEST = 5.0
 

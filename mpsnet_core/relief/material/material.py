@@ -20,11 +20,11 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import evened, flattened
+from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
 from mpsnet_core.relief.material.gradients import normals_of
-from mpsnet_core.relief.material.periodic_heights import periodic_height, without_slow_waves
+from mpsnet_core.relief.material.periodic_heights import periodic_height, remove_low_frequencies
 from mpsnet_core.relief.material.resampling import sampled
-from mpsnet_core.relief.material.seam import LEAST_JOINED, Seam, measured_seam, wrapped
+from mpsnet_core.relief.material.seam import MIN_JOINED, Seam, make_seamless, measure_seam
 from mpsnet_core.relief.material.tiling import Tiling, find_tiling
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
@@ -116,19 +116,19 @@ def flat_material(
     check_material(size, overlap, bend)
     if not pixel_mm > 0:
         raise SettingsError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
-    capture = filled_part(capture)
+    capture = crop_to_filled_part(capture)
     check_size("photo", capture.mask.shape, normals)
-    features, tilt = _laid_flat(capture, normals, bend, grey, progress)
+    features, tilt = _flatten(capture, normals, bend, grey, progress)
     progress(0.3, "looking for what repeats")
-    tiling = find_tiling(_compared(features), overlap)
+    tiling = find_tiling(_features_to_compare(features), overlap)
     tile = _tile_size(tiling, size)
     joined = round(overlap * tile[0]), round(overlap * tile[1])
-    _check_joined(min(joined), overlap)
+    _check_overlap(min(joined), overlap)
     progress(0.5, "joining the borders")
     features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
-    pictures, cut = wrapped(features, joined)
+    pictures, cut = make_seamless(features, joined)
     del features
-    pictures = without_slow_waves(pictures, bend)
+    pictures = remove_low_frequencies(pictures, bend)
     progress(0.7, "integrating the height")
     return _material(pictures, cut, tiling, tilt, pixel_mm)
 
@@ -149,7 +149,7 @@ def _material(
         width_mm,
         height_mm,
         tiling,
-        measured_seam(normals, cut),
+        measure_seam(normals, cut),
         tilt,
     )
 
@@ -163,20 +163,20 @@ def check_material(size: int | None, overlap: float, bend: int) -> None:
     if not MIN_OVERLAP <= overlap <= MAX_OVERLAP:
         raise SettingsError(f"borders overlap by {MIN_OVERLAP:g} to {MAX_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
-        _check_joined(round(overlap * size), overlap)
+        _check_overlap(round(overlap * size), overlap)
     if not 0 <= bend <= MAX_BEND:
         raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MAX_BEND}")
 
 
-def _check_joined(pixels: int, overlap: float) -> None:
-    if pixels < LEAST_JOINED:
+def _check_overlap(pixels: int, overlap: float) -> None:
+    if pixels < MIN_JOINED:
         raise SettingsError(
             f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
-            f"{LEAST_JOINED}; choose a larger overlap, size or photo"
+            f"{MIN_JOINED}; choose a larger overlap, size or photo"
         )
 
 
-def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None) -> Capture:
+def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None) -> Capture:
     """The capture of a part of the photo, which the material must fill.
 
     crop: left, top, width and height in pixels, from the photo's upper left corner; the whole photo by default.
@@ -216,18 +216,18 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
     )
 
 
-def _laid_flat(
+def _flatten(
     capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
 ) -> tuple[NDArray[np.float32], float]:
     """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was removed."""
     progress(0.0, "laying the material flat")
-    gradients, tilt = flattened(normals.vectors, bend)
+    gradients, tilt = flatten_normals(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
-    albedo = evened(estimated_albedo(capture, normals_of(gradients), grey=grey), bend)
+    albedo = flatten_albedo(estimated_albedo(capture, normals_of(gradients), grey=grey), bend)
     return np.concatenate([gradients, np.log(albedo)], axis=-1), tilt
 
 
-def _compared(features: NDArray[np.float32]) -> NDArray[np.float32]:
+def _features_to_compare(features: NDArray[np.float32]) -> NDArray[np.float32]:
     """Features for the comparison of places: gradients, and the logarithm of brightness, scaled to match."""
     brightness = features[..., 2:].mean(axis=-1, keepdims=True)
     return np.concatenate([features[..., :2], brightness - brightness.mean()], axis=-1)

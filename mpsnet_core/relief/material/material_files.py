@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.io.files import ensure_folder, read_json, write_json, written_together
+from mpsnet_core.io.files import ensure_folder, read_json, write_json, write_transaction
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
@@ -99,7 +99,7 @@ def write_material(
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
     description = {**_description(material, low, high, bend), "convention": convention}
-    with written_together():
+    with write_transaction():
         write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
         write_image(files["normal"], encode(material.normals, convention))
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
@@ -136,7 +136,7 @@ def _description(material: Material, low: float, high: float, bend: float) -> di
         "photo": {
             "step_right": material.tiling.right.tolist(),
             "step_down": material.tiling.down.tolist(),
-            "alike": list(material.tiling.alike),
+            "alike": list(material.tiling.correlation),
             "tilt_degrees": material.tilt,
         },
         "seam": asdict(material.seam),

@@ -23,7 +23,7 @@ def periodic_height(gradients: NDArray[np.float32], pitch: tuple[float, float]) 
     return np.fft.irfft2(spectrum, (height, width)).astype(np.float32)
 
 
-def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[np.float32]:
+def remove_low_frequencies(values: NDArray[np.float32], half_waves: int) -> NDArray[np.float32]:
     """Periodic images (H, W, C) without waves of up to `half_waves` half waves per tile. The mean is kept.
 
     For oblique waves, the root of the sum of squares over both axes counts. In gradients, these low frequencies yield
@@ -31,13 +31,13 @@ def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[
     """
     height, width = values.shape[:2]
     across, down = np.fft.rfftfreq(width, 1 / width), np.fft.fftfreq(height, 1 / height)[:, None]
-    slow = np.hypot(across, down) <= half_waves / 2
-    slow[0, 0] = False
-    fast = np.empty_like(values)
+    low = np.hypot(across, down) <= half_waves / 2
+    low[0, 0] = False
+    high = np.empty_like(values)
     for channel in range(values.shape[2]):
         spectrum = np.fft.rfft2(values[..., channel])
-        fast[..., channel] = np.fft.irfft2(np.where(slow, 0, spectrum), (height, width))
-    return fast
+        high[..., channel] = np.fft.irfft2(np.where(low, 0, spectrum), (height, width))
+    return high
 
 
 def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

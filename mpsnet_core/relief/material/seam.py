@@ -11,12 +11,14 @@ from mpsnet_core.arrays.mask_regions import box_sums
 # Pixels of cross-fade on either side of the cut.
 FEATHER = 2
 # Rows that a cut needs: its own, and the feather on either side.
-LEAST_JOINED = 2 * FEATHER + 1
+MIN_JOINED = 2 * FEATHER + 1
 # Differences coarser than the overlap divided by this are faded over all of it: a cut would show them as an edge.
 FADED = 8
 
 
-def wrapped(patch: NDArray[np.float32], overlap: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def make_seamless(
+    patch: NDArray[np.float32], overlap: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """A tile (H, W, C) that repeats without a seam, from a larger image, and the places of its cuts.
 
     patch: (H + overlap[0], W + overlap[1], C): the rows and columns of the overlap at its end are equal, or similar, to
@@ -24,14 +26,14 @@ def wrapped(patch: NDArray[np.float32], overlap: tuple[int, int]) -> tuple[NDArr
 
     Returns the tile and (H, W) bool, True on the cuts. The tile's own border has no cut: the patch continues across it.
     """
-    across, cut = _wrapped_rows(patch.swapaxes(0, 1), overlap[1], closed=False)
-    done, second_cut = _wrapped_rows(across.swapaxes(0, 1), overlap[0], closed=True)
+    across, cut = _make_rows_seamless(patch.swapaxes(0, 1), overlap[1], closed=False)
+    done, second_cut = _make_rows_seamless(across.swapaxes(0, 1), overlap[0], closed=True)
     # Keep the first cut in the rows that remain; the last rows were the overlap.
     cut = cut.swapaxes(0, 1)[: len(done)]
     return done, cut | second_cut
 
 
-def _wrapped_rows(
+def _make_rows_seamless(
     patch: NDArray[np.float32], overlap: int, *, closed: bool
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """The patch without its last `overlap` rows, blended so that its first row continues its last; and the cut.
@@ -119,7 +121,7 @@ class Seam:
     cut: tuple[float, float]
 
 
-def measured_seam(normals: NDArray[np.float32], cut: NDArray[np.bool_]) -> Seam:
+def measure_seam(normals: NDArray[np.float32], cut: NDArray[np.bool_]) -> Seam:
     """Measure how visible the joins of a tile's normals (H, W, 3) are. cut: (H, W) where it was cut."""
     border, cuts, inner = [], [], []
     for axis in (0, 1):

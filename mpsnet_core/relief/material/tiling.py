@@ -11,16 +11,16 @@ from mpsnet_core.arrays.block_means import block_means
 LONGEST = 2048
 REFINED = 512
 # A tile of a weave is at least this fraction of the photo.
-LEAST = 0.4
+MIN_TILE = 0.4
 # Largest rotation of a weave, and deviation of its threads from a right angle, as gradients.
 TURN, SKEW = 0.1, 0.03
 # Least autocorrelation of a weave. Materials that do not repeat reach 0.1 or 0.2; one that reaches more by chance is
 # joined all the better.
-ALIKE = 0.25
+MIN_CORRELATION = 0.25
 # Steps count as equally good down to this fraction of the best one. If there are very many, as in a fine weave, the
 # longest ones are kept.
 NEARLY = 0.9
-MOST_PEAKS = 1000
+MAX_PEAKS = 1000
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Tiling:
     """The two steps by which a tile of the material is repeated.
 
     right, down: (2,) float64, (columns, rows) of the photo's pixels from a tile to its neighbour.
-    alike: autocorrelation of the photo at each step: 1 if it repeats exactly, 0 if uncorrelated. None if no step stands
-        out: the material does not repeat, and the tile is as large as the photo allows.
+    correlation: autocorrelation of the photo at each step: 1 if it repeats exactly, 0 if uncorrelated. None if no step
+        stands out: the material does not repeat, and the tile is as large as the photo allows.
     """
 
     right: NDArray[np.float64]
     down: NDArray[np.float64]
-    alike: tuple[float | None, float | None]
+    correlation: tuple[float | None, float | None]
 
 
 def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
@@ -50,7 +50,7 @@ def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
     frame = np.array([width, height]) / (1 + overlap)
     across = _peaks(_autocorrelation(small, frame[0] / factor))
     down = _peaks(_autocorrelation(small.swapaxes(0, 1), frame[1] / factor))
-    found = _chosen(across, _Peaks(down.steps[:, ::-1], down.alike), frame / factor)
+    found = _chosen(across, _Peaks(down.steps[:, ::-1], down.correlation), frame / factor)
     exact = [None if one is None else (_refined(features, one[0] * factor, factor), one[1]) for one in found]
     return _filled(exact, frame)
 
@@ -71,7 +71,7 @@ def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation
     """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` over x with both in the image; steps s along columns."""
     height, width, channels = seen.shape
     last = max(1, min(int(most), width - 1))
-    least, across = max(1, int(LEAST * last)), max(1, min(int(TURN * last), height // 4))
+    least, across = max(1, int(MIN_TILE * last)), max(1, min(int(TURN * last), height // 4))
     shape = tuple(-(-side // 128) * 128 for side in (height + across, width + last))
     product = np.zeros((2 * across + 1, last - least + 1))
     for channel in range(channels):
@@ -80,15 +80,15 @@ def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation
         product += correlation[np.arange(-across, across + 1), least : last + 1]
     energy = np.zeros((height + 1, width + 1))
     energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
-    aside, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
-    own, shifted = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
+    sideways, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
+    own, shifted = (_box(energy, sign * sideways, sign * along) for sign in (1, -1))
     return _Autocorrelation(2 * product / np.maximum(own + shifted, 1e-12), least, across)
 
 
-def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Sums over the part of an image that stays within it after a step (`aside` rows, `along` columns)."""
+def _box(table: NDArray[np.float64], sideways: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Sums over the part of an image that stays within it after a step (`sideways` rows, `along` columns)."""
     height, width = table.shape[0] - 1, table.shape[1] - 1
-    top, bottom = np.maximum(-aside, 0), height - np.maximum(aside, 0)
+    top, bottom = np.maximum(-sideways, 0), height - np.maximum(sideways, 0)
     left, right = np.maximum(-along, 0), width - np.maximum(along, 0)
     sums: NDArray[np.float64] = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
     return sums
@@ -99,28 +99,29 @@ class _Peaks:
     """Peaks of the autocorrelation: steps (N, 2), longest first, and values (N,)."""
 
     steps: NDArray[np.float64]
-    alike: NDArray[np.float64]
+    correlation: NDArray[np.float64]
 
 
 # A step (columns, rows) and the autocorrelation there.
 _Found = tuple[NDArray[np.float64], float]
 
 
-def _peaks(alike: _Autocorrelation) -> _Peaks:
+def _peaks(autocorrelation: _Autocorrelation) -> _Peaks:
     """The peaks that are nearly as high as the highest; none if that may be due to chance."""
-    values = alike.values
-    aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
+    values = autocorrelation.values
+    across, least = autocorrelation.across, autocorrelation.least
+    sideways, along = np.arange(-across, across + 1)[:, None], np.arange(values.shape[1]) + least
     peaks = np.zeros(values.shape, bool)
     highest = np.lib.stride_tricks.sliding_window_view(values, (3, 3)).max(axis=(2, 3))
     peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == highest
-    heights = np.where(peaks & (np.abs(aside) <= TURN * along), values, -1.0)
+    heights = np.where(peaks & (np.abs(sideways) <= TURN * along), values, -1.0)
     best = heights.max()
-    rows, columns = np.nonzero(heights >= max(NEARLY * best, ALIKE))
-    order = np.argsort(-columns, kind="stable")[:MOST_PEAKS]
+    rows, columns = np.nonzero(heights >= max(NEARLY * best, MIN_CORRELATION))
+    order = np.argsort(-columns, kind="stable")[:MAX_PEAKS]
     places = [
         (
-            alike.least + column + _peak(values[row, column - 1 : column + 2]),
-            row - alike.across + _peak(values[row - 1 : row + 2, column]),
+            least + column + _peak(values[row, column - 1 : column + 2]),
+            row - across + _peak(values[row - 1 : row + 2, column]),
         )
         for row, column in zip(rows[order], columns[order], strict=True)
     ]
@@ -131,20 +132,20 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
     """The step across and the step down; None for one without repetition. frame: (2,) room for the tile alone."""
     pairs = [across.steps[:, None], down.steps[None]]
     skew = np.abs(pairs[0][..., 1] / pairs[0][..., 0] + pairs[1][..., 0] / pairs[1][..., 1])
-    room = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
+    fits = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
     area = pairs[0][..., 0] * pairs[1][..., 1] - pairs[0][..., 1] * pairs[1][..., 0]
-    area = np.where(room & (skew <= SKEW), area, 0)
+    area = np.where(fits & (skew <= SKEW), area, 0)
     if area.max(initial=0) > 0:
         i, j = np.unravel_index(np.argmax(area), area.shape)
-        return [(across.steps[i], float(across.alike[i])), (down.steps[j], float(down.alike[j]))]
+        return [(across.steps[i], float(across.correlation[i])), (down.steps[j], float(down.correlation[j]))]
     found: list[_Found | None] = [None, None]
     # Only one of them repeats, if any: the one with the higher autocorrelation.
-    axis = int(across.alike.max(initial=0) < down.alike.max(initial=0))
+    axis = int(across.correlation.max(initial=0) < down.correlation.max(initial=0))
     peaks = (across, down)[axis]
     gradient = np.abs(peaks.steps[:, 1 - axis] / peaks.steps[:, axis])
     fitting = np.flatnonzero(peaks.steps[:, axis] + gradient * frame[1 - axis] <= frame[axis])
     if len(fitting):
-        found[axis] = peaks.steps[fitting[0]], float(peaks.alike[fitting[0]])
+        found[axis] = peaks.steps[fitting[0]], float(peaks.correlation[fitting[0]])
     return found
 
 
@@ -186,8 +187,8 @@ def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
     elif down is not None:
         steps = _across(np.array([down[0][1], -down[0][0]]), down[0], frame, 0), down[0]
     else:
-        room = np.floor(frame)
-        steps = np.array([room[0], 0.0]), np.array([0.0, room[1]])
+        longest = np.floor(frame)
+        steps = np.array([longest[0], 0.0]), np.array([0.0, longest[1]])
     return Tiling(*steps, (right and right[1], down and down[1]))
 
 
@@ -196,6 +197,6 @@ def _across(
 ) -> NDArray[np.float64]:
     """The longest step along `square`, mostly along the axis, for which there is room next to the other step."""
     square = square / square[axis]
-    room = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
-    step_across: NDArray[np.float64] = square * np.floor(room.min())
+    lengths = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
+    step_across: NDArray[np.float64] = square * np.floor(lengths.min())
     return step_across

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
-from mpsnet_core.io.files import existing_file, located
+from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation
 
@@ -40,7 +40,7 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     is not rigid.
     """
     file = existing_file(path, "scene")
-    with located(file):
+    with prefix_errors(file):
         if file.stat().st_size > MAX_FILE_BYTES:
             raise FormatError(
                 "it is larger than 256 MiB; take cameras.sfm of Meshroom's node StructureFromMotion, without points"
@@ -62,7 +62,7 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
             if pose is None:
                 continue
             name = view.get("path")
-            with located(f"photo {name!r}"):
+            with prefix_errors(f"photo {name!r}"):
                 if not isinstance(name, str):
                     raise FormatError('its "path" is not text; save the scene again')
                 if intrinsic is None:

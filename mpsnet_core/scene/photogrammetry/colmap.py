@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rotations import quaternion_matrix
 from mpsnet_core.errors import FileError, FormatError
-from mpsnet_core.io.files import existing_file, located
+from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
 
@@ -90,13 +90,13 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
         if existing_file(file, "COLMAP file").stat().st_size > MAX_FILE_BYTES:
             raise FormatError(f"{file} is larger than 1 GiB; save the model as binary, with the photos you need alone")
     if cameras.suffix == ".bin":
-        with cameras.open("rb") as source, located(cameras):
+        with cameras.open("rb") as source, prefix_errors(cameras):
             intrinsics = _binary_cameras(_Binary(source))
-        with images.open("rb") as source, located(images):
+        with images.open("rb") as source, prefix_errors(images):
             return _binary_images(_Binary(source), intrinsics)
-    with cameras.open(encoding="utf-8-sig", errors="replace") as text, located(cameras):
+    with cameras.open(encoding="utf-8-sig", errors="replace") as text, prefix_errors(cameras):
         intrinsics = _text_cameras(text)
-    with images.open(encoding="utf-8-sig", errors="replace") as text, located(images):
+    with images.open(encoding="utf-8-sig", errors="replace") as text, prefix_errors(images):
         return _text_images(text, intrinsics)
 
 
@@ -170,7 +170,7 @@ def _text_cameras(source: TextIO) -> dict[int, _Intrinsics]:
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
-        with located(f"line {number}"):
+        with prefix_errors(f"line {number}"):
             try:
                 identity, model, width, height = int(words[0]), words[1], int(words[2]), int(words[3])
                 values = tuple(float(word) for word in words[4:])
@@ -191,14 +191,14 @@ def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedP
         if not line.strip() or line.startswith("#"):
             continue
         words = line.split(maxsplit=9)
-        with located(f"line {number}"):
+        with prefix_errors(f"line {number}"):
             try:
                 pose, camera, name = np.array([float(word) for word in words[1:8]]), int(words[8]), words[9].strip()
             except (IndexError, ValueError):
                 raise FormatError("not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; export the model again") from None
             photos.append(_posed(name, _camera_of(camera, cameras), pose))
         number, line = next(lines, (0, ""))
-        with located(f"line {number}"):
+        with prefix_errors(f"line {number}"):
             _check_points(line.split())
     return photos
 
@@ -278,7 +278,7 @@ def _binary_images(source: _Binary, cameras: dict[int, _Intrinsics]) -> list[Pos
         pose, camera = np.array(source.read("<I7d")[1:]), source.read("<I")[0]
         name = source.name()
         source.skip(24 * source.count(24))  # its 2D points
-        with located(f"photo {name!r}"):
+        with prefix_errors(f"photo {name!r}"):
             photos.append(_posed(name, _camera_of(camera, cameras), pose))
     source.end()
     return photos

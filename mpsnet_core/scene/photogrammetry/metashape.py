@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
-from mpsnet_core.io.files import existing_file, located
+from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
 
@@ -53,7 +53,7 @@ def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     file = existing_file(path, "camera file")
     if file.stat().st_size > MAX_FILE_BYTES:
         raise FormatError(f"{file} is larger than 64 MiB and so not a file of cameras; {EXPORT}")
-    with located(file):
+    with prefix_errors(file):
         try:
             text = file.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError:
@@ -90,7 +90,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
         if pose is None or camera.get("enabled", "1").lower() in ("0", "false"):
             continue
         name = camera.get("label", "")
-        with located(f"photo {name!r}"):
+        with prefix_errors(f"photo {name!r}"):
             sensor = sensors.get(camera.get("sensor_id"))
             if sensor is None:
                 raise FormatError(f"its sensor {camera.get('sensor_id')} is not in the file; {EXPORT}")

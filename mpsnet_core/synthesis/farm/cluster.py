@@ -18,7 +18,7 @@ from typing import Any
 from mpsnet_core import __version__
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.synthesis.farm.address import check_address
-from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
+from mpsnet_core.synthesis.farm.work import SampleResult, SampleResults, Worker
 from mpsnet_core.synthesis.job import JOB_FILE, read_job
 
 try:
@@ -30,17 +30,17 @@ except ImportError as error:
 
 CONNECT_SECONDS = 10
 LISTEN_SECONDS = 0.2
-HELD_SECONDS = 0.5
+RETRY_SECONDS = 0.5
 # The scheduler keeps submitted tasks in memory; this many keep all workers busy.
 TASKS_AHEAD = 2000
 # Worker processes end after this time without a request, because the client may disappear without notice.
 IDLE_SECONDS = 60.0
 
 
-def answers_from_cluster(
+def results_from_cluster(
     address: str, command: Sequence[str], folder: Path, numbers: Sequence[int], *, trusted: bool = False
-) -> Answers:
-    """Answers of the Dask workers at the scheduler `address` to `numbers`, with one task per sample.
+) -> SampleResults:
+    """Results of the Dask workers at the scheduler `address` for the samples `numbers`, one task per sample.
 
     trusted: whether the whole network is trusted. If not, a remote address must be tls://, see :func:`check_address`.
     Certificates are from Dask's configuration (``distributed.comm.tls``).
@@ -51,14 +51,14 @@ def answers_from_cluster(
     check_address(address, trusted=trusted)
     if not numbers:
         return
-    waiting, held = deque(numbers), deque[tuple[float, int]]()
+    waiting, claimed_elsewhere = deque(numbers), deque[tuple[float, int]]()
     pending: dict[int, Future] = {}
     finished = queue.SimpleQueue[tuple[int, Future]]()
     with _client(address) as client, _sample_workers(client, command, folder) as plugin:
         try:
-            while waiting or held or pending:
-                while held and held[0][0] <= time.monotonic():
-                    waiting.append(held.popleft()[1])
+            while waiting or claimed_elsewhere or pending:
+                while claimed_elsewhere and claimed_elsewhere[0][0] <= time.monotonic():
+                    waiting.append(claimed_elsewhere.popleft()[1])
                 while waiting and len(pending) < TASKS_AHEAD:
                     number = waiting.popleft()
                     task = client.submit(
@@ -72,13 +72,13 @@ def answers_from_cluster(
                     yield None
                     continue
                 del pending[number]
-                answer = _answer(task, number, address)
-                if answer is None:
+                result = _task_result(task, number, address)
+                if result is None:
                     waiting.append(number)
-                elif answer.state == "held":
-                    held.append((time.monotonic() + HELD_SECONDS, number))
+                elif result.state == "held":
+                    claimed_elsewhere.append((time.monotonic() + RETRY_SECONDS, number))
                 else:
-                    yield answer
+                    yield result
         finally:
             with contextlib.suppress(OSError):  # the scheduler has gone
                 client.cancel(list(pending.values()), force=True)
@@ -88,7 +88,7 @@ def _put(finished: "queue.SimpleQueue[tuple[int, Future]]", number: int, task: F
     finished.put((number, task))
 
 
-def _answer(task: Future, number: int, address: str) -> Answer | None:
+def _task_result(task: Future, number: int, address: str) -> SampleResult | None:
     """The answer of a task; None if it was lost with its worker while the scheduler is still there."""
     try:
         if task.status == "finished":
@@ -99,7 +99,7 @@ def _answer(task: Future, number: int, address: str) -> Answer | None:
     if error is None and task.client.status == "running":
         return None
     if isinstance(error, KilledWorker):
-        return Answer(number, "failed", "the cluster's workers died of it again and again")
+        return SampleResult(number, "failed", "the cluster's workers died of it again and again")
     if isinstance(error, InputError):
         raise error
     reason = f" ({error})" if error is not None else ""
@@ -187,7 +187,7 @@ def _sample_workers(client: Client, command: Sequence[str], folder: Path) -> Ite
             client.unregister_worker_plugin(name)
 
 
-def _make(plugin: str, number: int) -> Answer:
+def _make(plugin: str, number: int) -> SampleResult:
     own: Any = get_worker().plugins[plugin]
     return own.make(number)
 
@@ -203,7 +203,7 @@ class _SampleWorkers(WorkerPlugin):
         self.all: set[Worker] = set()
         self.idle: deque[tuple[Worker, threading.Timer]] = deque()
 
-    def make(self, number: int) -> Answer:
+    def make(self, number: int) -> SampleResult:
         """Make a sample. Raises InputError if this machine cannot make samples of the job."""
         where = get_worker().address
         if self.version != __version__:
@@ -220,12 +220,12 @@ class _SampleWorkers(WorkerPlugin):
         except IndexError:
             worker = Worker(self.command, self.folder, seconds=read_job(self.folder).sample_seconds)
             self.all.add(worker)
-        answer = worker.make(number)
+        result = worker.make(number)
         timer = threading.Timer(IDLE_SECONDS, self._retire, (worker,))
         timer.daemon = True
         timer.start()
         self.idle.append((worker, timer))
-        return answer
+        return result
 
     def _retire(self, worker: Worker) -> None:
         for entry in list(self.idle):

@@ -18,11 +18,11 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
-from mpsnet_core.io.image_writing import is_whole, write_picture
+from mpsnet_core.io.image_writing import is_complete_image, write_picture
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
-from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, clear_unfinished
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, SampleResult, SampleResults, Worker, clear_unfinished
 from mpsnet_core.synthesis.job import (
     CONTACT_SHEET,
     FOLDER_CLAIM,
@@ -40,7 +40,7 @@ SYNTHESIS_COMMAND = (THIS_PYTHON, "-m", "mpsnet_core", "work")
 FAILURES_IN_A_ROW = 20
 
 LISTEN_SECONDS = 0.2
-HELD_SECONDS = 0.3
+RETRY_SECONDS = 0.3
 SHEET_SECONDS = 5.0
 # Largest share of the time to spend on updating the contact sheet.
 SHEET_SHARE = 0.05
@@ -98,22 +98,22 @@ def make_samples(
     place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)
     clear_unfinished(folder)
-    there = _whole_samples(folder, progress)
+    there = _complete_samples(folder, progress)
     numbers = [number for number in range(job.count) if number not in there]
     tally = _Tally(job.count, job.count - len(numbers), progress)
     sheet = _GrowingSheet(folder)
     if cluster:
-        from mpsnet_core.synthesis.farm.cluster import answers_from_cluster
+        from mpsnet_core.synthesis.farm.cluster import results_from_cluster
 
-        answers = answers_from_cluster(cluster, command, folder, numbers, trusted=cluster_trusted)
+        results = results_from_cluster(cluster, command, folder, numbers, trusted=cluster_trusted)
     else:
-        answers = _answers_from_here(command, folder, numbers, processes or usable_cores())
+        results = _results_from_processes(command, folder, numbers, processes or usable_cores())
     try:
         tally.report()
-        with closing(answers):
-            for answer in answers:
-                if answer is not None:
-                    tally.add(answer)
+        with closing(results):
+            for result in results:
+                if result is not None:
+                    tally.add(result)
                 tally.report()
                 sheet.grow(tally.outcome.made)
     finally:
@@ -122,12 +122,12 @@ def make_samples(
     return tally.outcome
 
 
-def _whole_samples(folder: Path, progress: Progress) -> set[int]:
+def _complete_samples(folder: Path, progress: Progress) -> set[int]:
     there = sorted(samples_there(folder))
     whole = set()
     for place, number in enumerate(there):
         progress(0.0, f"looking through what is there, {place} of {len(there)}")
-        if is_whole(sample_path(folder, number)):
+        if is_complete_image(sample_path(folder, number)):
             whole.add(number)
     return whole
 
@@ -135,7 +135,9 @@ def _whole_samples(folder: Path, progress: Progress) -> set[int]:
 # --- this machine -----------------------------------------------------------------------------------------------------
 
 
-def _answers_from_here(command: Sequence[str], folder: Path, numbers: Sequence[int], processes: int) -> Answers:
+def _results_from_processes(
+    command: Sequence[str], folder: Path, numbers: Sequence[int], processes: int
+) -> SampleResults:
     processes = min(processes, len(numbers))
     if not processes:
         return
@@ -145,24 +147,24 @@ def _answers_from_here(command: Sequence[str], folder: Path, numbers: Sequence[i
     longest = max(1, len(numbers) // (4 * processes))
     runs = itertools.groupby(numbers, lambda number: (number // job.views, number % job.views // longest))
     waiting = deque(tuple(run) for _, run in runs)
-    answers, stop = queue.SimpleQueue[Answer | Exception](), threading.Event()
+    results, stop = queue.SimpleQueue[SampleResult | Exception](), threading.Event()
     threads_each = max(1, usable_cores() // processes)
     workers = [Worker(command, folder, threads_each, seconds=job.sample_seconds) for _ in range(processes)]
     threads = [
-        threading.Thread(target=_drive, args=(worker, waiting, answers.put, stop), daemon=True) for worker in workers
+        threading.Thread(target=_drive, args=(worker, waiting, results.put, stop), daemon=True) for worker in workers
     ]
     try:
         for thread in threads:
             thread.start()
-        while any(thread.is_alive() for thread in threads) or not answers.empty():
+        while any(thread.is_alive() for thread in threads) or not results.empty():
             try:
-                answer = answers.get(timeout=LISTEN_SECONDS)
+                result = results.get(timeout=LISTEN_SECONDS)
             except queue.Empty:
                 yield None
                 continue
-            if isinstance(answer, Exception):
-                raise answer
-            yield answer
+            if isinstance(result, Exception):
+                raise result
+            yield result
     finally:
         stop.set()
         for worker in workers:
@@ -175,27 +177,27 @@ def _answers_from_here(command: Sequence[str], folder: Path, numbers: Sequence[i
 def _drive(
     worker: Worker,
     waiting: "deque[Sequence[int]]",
-    put: Callable[[Answer | Exception], None],
+    put: Callable[[SampleResult | Exception], None],
     stop: threading.Event,
 ) -> None:
     """Let one worker make batch after batch, and at the end retry samples that other processes held."""
-    held: deque[tuple[float, int]] = deque()
+    claimed_elsewhere: deque[tuple[float, int]] = deque()
     try:
         while not stop.is_set():
             try:
                 run: Sequence[int] = waiting.popleft()
             except IndexError:
-                if not held:
+                if not claimed_elsewhere:
                     break
-                due, number = held.popleft()
+                due, number = claimed_elsewhere.popleft()
                 stop.wait(max(0.0, due - time.monotonic()))
                 run = (number,)
             for number in run:
-                answer = worker.make(number)
-                if answer.state == "held":
-                    held.append((time.monotonic() + HELD_SECONDS, number))
+                result = worker.make(number)
+                if result.state == "held":
+                    claimed_elsewhere.append((time.monotonic() + RETRY_SECONDS, number))
                 else:
-                    put(answer)
+                    put(result)
     except ChildEnded:  # `end` ended it during work
         return
     except Exception as error:  # noqa: BLE001 - raised again where the answers are read
@@ -216,19 +218,19 @@ class _Tally:
         self._start, self._before = time.monotonic(), there
         self._failures_in_a_row = 0
 
-    def add(self, answer: Answer) -> None:
+    def add(self, result: SampleResult) -> None:
         """Count an answer. Raises InputError after too many consecutive failures."""
-        if answer.state == "failed":
-            self.outcome.failed[answer.number] = answer.error
+        if result.state == "failed":
+            self.outcome.failed[result.number] = result.error
             self._failures_in_a_row += 1
             if self._failures_in_a_row == FAILURES_IN_A_ROW:
                 raise InputError(
                     f"stopped after {FAILURES_IN_A_ROW} samples in a row that could not be made; "
-                    f"sample {answer.number}: {answer.error}"
+                    f"sample {result.number}: {result.error}"
                 )
             return
         self._failures_in_a_row = 0
-        if answer.state == "made":
+        if result.state == "made":
             self.outcome.made += 1
         else:
             self.outcome.there += 1

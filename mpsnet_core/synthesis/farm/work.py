@@ -26,7 +26,7 @@ from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, remove_abandoned
-from mpsnet_core.io.image_writing import is_whole
+from mpsnet_core.io.image_writing import is_complete_image
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # Placeholder in a worker's command for the Python that starts it, whose path differs between machines.
@@ -40,7 +40,7 @@ State = Literal["made", "there", "held", "failed"]
 
 
 @dataclass(frozen=True)
-class Answer:
+class SampleResult:
     """The outcome of a request for a sample. error: a sentence, if it failed."""
 
     number: int
@@ -48,8 +48,8 @@ class Answer:
     error: str = ""
 
 
-# Answers of workers as they arrive, and None if nothing arrives for a moment. Closing the generator ends the workers.
-Answers = Generator[Answer | None, None, None]
+# Results of workers as they arrive, and None if nothing arrives for a moment. Closing the generator ends the workers.
+SampleResults = Generator[SampleResult | None, None, None]
 
 
 # --- from within ------------------------------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
 
     Redirects stdout to stderr for all other code: the real stdout is for answers only.
 
-    make: writes the sample with a number to a path, atomically (:func:`mpsnet_core.io.files.written_whole`). If it
+    make: writes the sample with a number to a path, atomically (:func:`mpsnet_core.io.files.atomic_write`). If it
         raises InputError, that sample has failed, and work continues.
     """
     parent = Parent()
@@ -73,7 +73,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
                     number = _requested(request)
                     with claims.claim(number) as ours:
                         path = sample_path(folder, number)
-                        answer = _made(job, number, path, make) if ours else Answer(number, "held")
+                        answer = _made(job, number, path, make) if ours else SampleResult(number, "held")
                     parent.send(result=asdict(answer))
         except InputError as error:
             parent.send(error=str(error))
@@ -86,19 +86,19 @@ def _requested(request: Mapping[str, Any]) -> int:
     return number
 
 
-def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, int, Path], None]) -> Answer:
+def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, int, Path], None]) -> SampleResult:
     try:
-        if is_whole(path):
-            return Answer(number, "there")
+        if is_complete_image(path):
+            return SampleResult(number, "there")
         check_no_link(path)
         make(job, number, path)
     except InputError as error:
-        return Answer(number, "failed", str(error))
+        return SampleResult(number, "failed", str(error))
     except OSError as error:
-        return Answer(number, "failed", f"{error.filename or path}: {error.strerror or error}; check the path")
+        return SampleResult(number, "failed", f"{error.filename or path}: {error.strerror or error}; check the path")
     except MemoryError:
-        return Answer(number, "failed", "there is not enough memory; take a smaller size or fewer processes")
-    return Answer(number, "made")
+        return SampleResult(number, "failed", "there is not enough memory; take a smaller size or fewer processes")
+    return SampleResult(number, "made")
 
 
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
@@ -134,7 +134,7 @@ class Worker:
         self._child: ChildProcess | None = None
         self._lock, self._ended = threading.Lock(), False
 
-    def make(self, number: int) -> Answer:
+    def make(self, number: int) -> SampleResult:
         """Make a sample. If the worker dies or does not answer, a new one tries once more.
 
         Raises InputError if the worker cannot be started or is not one of ours, ChildEnded if :meth:`end` ended it.
@@ -147,10 +147,10 @@ class Worker:
             except ChildEnded as death:
                 if self._ended:
                     raise
-                if is_whole(sample_path(self._folder, number)):
-                    return Answer(number, "made")  # it died after writing, before answering
+                if is_complete_image(sample_path(self._folder, number)):
+                    return SampleResult(number, "made")  # it died after writing, before answering
                 if attempt == 2:
-                    return Answer(number, "failed", f"the worker died of it twice ({death})")
+                    return SampleResult(number, "failed", f"the worker died of it twice ({death})")
         raise AssertionError
 
     def end(self) -> None:
@@ -182,14 +182,14 @@ class Worker:
             raise self._refusal(message)
         return child
 
-    def _answer(self, number: int, message: Mapping[str, Any]) -> Answer:
+    def _answer(self, number: int, message: Mapping[str, Any]) -> SampleResult:
         result = message.get("result", {})
         state, error = result.get("state"), result.get("error", "")
         if result.get("number") != number or state not in get_args(State) or not isinstance(error, str):
             raise self._refusal(message)
-        if state in ("made", "there") and not is_whole(sample_path(self._folder, number)):
-            return Answer(number, "failed", f"its worker says that it is {state}, but it is not in the folder")
-        return Answer(number, state, error)
+        if state in ("made", "there") and not is_complete_image(sample_path(self._folder, number)):
+            return SampleResult(number, "failed", f"its worker says that it is {state}, but it is not in the folder")
+        return SampleResult(number, state, error)
 
     def _refusal(self, message: Mapping[str, Any]) -> InputError:
         """The error to raise if a worker does not answer a request."""

@@ -44,7 +44,7 @@ def indirect(
     chosen = np.flatnonzero((row % stride == stride // 2) & (column % stride == stride // 2))
     small = (-(-shape[0] // stride), -(-shape[1] // stride))
     at = row[chosen] // stride * small[1] + column[chosen] // stride
-    gathered = _gathered(surface, lights, points.chosen(chosen), tiled(_TILE, small).ravel()[at], albedo, bounces)
+    gathered = _gathered(surface, lights, points.subset(chosen), tiled(_TILE, small).ravel()[at], albedo, bounces)
     grid = _Grid(small, at, points.smooth[chosen], points.position[chosen], gathered, footprint * stride)
     grid.smooth()
     down, right = (row - stride // 2) / stride, (column - stride // 2) / stride
@@ -66,7 +66,7 @@ def _gathered(
         # Trace a point's paths consecutively: they hit the same triangles nearby, which are then in the cache.
         first = np.repeat(np.arange(block.start, block.stop), RAYS)
         brought = np.zeros((len(first), len(lights), 3), np.float32)
-        path, here, colour = np.arange(len(first)), points.chosen(first), np.ones((len(first), 3), np.float32)
+        path, here, colour = np.arange(len(first)), points.subset(first), np.ones((len(first), 3), np.float32)
         for bounce in range(bounces):
             owner, ray = first[path], path % RAYS
             # A ray's number determines its elevation, and steep rays leave a hollow. Within a tile, each number is
@@ -79,7 +79,7 @@ def _gathered(
             found = np.flatnonzero(hits.triangle >= 0)
             if not len(found):
                 break
-            here = surface.points(hits.chosen(found), -heading.take(found, axis=0), bump=False)
+            here = surface.points(hits.subset(found), -heading.take(found, axis=0), bump=False)
             path, colour = path[found], colour.take(found, axis=0) * albedo(here)
             for number, light in enumerate(lights):
                 direction = light.direction.astype(np.float32)

@@ -56,7 +56,7 @@ def lobe(reflectance: Reflectance) -> Lobe:
     return Lobe(np.minimum(albedo, 1).astype(np.float32), float(_ANGLES[np.argmax(mean - matt < peak / 2)]))
 
 
-def reflected(
+def reflect_light(
     reflectance: Reflectance,
     width: float,
     light: Light,

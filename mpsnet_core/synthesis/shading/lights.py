@@ -49,7 +49,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Arrival:
+class Illumination:
     """Light that arrives at N points.
 
     irradiance: (N,) float32, 1 on an unoccluded surface facing the light. lit: (N,) float32, visible share of the
@@ -60,14 +60,14 @@ class Arrival:
     lit: NDArray[np.float32]
 
 
-def arrival(
+def illumination(
     light: Light,
     points: SurfacePoints,
     scene: RayScene,
     pixels: NDArray[np.int64],
     shape: tuple[int, int],
     turns: NDArray[np.integer[Any]],
-) -> Arrival:
+) -> Illumination:
     """Light that arrives at the points, which are at pixels (N,) of an image of `shape`.
 
     turns: (N,) random integers below TURNS that rotate the rays of each point.
@@ -81,7 +81,7 @@ def arrival(
     if not radius:
         free = ~scene.occluded(start, direction[None])
         irradiance[facing], lit[facing] = free * cosine[facing], free
-        return Arrival(irradiance, lit)
+        return Illumination(irradiance, lit)
 
     angle = 2 * np.pi * np.arange(_TILE**2) / _TILE**2
     rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
@@ -96,7 +96,7 @@ def arrival(
     irradiance[sure] = cosine[sure] * lit[sure]
 
     _cast_many(light, points, scene, facing[unsure], turns, irradiance, lit)
-    return Arrival(irradiance, lit)
+    return Illumination(irradiance, lit)
 
 
 def _cast_many(

@@ -39,7 +39,7 @@ class SurfacePoints:
     def __len__(self) -> int:
         return len(self.position)
 
-    def chosen(self, which: NDArray[np.integer[Any]]) -> "SurfacePoints":
+    def subset(self, which: NDArray[np.integer[Any]]) -> "SurfacePoints":
         """Some of the points, by index."""
         return SurfacePoints(*(getattr(self, name).take(which, axis=0) for name in self.__dataclass_fields__))
 
@@ -65,7 +65,7 @@ class Surface:
         found = np.flatnonzero(hits.triangle >= 0)
         view = -directions.take(found, axis=0).astype(np.float32)
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
-        return row[found] * camera.width + column[found], depth, self.points(hits.chosen(found), view)
+        return row[found] * camera.width + column[found], depth, self.points(hits.subset(found), view)
 
     def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
         """The points at hits, without misses. view: (N, 3) unit vectors back along the rays."""

@@ -13,8 +13,8 @@ from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shading.bounce import STRIDE, indirect
-from mpsnet_core.synthesis.shading.gloss import Lobe, lobe, reflected
-from mpsnet_core.synthesis.shading.lights import TURNS, Light, arrival
+from mpsnet_core.synthesis.shading.gloss import Lobe, lobe, reflect_light
+from mpsnet_core.synthesis.shading.lights import TURNS, Light, illumination
 from mpsnet_core.synthesis.shading.pattern import dirt_weight, material_weights, paint_factors
 from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints
 from mpsnet_core.synthesis.shapes import Shape
@@ -66,7 +66,7 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
     turns = rng.integers(TURNS, size=camera.height * camera.width)[pixels]
 
     colouring = _colouring(recipe, points)
-    arrivals = [arrival(light, points, surface.scene, pixels, grid, turns) for light in lights]
+    arrivals = [illumination(light, points, surface.scene, pixels, grid, turns) for light in lights]
     radiance = np.stack(
         [
             _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
@@ -130,7 +130,7 @@ def _direct(
         used = np.flatnonzero((weights > 0) & (irradiance > 0))
         normals, views = points.normal.take(used, axis=0), points.view.take(used, axis=0)
         paint = None if colouring.paint is None else colouring.paint.take(used, axis=0)
-        shade = reflected(reflectance, one.width, light, normals, views, paint, turns[used])
+        shade = reflect_light(reflectance, one.width, light, normals, views, paint, turns[used])
         shade *= (weights * irradiance).take(used)[:, None]
         radiance[used] = radiance.take(used, axis=0) + shade
     if colouring.dirt is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
-from mpsnet_core.synthesis.draws import between, chance, count, generator, new_seed, picked
+from mpsnet_core.synthesis.draws import chance, choice, generator, integer, new_seed, uniform
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.shapes import blobs, drapery, groups, reliefs
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
@@ -58,19 +58,19 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     check_choice("kind of shape", kind, KINDS)
     description: dict[str, Any] = {"kind": kind, "seed": new_seed(rng)}
     if kind == "blobs":
-        character = picked(rng, blobs.CHARACTERS, (2, 4, 1, 1, 1, 1))
+        character = choice(rng, blobs.CHARACTERS, (2, 4, 1, 1, 1, 1))
         return {**description, "pose": "front" if character == "hollowed" else "any", "character": character}
     if kind == "drapery":
-        character = picked(rng, drapery.CHARACTERS, (4, 3, 3, 2))
+        character = choice(rng, drapery.CHARACTERS, (4, 3, 3, 2))
         return {**description, "pose": "upright" if character == "draped" else "front", "character": character}
     if kind == "reliefs":
-        return {**description, "pose": "front", "character": picked(rng, reliefs.CHARACTERS, (2, 2, 2, 2, 1))}
+        return {**description, "pose": "front", "character": choice(rng, reliefs.CHARACTERS, (2, 2, 2, 2, 1))}
     if kind == "groups":
         return {**description, "pose": "upright"}
     if not meshes:
         raise SettingsError("there are no mesh files to draw shapes from; name a folder of meshes")
     alone = chance(rng, 0.6)
-    files = [picked(rng, meshes) for _ in range(1 if alone else count(rng, 2, 3))]
+    files = [choice(rng, meshes) for _ in range(1 if alone else integer(rng, 2, 3))]
     pose = "any" if alone and chance(rng, 0.5) else "upright"
     return {**description, "pose": pose, "files": files, "deformed": chance(rng, 0.5)}
 
@@ -130,8 +130,8 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
 
 def _deformed(shape: Shape, rng: np.random.Generator) -> Shape:
     """The shape, slightly inflated, compressed and bent."""
-    seed, scale, amount = new_seed(rng), between(rng, 0.8, 2.0), between(rng, 0.05, 0.2)
-    stretch = np.array([between(rng, 0.8, 1.1) for _ in range(3)])
+    seed, scale, amount = new_seed(rng), uniform(rng, 0.8, 2.0), uniform(rng, 0.05, 0.2)
+    stretch = np.array([uniform(rng, 0.8, 1.1) for _ in range(3)])
 
     def bend(points: NDArray[np.float64]) -> NDArray[np.float64]:
         swells = np.stack([gradient_noise(points * scale, seed + k) for k in range(3)], axis=1)

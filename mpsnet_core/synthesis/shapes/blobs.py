@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import between, chance, count, direction, new_seed, picked, rotation
+from mpsnet_core.synthesis.draws import chance, choice, direction, integer, new_seed, rotation, uniform
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.isosurface import isosurface
 from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, placed, smooth_shape
@@ -42,21 +42,21 @@ def _ball(cells: int) -> Shape:
 def _body(rng: np.random.Generator, cells: int) -> Shape:
     """Blended lumps, or a ball with bumps and dents."""
     if chance(rng, 0.5):
-        soft = between(rng, 0.1, 0.6)
+        soft = uniform(rng, 0.1, 0.6)
         solids = []
-        for _ in range(count(rng, 3, 9)):
-            place = direction(rng) * between(rng, 0.2, 0.9)
+        for _ in range(integer(rng, 3, 9)):
+            place = direction(rng) * uniform(rng, 0.2, 0.9)
             if chance(rng, 0.6):
-                radii = np.array([between(rng, 0.2, 0.65) for _ in range(3)])
+                radii = np.array([uniform(rng, 0.2, 0.65) for _ in range(3)])
                 solids.append(ellipsoid(place, radii, rotation(rng), blend=soft))
             else:
-                end = direction(rng) * between(rng, 0.5, 1.1)
-                solids.append(limb(place, end, between(rng, 0.15, 0.4), between(rng, 0.1, 0.35), blend=soft))
-        solids.append(ellipsoid((0, 0, 0), between(rng, 0.3, 0.6), blend=soft))
+                end = direction(rng) * uniform(rng, 0.5, 1.1)
+                solids.append(limb(place, end, uniform(rng, 0.15, 0.4), uniform(rng, 0.1, 0.35), blend=soft))
+        solids.append(ellipsoid((0, 0, 0), uniform(rng, 0.3, 0.6), blend=soft))
         return isosurface(solids, 2.2 / cells)
-    seed, scale = new_seed(rng), between(rng, 0.8, 1.8)
-    swell, push = between(rng, 0.15, 0.45), between(rng, 0.1, 0.25)
-    stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
+    seed, scale = new_seed(rng), uniform(rng, 0.8, 1.8)
+    swell, push = uniform(rng, 0.15, 0.45), uniform(rng, 0.1, 0.25)
+    stretch = np.array([uniform(rng, 0.6, 1.1) for _ in range(3)])
 
     def form(points: Array) -> Array:
         out = 1 + swell * fractal_noise(points * scale, seed, 2)
@@ -68,31 +68,31 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
 
 def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
     """A few lumps with deep bowls, holes and gaps open towards +z, where few lights reach and bounces matter."""
-    soft = between(rng, 0.05, 0.4)
-    solids = [ellipsoid((0, 0, 0), [between(rng, 0.6, 1.0) for _ in range(3)], rotation(rng), blend=soft)]
-    for _ in range(count(rng, 0, 4)):
-        radii = [between(rng, 0.25, 0.6) for _ in range(3)]
-        solids.append(ellipsoid(direction(rng) * between(rng, 0.3, 0.9), radii, rotation(rng), blend=soft))
-    for _ in range(count(rng, 1, 4)):
+    soft = uniform(rng, 0.05, 0.4)
+    solids = [ellipsoid((0, 0, 0), [uniform(rng, 0.6, 1.0) for _ in range(3)], rotation(rng), blend=soft)]
+    for _ in range(integer(rng, 0, 4)):
+        radii = [uniform(rng, 0.25, 0.6) for _ in range(3)]
+        solids.append(ellipsoid(direction(rng) * uniform(rng, 0.3, 0.9), radii, rotation(rng), blend=soft))
+    for _ in range(integer(rng, 1, 4)):
         towards = normalised(direction(rng) * 0.9 + np.array([0.0, 0.0, 1.0]))
-        aside = between(rng, 0.0, 0.5) * direction(rng) * [1, 1, 0]
-        edge, radius = between(rng, 0.01, 0.15), between(rng, 0.15, 0.5)
+        aside = uniform(rng, 0.0, 0.5) * direction(rng) * [1, 1, 0]
+        edge, radius = uniform(rng, 0.01, 0.15), uniform(rng, 0.15, 0.5)
         if chance(rng, 0.5):
-            radii = [radius * between(rng, 0.6, 1.6) for _ in range(3)]
-            mouth = aside + towards * between(rng, 0.4, 0.8)
+            radii = [radius * uniform(rng, 0.6, 1.6) for _ in range(3)]
+            mouth = aside + towards * uniform(rng, 0.4, 0.8)
             solids.append(ellipsoid(mouth, radii, rotation(rng), blend=edge, carve=True))
         else:
-            deep = aside + towards * between(rng, -0.2, 0.4)
+            deep = aside + towards * uniform(rng, -0.2, 0.4)
             solids.append(limb(deep, aside + towards * 1.4, radius * 0.6, radius, blend=edge, carve=True))
     return isosurface(solids, 2.2 / cells)
 
 
 def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
     """Deep folds: bulges separated by creases, distorted by noise."""
-    seed, scale = new_seed(rng), between(rng, 1.3, 2.6)
-    depth, warp, push = between(rng, 0.5, 1.0), between(rng, 0.1, 0.5), between(rng, 0.1, 0.4)
-    stretch = np.array([between(rng, 0.35, 1.2) for _ in range(3)])
-    sharp = between(rng, 0.002, 0.02)
+    seed, scale = new_seed(rng), uniform(rng, 1.3, 2.6)
+    depth, warp, push = uniform(rng, 0.5, 1.0), uniform(rng, 0.1, 0.5), uniform(rng, 0.1, 0.4)
+    stretch = np.array([uniform(rng, 0.35, 1.2) for _ in range(3)])
+    sharp = uniform(rng, 0.002, 0.02)
 
     def form(points: Array) -> Array:
         places = (points + warp * _vectors(points * 1.5, seed)) * stretch * scale
@@ -107,8 +107,8 @@ def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
 
 def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
     """Sharp ridges between smooth valleys."""
-    seed, scale, amount = new_seed(rng), between(rng, 1.3, 2.8), between(rng, 0.05, 0.12)
-    sharp, warp = between(rng, 0.002, 0.01), between(rng, 0.0, 0.3)
+    seed, scale, amount = new_seed(rng), uniform(rng, 1.3, 2.8), uniform(rng, 0.05, 0.12)
+    sharp, warp = uniform(rng, 0.002, 0.01), uniform(rng, 0.0, 0.3)
 
     def height(points: Array) -> Array:
         places = (points + warp * _vectors(points * 1.3, seed)) * scale
@@ -122,46 +122,46 @@ def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
 
 def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[np.floating[Any]]]:
     """Fine relief: creases, grain, or ridges like those of a fingerprint or a brain."""
-    kind = picked(rng, ("creases", "grain", "rows"))
+    kind = choice(rng, ("creases", "grain", "rows"))
     seed = new_seed(rng)
-    stretch = np.array([between(rng, 0.25, 1.0) for _ in range(3)])
+    stretch = np.array([uniform(rng, 0.25, 1.0) for _ in range(3)])
     if kind == "creases":
-        scale, amount = between(rng, 4, 9), between(rng, 0.02, 0.05)
+        scale, amount = uniform(rng, 4, 9), uniform(rng, 0.02, 0.05)
         return lambda p: amount * np.sqrt(fractal_noise(p * stretch * scale, seed, 2) ** 2 + 0.004)
     if kind == "grain":
-        scale, amount = between(rng, 8, 22), between(rng, 0.05, 0.14)
+        scale, amount = uniform(rng, 8, 22), uniform(rng, 0.05, 0.14)
         return lambda p: amount / scale * 3 * fractal_noise(p * scale, seed, 2)
-    rows, scale, amount = between(rng, 12, 26), between(rng, 0.8, 1.8), between(rng, 0.012, 0.03)
+    rows, scale, amount = uniform(rng, 12, 26), uniform(rng, 0.8, 1.8), uniform(rng, 0.012, 0.03)
     return lambda p: amount * np.sin(rows * gradient_noise(p * stretch * scale, seed).astype(np.float64))
 
 
 def _faceted(rng: np.random.Generator) -> Shape:
-    kind = picked(rng, ("gem", "rough", "crystals"))
+    kind = choice(rng, ("gem", "rough", "crystals"))
     if kind == "rough":
-        vertices, triangles = sphere(count(rng, 1, 4))
-        seed, scale, swell = new_seed(rng), between(rng, 0.9, 2.2), between(rng, 0.3, 0.8)
-        stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
+        vertices, triangles = sphere(integer(rng, 1, 4))
+        seed, scale, swell = new_seed(rng), uniform(rng, 0.9, 2.2), uniform(rng, 0.3, 0.8)
+        stretch = np.array([uniform(rng, 0.6, 1.1) for _ in range(3)])
         out = 1 + swell * fractal_noise(vertices * scale, seed, 2)
         moved = (vertices * out[:, None] + 0.3 * _vectors(vertices, seed + 1)) * stretch
         return faceted_shape(moved, triangles)
     if kind == "gem":
         vertices, triangles = sphere(6)
-        faces = normalised(rng.normal(size=(count(rng, 9, 40), 3)) * [between(rng, 0.6, 1.4) for _ in range(3)])
-        away = np.array([between(rng, 0.75, 1.1) for _ in faces])
+        faces = normalised(rng.normal(size=(integer(rng, 9, 40), 3)) * [uniform(rng, 0.6, 1.4) for _ in range(3)])
+        away = np.array([uniform(rng, 0.75, 1.1) for _ in faces])
         # The convex body of the planes, with six distant planes that keep it bounded.
         faces = np.concatenate([faces, np.eye(3), -np.eye(3)])
         away = np.concatenate([away, np.full(6, 1.3)])
         return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles)
-    crystals = joined([_crystal(rng) for _ in range(count(rng, 7, 16))])
+    crystals = joined([_crystal(rng) for _ in range(integer(rng, 7, 16))])
     return faceted_shape(crystals.vertices, crystals.triangles)
 
 
 def _crystal(rng: np.random.Generator) -> Shape:
     """A pointed prism that starts at the origin."""
-    sides, wide, long = count(rng, 4, 6), between(rng, 0.12, 0.32), between(rng, 0.5, 1.2)
+    sides, wide, long = integer(rng, 4, 6), uniform(rng, 0.12, 0.32), uniform(rng, 0.5, 1.2)
     turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     outline = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(sides)]) * wide
-    cut = between(rng, 0.05, 0.9) * wide
+    cut = uniform(rng, 0.05, 0.9) * wide
     up = np.array([0.0, 0.0, 1.0])
     rings = [outline - 0.1 * up, outline + long * up, 0.02 * outline + (long + cut) * up]
     return placed(stacked(np.stack(rings)), rotation(rng))

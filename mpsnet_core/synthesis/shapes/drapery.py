@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import between, chance, count, new_seed, picked
+from mpsnet_core.synthesis.draws import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.shape import Shape, turn_about
 from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, lengths, limb
@@ -32,10 +32,10 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
         solids, size = _hidden(rng)
         start = _flat(_LEVELS[0][0], size)
         top = max(float(solid.centre[2] + solid.half[2]) for solid in solids)
-        start = start @ _turned(rng) + (between(rng, -0.2, 0.2), between(rng, -0.2, 0.2), top + 0.1)
+        start = start @ _turned(rng) + (uniform(rng, -0.2, 0.2), uniform(rng, -0.2, 0.2), top + 0.1)
         cloth = _simulated(start, size, solids, {}, new_seed(rng))
     else:
-        size = between(rng, 1.8, 2.6)
+        size = uniform(rng, 1.8, 2.6)
         start, pins = _hung(rng, size)
         cloth = _simulated(start, size, [], pins, new_seed(rng)) @ np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)])
     return _finished(cloth, rng)
@@ -43,27 +43,27 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
 
 def _turned(rng: np.random.Generator) -> Array:
     """Axes rotated about z by a random angle."""
-    return turn_about((0, 0, 1), between(rng, 0, 360))
+    return turn_about((0, 0, 1), uniform(rng, 0, 360))
 
 
 def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
     """Solids under the cloth, standing on z = 0, and the cloth's size."""
     solids: list[Solid] = []
-    for _ in range(count(rng, 1, 4)):
-        x, y = (between(rng, -0.5, 0.5) * (len(solids) > 0) for _ in range(2))
-        high = between(rng, 0.3, 1.2)
-        kind = picked(rng, ("ball", "box", "cylinder", "pole"))
+    for _ in range(integer(rng, 1, 4)):
+        x, y = (uniform(rng, -0.5, 0.5) * (len(solids) > 0) for _ in range(2))
+        high = uniform(rng, 0.3, 1.2)
+        kind = choice(rng, ("ball", "box", "cylinder", "pole"))
         if kind == "ball":
-            r = between(rng, 0.3, 0.6)
+            r = uniform(rng, 0.3, 0.6)
             solids.append(ellipsoid((x, y, r), r))
         elif kind == "box":
-            half = np.array([between(rng, 0.25, 0.6), between(rng, 0.25, 0.6), high / 2])
+            half = np.array([uniform(rng, 0.25, 0.6), uniform(rng, 0.25, 0.6), high / 2])
             solids.append(box((x, y, high / 2), half, 0.03, _turned(rng)))
         elif kind == "cylinder":
-            solids.append(cylinder((x, y, high / 2), between(rng, 0.15, 0.5), high / 2, 0.03))
+            solids.append(cylinder((x, y, high / 2), uniform(rng, 0.15, 0.5), high / 2, 0.03))
         else:
-            solids.append(limb((x, y, 0), (x, y, 1.2 * high), 0.2, between(rng, 0.08, 0.2)))
-    return solids, between(rng, 1.6, 2.5)
+            solids.append(limb((x, y, 0), (x, y, 1.2 * high), 0.2, uniform(rng, 0.08, 0.2)))
+    return solids, uniform(rng, 1.6, 2.5)
 
 
 def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int, int], Array]]:
@@ -71,14 +71,14 @@ def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int,
     nodes = _LEVELS[0][0]
     flat = _flat(nodes, size)
     start = np.stack([flat[..., 0], np.zeros((nodes, nodes)), flat[..., 1]], axis=-1)
-    places = sorted({0, nodes - 1, *(count(rng, 2, nodes - 3) for _ in range(count(rng, 0, 2)))})
-    gather = between(rng, 0.35, 0.8)
+    places = sorted({0, nodes - 1, *(integer(rng, 2, nodes - 3) for _ in range(integer(rng, 0, 2)))})
+    gather = uniform(rng, 0.35, 0.8)
     pins = {}
     for place in places:
         x, _, z = start[0, place]
-        pins[0, place] = np.array([x * gather, between(rng, -0.15, 0.15), z + between(rng, -0.3, 0.1)])
+        pins[0, place] = np.array([x * gather, uniform(rng, -0.15, 0.15), z + uniform(rng, -0.3, 0.1)])
     if chance(rng, 0.3):  # held in the middle, as by a hand
-        pins[nodes // 2, nodes // 2] = np.array([between(rng, -0.2, 0.2), -0.3, size * between(rng, 0.1, 0.35)])
+        pins[nodes // 2, nodes // 2] = np.array([uniform(rng, -0.2, 0.2), -0.3, size * uniform(rng, 0.1, 0.35)])
     start[..., 0] *= gather
     return start, pins
 
@@ -181,8 +181,8 @@ def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
     normals = _grid_normals(front)
     if chance(rng, 0.5):
         rows = np.indices(front.shape[:2]).reshape(2, -1).T / len(front)
-        flat = np.column_stack([rows * between(rng, 8, 20) * (between(rng, 0.4, 1), 1), np.zeros(len(rows))])
-        height = between(rng, 0.004, 0.012) * fractal_noise(flat, new_seed(rng), 2)
+        flat = np.column_stack([rows * uniform(rng, 8, 20) * (uniform(rng, 0.4, 1), 1), np.zeros(len(rows))])
+        height = uniform(rng, 0.004, 0.012) * fractal_noise(flat, new_seed(rng), 2)
         front = front + height.reshape(*front.shape[:2], 1) * normals
         normals = _grid_normals(front)
     return sheet(front, front - _THICKNESS * normals)
@@ -195,29 +195,29 @@ def _grid_normals(grid: Array) -> Array:
 
 def _pleated(rng: np.random.Generator) -> Shape:
     """A curtain facing +z, with pleats that wander, sag, overhang and merge on their way down."""
-    nodes, tall = 180, between(rng, 0.7, 1.4)
+    nodes, tall = 180, uniform(rng, 0.7, 1.4)
     x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
     seed, down = new_seed(rng), (1 - y) / 2
     flat = np.stack([x, y * tall, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    drift = fractal_noise(flat * (1.2, between(rng, 0.3, 1.0), 1), seed, 2).reshape(x.shape)
-    pleats, wander = between(rng, 2, 6), between(rng, 0.2, 0.9)
+    drift = fractal_noise(flat * (1.2, uniform(rng, 0.3, 1.0), 1), seed, 2).reshape(x.shape)
+    pleats, wander = uniform(rng, 2, 6), uniform(rng, 0.2, 0.9)
     phase = (
-        2 * np.pi * (pleats * x / 2 + wander * drift + between(rng, -0.4, 0.4) * y + between(rng, 0, 0.5) * x * x * y)
+        2 * np.pi * (pleats * x / 2 + wander * drift + uniform(rng, -0.4, 0.4) * y + uniform(rng, 0, 0.5) * x * x * y)
     )
     strength = 0.65 + 0.8 * gradient_noise(flat * (1.6, 1.0, 1), seed + 9).reshape(x.shape)
-    strength = np.clip(strength, 0.05, 1.4) * (between(rng, 0.4, 1.0) + between(rng, 0, 0.8) * down)
+    strength = np.clip(strength, 0.05, 1.4) * (uniform(rng, 0.4, 1.0) + uniform(rng, 0, 0.8) * down)
     merged = np.clip(1.4 * down + 0.3 * drift, 0, 1) if chance(rng, 0.6) else np.ones_like(x)
     wave = merged * np.sin(phase) + (1 - merged) * 0.6 * np.sin(2 * phase) + 0.2 * merged * np.sin(2 * phase + 1.3)
-    deep, over = between(rng, 0.1, 0.3) / pleats**0.5, between(rng, 0.0, 0.16) / pleats
-    gather = 1 - between(rng, 0, 0.5) * (1 - down) ** 2
+    deep, over = uniform(rng, 0.1, 0.3) / pleats**0.5, uniform(rng, 0.0, 0.16) / pleats
+    gather = 1 - uniform(rng, 0, 0.5) * (1 - down) ** 2
     hem = 0.1 * gradient_noise(flat * (1.5, 0, 0), seed + 4).reshape(x.shape) * down
     front = np.stack(
         [(x + over * strength * np.sin(2 * phase)) * gather, y * tall + hem, deep * strength * wave], axis=-1
     )
     front[..., 2] += 0.25 * gradient_noise(flat * 1.1, seed + 5).reshape(x.shape)
     normals = _grid_normals(front)
-    fine = fractal_noise(flat * (9, between(rng, 5, 14), 1), seed + 3, 2).reshape(*x.shape, 1)
-    front = front + between(rng, 0, 0.012) * fine * normals
+    fine = fractal_noise(flat * (9, uniform(rng, 5, 14), 1), seed + 3, 2).reshape(*x.shape, 1)
+    front = front + uniform(rng, 0, 0.012) * fine * normals
     if chance(rng, 0.5):
         return sheet(front, front - _THICKNESS * normals)
     front[..., 2] -= front[..., 2].min() - 0.05
@@ -230,18 +230,18 @@ def _crumpled(rng: np.random.Generator) -> Shape:
     x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
     seed = new_seed(rng)
     flat = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    warp = between(rng, 0.02, 0.25)
+    warp = uniform(rng, 0.02, 0.25)
     bent = flat + warp * np.stack([gradient_noise(flat * 1.5, seed + k) for k in range(3)], axis=1)
-    height, sharp = np.zeros(len(flat)), between(rng, 0.005, 0.03)
-    for k in range(count(rng, 14, 40)):
-        size = between(rng, 0.15, 1.0)
-        angle, shift = between(rng, 0, 2 * np.pi), between(rng, -1, 1)
+    height, sharp = np.zeros(len(flat)), uniform(rng, 0.005, 0.03)
+    for k in range(integer(rng, 14, 40)):
+        size = uniform(rng, 0.15, 1.0)
+        angle, shift = uniform(rng, 0, 2 * np.pi), uniform(rng, -1, 1)
         across = np.cos(angle) * bent[:, 0] + np.sin(angle) * bent[:, 1] - shift
         # Noise fades each crease out.
         weight = np.clip(0.5 + 1.5 * gradient_noise(flat * (1.2 / size), seed + 20 + k), 0, 1)
         fold = np.sqrt(across**2 + (sharp * size) ** 2)
-        height += weight * picked(rng, (-1, 1)) * between(rng, 0.15, 0.45) * np.minimum(fold, 0.4 * size)
-    height += 0.25 * gradient_noise(flat * between(rng, 0.6, 1.3), seed + 11)
+        height += weight * choice(rng, (-1, 1)) * uniform(rng, 0.15, 0.45) * np.minimum(fold, 0.4 * size)
+    height += 0.25 * gradient_noise(flat * uniform(rng, 0.6, 1.3), seed + 11)
     push = 0.06 * np.stack([gradient_noise(flat * 2.5, seed + 60 + k) for k in range(2)], axis=1)
     front = np.column_stack([flat[:, :2] + push, height]).reshape(nodes, nodes, 3)
     front[..., 2] -= front[..., 2].min() - 0.05

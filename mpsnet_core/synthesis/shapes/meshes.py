@@ -83,11 +83,11 @@ def load_mesh(path: str) -> Shape:
         raise FormatError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
     if not np.isfinite(vertices).all():
         raise FormatError(f"mesh file {file} holds a coordinate that is not finite; export it again")
-    vertices, faces = merged(vertices, faces)
+    vertices, faces = merge_vertices(vertices, faces)
     if not len(faces):
         raise GeometryError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
-    vertices, faces = closed(*thickened(vertices, wound(vertices, faces)))
-    faces = outward(vertices, faces)
+    vertices, faces = fill_mesh_holes(*thicken_if_flat(vertices, orient_consistently(vertices, faces)))
+    faces = orient_outward(vertices, faces)
     vertices = vertices @ np.array([(1.0, 0, 0), (0, 0, 1), (0, -1, 0)])
     triangles = faces.astype(np.int32)
     shape = fitted(Shape(vertices, triangles, creased_normals(vertices, triangles), np.zeros(len(triangles), np.int32)))
@@ -123,7 +123,7 @@ def _read(path: Path) -> tuple[Array, Faces]:
     return vertices, triangles
 
 
-def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Merge coincident vertices, and remove degenerate and duplicate faces."""
     used = vertices[np.unique(faces)]
     size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
@@ -134,7 +134,7 @@ def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     return np.array(mesh.vertices) * size, np.array(mesh.faces)
 
 
-def wound(vertices: Array, faces: Faces) -> Faces:
+def orient_consistently(vertices: Array, faces: Faces) -> Faces:
     """Flip faces so that neighbours are oriented consistently."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
@@ -168,7 +168,7 @@ def wound(vertices: Array, faces: Faces) -> Faces:
     return np.where(flip[:, None], faces[:, ::-1], faces)
 
 
-def thickened(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def thicken_if_flat(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Thicken a flat mesh to a plate of 1/40 of its width; return any other mesh unchanged."""
     centred = vertices - vertices.mean(axis=0)
     _, extents, axes = np.linalg.svd(centred.T @ centred)
@@ -188,7 +188,7 @@ def thickened(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     )
 
 
-def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def fill_mesh_holes(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Fill every hole with a triangle fan around its centre."""
     onward: dict[int, list[int]] = {}
     for start, end in _open_edges(vertices, faces).tolist():
@@ -232,7 +232,7 @@ def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
     return np.repeat(forth, np.abs(net), axis=0)
 
 
-def outward(vertices: Array, faces: Faces) -> Faces:
+def orient_outward(vertices: Array, faces: Faces) -> Faces:
     """Flip connected patches of faces with negative volume."""
     patch = connected(len(vertices), faces[:, :2].ravel(), faces[:, 1:].ravel())[faces[:, 0]]
     a, b, c = (vertices[faces[:, k]] for k in range(3))

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.draws import between, chance, count, new_seed, picked
+from mpsnet_core.synthesis.draws import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.shape import Shape
 from mpsnet_core.synthesis.shapes.solids import blended
@@ -29,18 +29,18 @@ def build_relief(character: str, rng: np.random.Generator) -> Shape:
     seed = new_seed(rng)
     flat: Array = np.column_stack([u, v, np.zeros_like(u)])
     # A slight distortion: no stroke is perfectly straight.
-    bend = between(rng, 0.0, 0.04)
+    bend = uniform(rng, 0.0, 0.04)
     places = (axis + bend * gradient_noise(flat * 2, seed + k) for k, axis in enumerate((u, v)))
-    height = between(rng, 0.1, 0.3) * _MOTIFS[character](rng)(*places)
+    height = uniform(rng, 0.1, 0.3) * _MOTIFS[character](rng)(*places)
     edge = 0.97 - (np.sqrt(u * u + v * v) if disc else np.maximum(np.abs(u), np.abs(v)))
     if disc or chance(rng, 0.5):
-        rim = between(rng, 0.03, 0.07)
-        height = height * _step(edge - rim, rim) + between(rng, 0.05, 0.12) * _bump(edge, rim)
-    worn = between(rng, 0.0, 0.02) * fractal_noise(flat * between(rng, 3, 12), seed + 5, 3)
-    height = height + worn + between(rng, -0.15, 0.15) * (u * u + v * v) + 0.05 * gradient_noise(flat * 1.3, seed + 8)
+        rim = uniform(rng, 0.03, 0.07)
+        height = height * _step(edge - rim, rim) + uniform(rng, 0.05, 0.12) * _bump(edge, rim)
+    worn = uniform(rng, 0.0, 0.02) * fractal_noise(flat * uniform(rng, 3, 12), seed + 5, 3)
+    height = height + worn + uniform(rng, -0.15, 0.15) * (u * u + v * v) + 0.05 * gradient_noise(flat * 1.3, seed + 8)
     front = np.stack([x, y, _softened(height.reshape(x.shape)) - height.min() + 0.12], axis=-1)
     if not disc:
-        front[..., 1] *= between(rng, 0.7, 1.0)
+        front[..., 1] *= uniform(rng, 0.7, 1.0)
     return sheet(front, front * (1, 1, 0))
 
 
@@ -55,21 +55,21 @@ def _softened(height: Array) -> Array:
 
 def _coin(rng: np.random.Generator) -> Motif:
     """A head in profile or from the front, with an inscription of short strokes around it."""
-    turn = picked(rng, (-1, 1))
+    turn = choice(rng, (-1, 1))
     lumps = [
         (0.0, 0.12, 0.36, 0.42, 0.9),  # skull
         (0.14, -0.12, 0.24, 0.3, 0.8),  # jaw
-        (0.33, between(rng, -0.05, 0.08), 0.1, 0.13, 0.8),  # nose
+        (0.33, uniform(rng, -0.05, 0.08), 0.1, 0.13, 0.8),  # nose
         (0.28, -0.2, 0.08, 0.05, 0.8),
         (0.26, -0.32, 0.1, 0.09, 0.8),  # chin
         (-0.1, -0.45, 0.2, 0.35, 0.7),  # neck
         (-0.15, -0.75, 0.5, 0.22, 0.75),  # shoulders
-        (-0.16, 0.25, between(rng, 0.28, 0.4), between(rng, 0.25, 0.4), 1.1),  # hair
+        (-0.16, 0.25, uniform(rng, 0.28, 0.4), uniform(rng, 0.25, 0.4), 1.1),  # hair
         (-0.08, 0.0, 0.06, 0.1, 1.2),  # ear
-        (between(rng, -0.5, -0.3), between(rng, -0.3, 0.1), 0.14, 0.2, 0.9),
+        (uniform(rng, -0.5, -0.3), uniform(rng, -0.3, 0.1), 0.14, 0.2, 0.9),
     ]
-    rays = count(rng, 18, 50)
-    marks = [(2 * np.pi * k / rays, between(rng, 0.02, 0.06), chance(rng, 0.75)) for k in range(rays)]
+    rays = integer(rng, 18, 50)
+    marks = [(2 * np.pi * k / rays, uniform(rng, 0.02, 0.06), chance(rng, 0.75)) for k in range(rays)]
     seed = new_seed(rng)
 
     def height(u: Array, v: Array) -> Array:
@@ -98,18 +98,18 @@ def _coin(rng: np.random.Generator) -> Motif:
 
 def _letters(rng: np.random.Generator) -> Motif:
     """Rows of glyphs, each with a few strokes, raised or engraved, round or chiselled."""
-    rows = count(rng, 1, 4)
-    columns = rows + count(rng, 1, 4)
-    thick = between(rng, 0.09, 0.16)
-    sign = picked(rng, (1, 1, -1))
+    rows = integer(rng, 1, 4)
+    columns = rows + integer(rng, 1, 4)
+    thick = uniform(rng, 0.09, 0.16)
+    sign = choice(rng, (1, 1, -1))
     cell = np.array([1.7 / columns, 1.7 / rows])
     strokes = []
     knots = [(0, 0), (0.5, 0), (1, 0), (0, 0.5), (1, 0.5), (0, 1), (0.5, 1), (1, 1), (0.5, 0.5)]
     for row in range(rows):
         for column in range(columns):
             corner = np.array([-0.85 + column * cell[0], -0.85 + row * cell[1]]) + 0.15 * cell
-            for _ in range(count(rng, 1, 3)):
-                path = np.array([knots[int(rng.integers(len(knots)))] for _ in range(count(rng, 2, 4))], np.float64)
+            for _ in range(integer(rng, 1, 3)):
+                path = np.array([knots[int(rng.integers(len(knots)))] for _ in range(integer(rng, 2, 4))], np.float64)
                 path = corner + path * cell * 0.7
                 rounded = chance(rng, 0.5) and len(path) > 2
                 strokes.append(catmull_rom(path, 6 * (len(path) - 1) + 1) if rounded else path)
@@ -126,21 +126,21 @@ def _letters(rng: np.random.Generator) -> Motif:
 
 def _ornament(rng: np.random.Generator) -> Motif:
     """A rosette or a repeating pattern of leaves, petals, spirals and beads."""
-    turns = count(rng, 3, 10)
+    turns = integer(rng, 3, 10)
     parts = []
-    for _ in range(count(rng, 3, 7)):
-        away, size = between(rng, 0.2, 0.85), between(rng, 0.12, 0.35)
+    for _ in range(integer(rng, 3, 7)):
+        away, size = uniform(rng, 0.2, 0.85), uniform(rng, 0.12, 0.35)
         parts.append(
             (
-                picked(rng, ("petal", "bead", "arc", "spiral")),
+                choice(rng, ("petal", "bead", "arc", "spiral")),
                 away,
                 size,
-                between(rng, 0.4, 1.0),
-                between(rng, -0.5, 0.5),
+                uniform(rng, 0.4, 1.0),
+                uniform(rng, -0.5, 0.5),
             )
         )
     across = chance(rng, 0.35)
-    repeat = count(rng, 2, 3)
+    repeat = integer(rng, 2, 3)
 
     def height(u: Array, v: Array) -> Array:
         if across:
@@ -174,21 +174,21 @@ def _ornament(rng: np.random.Generator) -> Motif:
 def _figures(rng: np.random.Generator) -> Motif:
     """Animals and people with rounded limbs, overlapping."""
     limbs = []
-    for k in range(count(rng, 2, 5)):
-        size = between(rng, 0.5, 0.85)
-        x, y = between(rng, -0.55, 0.55), between(rng, -0.25, 0.15)
-        tall = between(rng, 0.6, 1.1)
-        turn = picked(rng, (-1, 1))
+    for k in range(integer(rng, 2, 5)):
+        size = uniform(rng, 0.5, 0.85)
+        x, y = uniform(rng, -0.55, 0.55), uniform(rng, -0.25, 0.15)
+        tall = uniform(rng, 0.6, 1.1)
+        turn = choice(rng, (-1, 1))
         if chance(rng, 0.5):  # an animal from the side
             bones = [((-0.6, 0.1), (0.5, 0.15), 0.3), ((0.5, 0.2), (0.8, 0.65), 0.18), ((0.8, 0.65), (1.1, 0.55), 0.16)]
-            bones += [((s, 0.0), (s + between(rng, -0.2, 0.2), -0.85), 0.1) for s in (-0.6, -0.4, 0.35, 0.55)]
-            bones += [((-0.7, 0.2), (-1.1, between(rng, -0.3, 0.6)), 0.06), ((0.75, 0.75), (0.65, 1.05), 0.07)]
+            bones += [((s, 0.0), (s + uniform(rng, -0.2, 0.2), -0.85), 0.1) for s in (-0.6, -0.4, 0.35, 0.55)]
+            bones += [((-0.7, 0.2), (-1.1, uniform(rng, -0.3, 0.6)), 0.06), ((0.75, 0.75), (0.65, 1.05), 0.07)]
         else:  # a person
             bones = [((0, -0.1), (0.05, 0.45), 0.26), ((0.05, 0.85), (0.07, 0.9), 0.2)]
-            bones += [((0.1 * s, -0.1), (0.25 * s + between(rng, -0.2, 0.2), -0.95), 0.12) for s in (-1, 1)]
+            bones += [((0.1 * s, -0.1), (0.25 * s + uniform(rng, -0.2, 0.2), -0.95), 0.12) for s in (-1, 1)]
             for s in (-1, 1):
-                elbow = (0.45 * s + 0.05, between(rng, 0.0, 0.5))
-                hand = (elbow[0] + between(rng, -0.4, 0.4), elbow[1] + between(rng, -0.3, 0.5))
+                elbow = (0.45 * s + 0.05, uniform(rng, 0.0, 0.5))
+                hand = (elbow[0] + uniform(rng, -0.4, 0.4), elbow[1] + uniform(rng, -0.3, 0.5))
                 bones += [((0.22 * s, 0.5), elbow, 0.09), (elbow, hand, 0.08)]
         limbs.append((x, y, size, tall * (1 - 0.12 * k), turn, bones))
 
@@ -207,8 +207,8 @@ def _figures(rng: np.random.Generator) -> Motif:
 
 def _landscape(rng: np.random.Generator) -> Motif:
     """Hills and terraces of noise."""
-    seed, scale = new_seed(rng), between(rng, 1.2, 3.0)
-    steps = picked(rng, (0, 3, 5, 8))
+    seed, scale = new_seed(rng), uniform(rng, 1.2, 3.0)
+    steps = choice(rng, (0, 3, 5, 8))
 
     def height(u: Array, v: Array) -> Array:
         points = np.column_stack([u * scale, v * scale, np.full_like(u, 0.37)])

@@ -10,9 +10,9 @@ from torch import Tensor, nn
 from mpsnet_core.learning.training.networks.network import (
     Network,
     Prediction,
+    apply_matrix,
     convolution,
     inverse,
-    multiplied,
     scaled,
     unit,
 )
@@ -43,4 +43,4 @@ class Demultiplexer(Network):
         photo, lights = inputs
         # The network predicts a residual: before training, the three intensities are the pixel's channels.
         intensities = photo + self.layers(self.photo(photo) + self.lights(lights))
-        return Prediction(unit(multiplied(inverse(lights), intensities)))
+        return Prediction(unit(apply_matrix(inverse(lights), intensities)))

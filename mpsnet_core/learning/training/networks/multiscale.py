@@ -28,12 +28,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from mpsnet_core.learning.training.networks.network import (
-    Inside,
+    IntermediateOutputs,
     Network,
     Prediction,
+    apply_matrix,
     convolution,
     inverse,
-    multiplied,
     unit,
 )
 
@@ -45,7 +45,7 @@ ANSWER = 9  # normals, expected error, gains, weight of the formula, share of th
 MAX_GAIN = 2.0  # limit of the log gains
 RIG = 15  # light directions, channel means, flags: coarser scale available, white photo, exact rig
 CELL = 4  # factor of both steps of averaging: pixels to measure the local colour on, then cells to smooth it over
-LEAST_EVIDENCE = 0.0003  # with less evidence the local colour counts as grey
+MIN_EVIDENCE = 0.0003  # with less evidence the local colour counts as grey
 SURE = 0.15  # radians; normals with a larger expected error count little for the colour
 BRIGHT = 0.25  # brightness relative to a white surface; darker pixels may be in shadow
 
@@ -90,11 +90,11 @@ class Multiscale(Network):
         photo, mask, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:8]
         lights, means, has_previous = rig[:, 0:9], rig[:, 9:12], rig[:, 12:13]
         solve = inverse(lights)
-        pseudo = multiplied(solve, photo)
+        pseudo = apply_matrix(solve, photo)
         length = (pseudo * pseudo).sum(dim=1, keepdim=True)
         calibrated = pseudo * torch.rsqrt(length + 1e-12)
         # Zero outside the mask, because the photo is.
-        grey_world = unit(multiplied(solve / means.flatten(1)[:, None], photo))
+        grey_world = unit(apply_matrix(solve / means.flatten(1)[:, None], photo))
         size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
         features = [
             0.5 * mask * _logarithm(photo / means),
@@ -120,10 +120,10 @@ class Multiscale(Network):
         found = torch.cat([normals, expected], dim=1).detach() * mask
         colour = _local_colour(photo, mask, found, lights)
         gains = MAX_GAIN * torch.tanh(answer[:, 4:7]) - torch.sigmoid(answer[:, 8:9]) * colour
-        formula, trust = unit(multiplied(solve, photo * torch.exp(gains))), answer[:, 7:8]
+        formula, trust = unit(apply_matrix(solve, photo * torch.exp(gains))), answer[:, 7:8]
         mixed = unit(torch.sigmoid(trust) * (formula - normals) + normals)
-        inside = Inside(self.lit(maps).float(), formula, normals, trust) if self.training else None
-        return Prediction(mixed, expected, inside)
+        intermediate = IntermediateOutputs(self.lit(maps).float(), formula, normals, trust) if self.training else None
+        return Prediction(mixed, expected, intermediate)
 
 
 def _local_colour(photo: Tensor, mask: Tensor, answer: Tensor, lights: Tensor) -> Tensor:
@@ -135,11 +135,11 @@ def _local_colour(photo: Tensor, mask: Tensor, answer: Tensor, lights: Tensor) -
     """
     photo, mask, answer = (functional.avg_pool2d(values.float(), CELL) for values in (photo, mask, answer))
     photo, answer = (photo / mask.clamp(min=1e-3)).clamp(min=0), answer / mask.clamp(min=1e-3)
-    shading = multiplied(lights.flatten(1).reshape(-1, 3, 3), answer[:, 0:3]).clamp(min=0)
+    shading = apply_matrix(lights.flatten(1).reshape(-1, 3, 3), answer[:, 0:3]).clamp(min=0)
     sure = mask / (1 + (answer[:, 3:4] / SURE) ** 2)
     weight = sure * photo / (photo + BRIGHT)
     found = torch.cat([weight * photo * shading, weight * shading * shading], dim=1)
-    found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + LEAST_EVIDENCE
+    found = functional.avg_pool2d(functional.avg_pool2d(found, CELL), 3, 1, 1) + MIN_EVIDENCE
     colour = torch.log(found[:, 0:3]) - torch.log(found[:, 3:6])
     colour = (colour - colour.mean(dim=1, keepdim=True)).clamp(-2, 2)
     return functional.interpolate(colour, scale_factor=CELL * CELL, mode="bilinear", align_corners=False)

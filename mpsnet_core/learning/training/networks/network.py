@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 
-class Inside(NamedTuple):
+class IntermediateOutputs(NamedTuple):
     """Intermediate outputs of a network with equation 2 inside, for auxiliary losses.
 
     Attributes
@@ -35,13 +35,13 @@ class Prediction(NamedTuple):
         (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
     expected_error : Tensor or None
         (N, 1, H, W) predicted angular error in radians; None if the network predicts none.
-    inside : Inside or None
+    intermediate : IntermediateOutputs or None
         In training mode only, of networks with equation 2 inside.
     """
 
     normals: Tensor
     expected_error: Tensor | None = None
-    inside: Inside | None = None
+    intermediate: IntermediateOutputs | None = None
 
 
 class Network(nn.Module, ABC):
@@ -86,7 +86,7 @@ def inverse(lights: Tensor) -> Tensor:
     return torch.stack(columns, dim=2) / volume
 
 
-def multiplied(matrix: Tensor, pixels: Tensor) -> Tensor:
+def apply_matrix(matrix: Tensor, pixels: Tensor) -> Tensor:
     """Each pixel of (N, 3, H, W) multiplied by a matrix (N, 3, 3), in the matrix's precision."""
     with torch.autocast(pixels.device.type, enabled=False):
         return torch.matmul(matrix, pixels.to(matrix.dtype).flatten(2)).reshape(pixels.shape)

@@ -1,6 +1,6 @@
-"""Photographing: packed samples become training photographs, on the device that trains.
+"""Photo simulation: packed samples become training photos, on the device that trains.
 
-The capture model's numbers are drawn in :mod:`mpsnet_core.synthesis.capture_model`; here they are applied to a whole
+The capture model's parameters are drawn in :mod:`mpsnet_core.synthesis.capture_model`; here they are applied to a whole
 batch at once. Networks that go from coarse to fine see an example at several scales: first the whole object, then
 windows of it, each at twice the resolution. The finest is the camera's own pixels, with its blur, mosaic, noise, levels
 and JPEG; the others are means of those. Beyond the sample's own resolution the picture is magnified, as soft as large
@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
-from mpsnet_core.estimate.features import LEAST_MEAN
+from mpsnet_core.estimate.features import MIN_MEAN
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
 from mpsnet_core.learning.training.jpeg import jpeg_losses
@@ -35,7 +35,7 @@ COARSEST = (64.0, 128.0)  # pixels of the object's longer side on the first scal
 # How many scales follow the first one.
 FINER_SHARES = (0.1, 0.4, 0.25, 0.15, 0.1)
 NEAREST_SHARE = 0.7  # of the frames are among the two in which the first light stands most nearly straight up
-LEAST_COVERED = 0.02  # share of a coarse pixel that the mask must cover for it to count
+MIN_COVERED = 0.02  # share of a coarse pixel that the mask must cover for it to count
 # Planes of an arranged sample; those of the white photo follow where there is one.
 PHOTO, NORMALS, LIT, MASK, WHITE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 10), slice(10, 13)
 
@@ -44,10 +44,10 @@ class Scale(NamedTuple):
     """N windows on one scale. Maps are (N, C, H, W), zero outside the known mask.
 
     maps: by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous" and those that
-    :func:`mpsnet_core.learning.training.inputs.map_of` makes of them. truth: (N, 3, H, W) true unit normals. weights:
-    (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it. examples: (N,) which examples of
-    the batch these are. places: (N, 2) where in the window of the scale before this one begins, in that one's pixels;
-    it covers half of its side.
+    :func:`mpsnet_core.learning.training.inputs.feature_tensor` makes of them. truth: (N, 3, H, W) true unit normals.
+    weights: (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it. examples: (N,) which
+    examples of the batch these are. places: (N, 2) upper left corner of each window in the window of the scale before,
+    in that scale's pixels; it covers half of that window's side.
     """
 
     maps: dict[str, Tensor]
@@ -71,7 +71,7 @@ class _Example:
     bicubic: bool
 
 
-class Photographer:
+class PhotoSimulator:
     """Draws batches of examples: `batch(step, size)` depends on nothing but the samples, the seed and the step.
 
     Parameters
@@ -125,7 +125,7 @@ class Photographer:
         augment: bool = True,
         shuffled: bool = True,
         device: torch.device | None = None,
-    ) -> "Photographer":
+    ) -> "PhotoSimulator":
         """For the photographs that a network, or the one of a card, sees.
 
         augment: whether in any frame where the network's is the camera's.
@@ -142,8 +142,8 @@ class Photographer:
         noise = torch.Generator(self.device).manual_seed(new_seed(rng))
         examples = [self._example(self.samples[self._index(step * size + k)], rng) for k in range(size)]
         if len(self.finer):
-            return _photographed(examples, self.window, rng, noise)
-        (whole,) = _photographed(examples, _side(examples, self.window), rng, noise)
+            return _simulated(examples, self.window, rng, noise)
+        (whole,) = _simulated(examples, _side(examples, self.window), rng, noise)
         return [_cut(whole, self.window, rng) if self.window else whole]
 
     def _index(self, number: int) -> int:
@@ -174,7 +174,7 @@ class Photographer:
         return example
 
 
-def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
+def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
     """Photograph a sample's own pixels in camera space, under three lights at once.
 
     Returns the capture, whose rig and mask have the draw's errors, and (H, W, 3) true normals, zero where unknown.
@@ -257,7 +257,7 @@ def _side(examples: Sequence[_Example], least: int = 0) -> int:
     return -(-max(least, *(side for example in examples for side in example.coarse)) // 16) * 16
 
 
-def _photographed(
+def _simulated(
     examples: list[_Example], window: int, rng: np.random.Generator, generator: torch.Generator
 ) -> list[Scale]:
     """All scales of some examples; the finer ones of those that have them."""
@@ -266,7 +266,7 @@ def _photographed(
     known = np.stack([turned(example.directions, example.draw.direction_errors) for example in examples])
     # Of the photos, which have the examples' numbers, and then of the white ones.
     exposure, means = torch.ones(2 * count, device=device), torch.ones(count, 3, device=device)
-    measured: dict[int, WhitePhoto | None] = {}
+    white_fits: dict[int, WhitePhoto | None] = {}
     chosen = list(range(count))
     places = np.zeros((count, 2), np.int64)
     scales: list[Scale] = []
@@ -278,7 +278,7 @@ def _photographed(
         shown = [*range(photos), *whites]
         owners = [chosen[number] for number in shown]
         numbers = chosen + [count + k for k in owners[photos:]]
-        drawn, mask = draws.chosen(owners), planes[:, MASK] > 0
+        drawn, mask = draws.subset(owners), planes[:, MASK] > 0
         finer = torch.tensor([examples[k].finest - level for k in owners], device=device)
         if level == 0:
             exposure[numbers] = _exposures(light, mask[shown], drawn)
@@ -286,20 +286,20 @@ def _photographed(
         light, white = light[:photos], light[photos:]
         seen = _known(mask, drawn.mask_error[:photos], finer[:photos])
         shot, light = light, unmixed(light, drawn.known_mixing[:photos])
-        for number, k, beside in zip(whites, owners[photos:], white, strict=True):
-            valid = seen[number, 0] & _unclipped(beside[None], drawn.bits[number : number + 1])[0, 0]
+        for number, k, white_image in zip(whites, owners[photos:], white, strict=True):
+            valid = seen[number, 0] & _unclipped(white_image[None], drawn.bits[number : number + 1])[0, 0]
             if level == 0:
                 sure = valid & _unclipped(shot[number][None], drawn.bits[number : number + 1])[0, 0]
-                measured[k] = _measured_white(shot[number, :, sure], beside[:, sure], examples[k].draw)
-            light[number] = _painted_grey(shot[number], beside, measured[k], light[number], valid)
+                white_fits[k] = _fit_white_photo(shot[number, :, sure], white_image[:, sure], examples[k].draw)
+            light[number] = _normalise_by_white_photo(shot[number], white_image, white_fits[k], light[number], valid)
         light = light * seen.float()
         if level == 0:
             means = _means(light, seen)
-            means = torch.maximum(means, LEAST_MEAN * means.mean(dim=1, keepdim=True))
+            means = torch.maximum(means, MIN_MEAN * means.mean(dim=1, keepdim=True))
         mean = means[chosen]
         photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
-        painted = torch.tensor([float(measured.get(k) is not None) for k in chosen], device=device)
+        painted = torch.tensor([float(white_fits.get(k) is not None) for k in chosen], device=device)
         given = torch.stack([torch.full((photos,), float(level > 0), device=device), painted], dim=1)
         scales.append(
             Scale(
@@ -346,10 +346,10 @@ def _window(example: _Example, level: int, window: int) -> Tensor:
         grid = torch.stack([x.expand(window, -1), y[:, None].expand(-1, window)], dim=-1)[None]
         mode = "bicubic" if example.bicubic else "bilinear"
         found = functional.grid_sample(planes[None], grid, mode=mode, align_corners=False)[0]
-    least = LEAST_COVERED if level < example.finest and size[0] <= height else 0.5
+    least = MIN_COVERED if level < example.finest and size[0] <= height else 0.5
     covered = (found[MASK] > least).float()
     # Products with masks, here and below: on CPUs torch.where takes ten times as long.
-    found = found * (covered / found[MASK].clamp(min=LEAST_COVERED))
+    found = found * (covered / found[MASK].clamp(min=MIN_COVERED))
     for channels in _photos(example.draw):
         found[channels].clamp_(min=0)
     found[MASK] = covered
@@ -414,7 +414,7 @@ class _Draws(NamedTuple):
             )
         )
 
-    def chosen(self, which: Tensor | Sequence[int]) -> "_Draws":
+    def subset(self, which: Tensor | Sequence[int]) -> "_Draws":
         return _Draws(*(values[which] for values in self))
 
 
@@ -470,7 +470,7 @@ def _shot(light: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generat
     light[~stored] = unbounded
     rounded = torch.nonzero(own & stored).flatten()
     if len(rounded):
-        light[rounded] = _stored(light[rounded], draws.chosen(rounded))
+        light[rounded] = _stored(light[rounded], draws.subset(rounded))
     return light
 
 
@@ -479,26 +479,33 @@ def _unclipped(white: Tensor, bits: Tensor) -> Tensor:
     return (white < 0.98).all(dim=1, keepdim=True) | (bits == 0)[:, None, None, None]
 
 
-def _measured_white(photo: Tensor, white: Tensor, draw: CaptureDraw) -> WhitePhoto | None:
+def _fit_white_photo(photo: Tensor, white: Tensor, draw: CaptureDraw) -> WhitePhoto | None:
     """From pixels (3, N) of an example's two photos; the lights count as equally bright in the white one."""
-    return WhitePhoto.measured(photo.T.cpu().numpy(), white.T.cpu().numpy(), draw.known_mixing, np.ones(3))
+    return WhitePhoto.fit(photo.T.cpu().numpy(), white.T.cpu().numpy(), draw.known_mixing, np.ones(3))
 
 
-def _painted_grey(photo: Tensor, white: Tensor, measured: WhitePhoto | None, light: Tensor, valid: Tensor) -> Tensor:
-    """As :func:`mpsnet_core.estimate.white_photo.painted_grey`, (3, H, W) of each light alone, which `light` is."""
-    if measured is None:
+def _normalise_by_white_photo(
+    photo: Tensor, white: Tensor, fit: WhitePhoto | None, light: Tensor, valid: Tensor
+) -> Tensor:
+    """(3, H, W) each light alone, as :func:`mpsnet_core.estimate.white_photo.normalise_by_white_photo` does it.
+
+    light: the unmixed photo, which is returned without a fit.
+    """
+    if fit is None:
         return light
-    gains, least, before, after, tint = (
-        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in measured
+    gains, lower_limits, unmixing_before, unmixing_after, mean_factors = (
+        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit
     )
-    albedo = torch.maximum(torch.tensordot(before, white, 1), least[:, None, None]) / gains[:, None, None]
-    factors = torch.where(valid, albedo.mean(dim=0) / albedo, tint[:, None, None])
-    grey: Tensor = torch.tensordot(after, torch.tensordot(before, photo, 1) * factors, 1)
+    albedo = (
+        torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
+    )
+    factors = torch.where(valid, albedo.mean(dim=0) / albedo, mean_factors[:, None, None])
+    grey: Tensor = torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
     return grey
 
 
 def _known(mask: Tensor, error: Tensor, finer: Tensor) -> Tensor:
-    """Masks (N, 1, H, W) as they are known; one that would have shrunk to nothing stays as it was."""
+    """Masks (N, 1, H, W) with their error; a mask that erosion would empty is returned unchanged."""
     known = _grown(mask, (error / 2**finer).trunc().long())
     return known | mask & ~known.flatten(1).any(1)[:, None, None, None]
 
@@ -569,7 +576,7 @@ def _grown(mask: Tensor, pixels: Tensor) -> Tensor:
 
 
 def _spread(region: Tensor, dim: int) -> Tensor:
-    """A bool region with what is beside it along an axis."""
+    """A bool region, grown by one pixel along an axis."""
     size, spread = region.shape[dim] - 1, region.clone()
     spread.narrow(dim, 0, size).logical_or_(region.narrow(dim, 1, size))
     spread.narrow(dim, 1, size).logical_or_(region.narrow(dim, 0, size))

@@ -22,10 +22,10 @@ SHADOW = 0.05
 # Pixels at the outline show the background, too.
 OUTLINE = 2
 # Pixels of a large photo to sample; least number of shadow pixels, absolute and as a share of the object.
-SAMPLED, LEAST_PIXELS, LEAST_SHARE = 200_000, 30, 0.001
+SAMPLED, MIN_PIXELS, MIN_SHARE = 200_000, 30, 0.001
 
 
-def note_room_light(capture: Capture, normals: NormalMap) -> None:
+def warn_of_ambient_light(capture: Capture, normals: NormalMap) -> None:
     """Warn if shadows are so bright that ambient light misleads every model.
 
     There is no warning for a shallow relief, which has no attached shadows; under near lights; and for normals by
@@ -60,5 +60,5 @@ def shadow_brightness(capture: Capture, normals: NormalMap) -> float | None:
         if full > 0:
             shares.append(light[..., number][dark] / full)
     found = np.concatenate(shares) if shares else np.empty(0)
-    enough = len(found) >= max(LEAST_PIXELS, LEAST_SHARE * np.count_nonzero(mask))
+    enough = len(found) >= max(MIN_PIXELS, MIN_SHARE * np.count_nonzero(mask))
     return float(np.median(found)) if enough else None

@@ -8,7 +8,7 @@ from conftest import Mpsnet
 from synthetic import CROSSTALK, shaded_sphere, write_file
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.room_light import note_room_light, shadow_brightness
+from mpsnet_core.estimate.ambient_light import shadow_brightness, warn_of_ambient_light
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
@@ -32,17 +32,17 @@ def test_shadows_are_as_bright_as_the_ambient_light(ambient: float, colour: floa
 
 
 def test_the_warning(caplog: pytest.LogCaptureFixture) -> None:
-    note_room_light(lit_by(0.03), SURE)
+    warn_of_ambient_light(lit_by(0.03), SURE)
     assert not caplog.records
-    note_room_light(lit_by(0.1), SURE)
+    warn_of_ambient_light(lit_by(0.1), SURE)
     assert "its channel still shows 9% of it" in caplog.text and "[room-light]" in caplog.text
 
 
 def test_crosstalk_that_the_rig_does_not_say_is_light_from_elsewhere_too(caplog: pytest.LogCaptureFixture) -> None:
     mixed = (BALL.image @ np.transpose(CROSSTALK)).astype(np.float32)
-    note_room_light(BALL.capture(image=mixed, rig=LightRig(RIG.directions, np.array(CROSSTALK))), SURE)
+    warn_of_ambient_light(BALL.capture(image=mixed, rig=LightRig(RIG.directions, np.array(CROSSTALK))), SURE)
     assert not caplog.records
-    note_room_light(BALL.capture(image=mixed), SURE)
+    warn_of_ambient_light(BALL.capture(image=mixed), SURE)
     assert "[room-light]" in caplog.text
 
 

@@ -1,6 +1,6 @@
-"""What photographing an example costs, as a share of the step that learns from it: one core, recipe multiscale.
+"""What simulating an example's photo costs, as a share of the step that learns from it: one core, recipe multiscale.
 
-python tests/benchmarks/photographing.py SAMPLES [--steps 12]
+python tests/benchmarks/photo_simulation.py SAMPLES [--steps 12]
 
 SAMPLES is a folder of samples; they are packed first, which takes no part in the time. Processor time is measured, so
 that what else the machine does counts little.
@@ -29,17 +29,17 @@ def main() -> None:
     torch.set_num_threads(1)
     recipe = read_recipe("multiscale")
     run = _Run(recipe, [Path(options.samples)], [], _Processes(), "auto", silent)
-    photographing, learning = [], []
+    simulating, learning = [], []
     for step in range(options.steps + 2):
         times = [time.process_time()]
-        scales = run.photographer.batch(step, recipe.batch)
+        scales = run.simulator.batch(step, recipe.batch)
         times.append(time.process_time())
         run.advance(run.network, scales)
         times.append(time.process_time())
         if step > 1:  # the first ones also load and plan
-            photographing.append((times[1] - times[0]) / recipe.batch)
+            simulating.append((times[1] - times[0]) / recipe.batch)
             learning.append((times[2] - times[1]) / recipe.batch)
-    one, other = (statistics.mean(values) for values in (photographing, learning))
+    one, other = (statistics.mean(values) for values in (simulating, learning))
     print(f"an example: photographed in {1e3 * one:.1f} ms, learned from in {1e3 * other:.1f} ms: {one / other:.2f}")
 
 

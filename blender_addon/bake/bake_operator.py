@@ -20,12 +20,12 @@ from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
-from ..settings.declared import as_typed
+from ..settings.declared import round_as_typed
 from .assign_textures import assign_albedo, assign_textures, mark_assets
-from .base_maps import base_map_files, store_base_map, worn_before
+from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
 from .options import Detail
-from .texture_owners import files_for, refuse_anothers, refuse_other_projects
+from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
     SPLITS,
     AssignedTexture,
@@ -41,7 +41,7 @@ from .texture_sets import (
 _HARDLY_SEEN = 0.1
 
 
-class BakesOnto(RunsCore):
+class BakeOperator(RunsCore):
     """Base of the bake operators: the objects that get textures, and the settings of the step Bake."""
 
     target: StringProperty(
@@ -58,7 +58,7 @@ class BakesOnto(RunsCore):
         try:
             prepared = super()._prepared(context, folder)
             owners = self.result_owners()
-            refuse_anothers(owners)
+            refuse_to_overwrite_other_objects(owners)
             if not bpy.app.background:  # a script that runs again intends to overwrite its results
                 refuse_other_projects(owners)
             return prepared
@@ -67,7 +67,7 @@ class BakesOnto(RunsCore):
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        """The files to write with their objects, for :func:`.texture_owners.refuse_anothers`."""
+        """The files to write with their objects, for :func:`.texture_owners.refuse_to_overwrite_other_objects`."""
         textures = files_for(self._bake_targets, self._output)
         return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 
@@ -80,7 +80,7 @@ class BakesOnto(RunsCore):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         check_in_scene(context.scene, target, "target")
-        check_can_wear(target)
+        check_shows_normals(target)
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
@@ -93,14 +93,14 @@ class BakesOnto(RunsCore):
         if not targets:
             raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
         for target in targets:
-            check_can_wear(target)
+            check_shows_normals(target)
         refuse_shared(targets, settings.split)
         return targets
 
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
         """The core's options for the photo's detail and the base maps."""
-        options: Detail = {"strength": as_typed(settings.strength), "fill": settings.fill}
-        self._bases = worn_before(targets, self._bake_targets, self._output)
+        options: Detail = {"strength": round_as_typed(settings.strength), "fill": settings.fill}
+        self._bases = maps_before_bake(targets, self._bake_targets, self._output)
         if not settings.onto:
             return options
         options["onto_shown"] = settings.onto_shown.lower()
@@ -123,7 +123,7 @@ class BakesOnto(RunsCore):
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
             begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
-            self.later(begun.slices)
+            self.schedule(begun.slices)
             self._bake_targets.append(bake_target(target, begun))
             paths.append(str(path))
         return tuple(paths)
@@ -147,7 +147,7 @@ class BakesOnto(RunsCore):
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
         images = load_textures(result["outputs"], self._bake_targets[0].name)
-        coverage = self._beside(result, "coverage")
+        coverage = self._load_maps(result, "coverage")
         for part, image in images.items():
             self.made(image)
             store_coverage(image, coverage[part])
@@ -155,23 +155,23 @@ class BakesOnto(RunsCore):
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
-        worn = _worn(there, images)
-        sentences = assign_textures(worn, bake.space, bake.convention)
+        assigned = _assigned(there, images)
+        sentences = assign_textures(assigned, bake.space, bake.convention)
         for sentence in [*sentences, *self._assign_albedo(there, result)]:
             self.report({"INFO"}, sentence)
-        for sentence in [*_without_normal(worn), *_of_modifiers(self._bake_targets)]:
+        for sentence in [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]:
             self.note(sentence)
-        mark_assets(worn, bake.mark_asset)
+        mark_assets(assigned, bake.mark_asset)
 
     def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], result: dict[str, Any]) -> list[str]:
         """Load the albedos and assign them to their objects. Returns notes."""
-        images = self._beside(result, "albedo")
+        images = self._load_maps(result, "albedo")
         for image in images.values():
             self.made(image)
         names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
-        return [*names, *assign_albedo(_worn(there, images))]
+        return [*names, *assign_albedo(_assigned(there, images))]
 
-    def _beside(self, result: dict[str, Any], what: str) -> dict[Part, Any]:
+    def _load_maps(self, result: dict[str, Any], what: str) -> dict[Part, Any]:
         """The images "coverage" or "albedo" that belong to the textures, loaded by :func:`load_textures`."""
         pictures = [
             {**one, "output": one[what], "tiles": one.get(f"{what}_tiles")} for one in result["outputs"] if what in one
@@ -192,7 +192,7 @@ class BakesOnto(RunsCore):
         return [f"{result['seen']:.0%} of the surface seen{filled}{moved}"]
 
 
-def _worn(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
+def _assigned(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
     """The textures of the objects that still exist."""
     return [found for one, target in there if target and (found := texture_of(one, target, images))]
 
@@ -202,7 +202,7 @@ def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
     return BakeTarget(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
 
 
-def targets_place(settings: Any) -> Provenance:
+def target_provenance(settings: Any) -> Provenance:
     """The target's mesh and transform as provenance of a bake; empty if it is not chosen in the panel."""
     target = settings.target
     if target is None or target.data is None or settings.objects != "ACTIVE":
@@ -216,9 +216,9 @@ def texture_name(settings: Any, name: str) -> str:
     return preset.stem(name)
 
 
-def _without_normal(worn: Sequence[AssignedTexture]) -> list[str]:
+def _without_normal(assigned: Sequence[AssignedTexture]) -> list[str]:
     """A sentence for each material that cannot take a normal map."""
-    materials = dict.fromkeys(slot.material for one in worn for slot in one.target.material_slots)
+    materials = dict.fromkeys(slot.material for one in assigned for slot in one.target.material_slots)
     return [
         f'Material "{material.name}" has no shader with a Normal input and does not show the texture'
         for material in materials
@@ -235,7 +235,7 @@ def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
     ]
 
 
-def check_can_wear(target: Any) -> None:
+def check_shows_normals(target: Any) -> None:
     """Raise InputError, before the work, if an object is linked or none of its materials can take a normal map.
 
     Missing materials are created later.

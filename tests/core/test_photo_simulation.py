@@ -1,4 +1,4 @@
-"""Photographing in batches: on every scale, in every frame, what is seen is what there is."""
+"""Simulated photos in batches: on every scale, in every frame, what is seen is what there is."""
 
 import itertools
 from dataclasses import replace
@@ -13,11 +13,11 @@ from sphere_sample import sphere_sample
 from torch import Tensor
 from torch.nn import functional
 
-from mpsnet_core.estimate.features import Seen, window_map
-from mpsnet_core.learning.training.inputs import map_of
+from mpsnet_core.estimate.features import PhotoCrop, feature_map
+from mpsnet_core.learning.training.inputs import feature_tensor
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import WINDOW, Frames, Photographer, Scale
+from mpsnet_core.learning.training.photo_simulation import WINDOW, Frames, PhotoSimulator, Scale
 from mpsnet_core.synthesis.capture_model import CaptureModel
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
@@ -70,13 +70,13 @@ def equal(ones: list[Scale], others: list[Scale]) -> bool:
 def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
     spheres: PackedSamples, finer: tuple[float, ...], frames: Frames
 ) -> None:
-    photographer = Photographer(spheres, IDEAL, finer=finer, frames=frames)
+    simulator = PhotoSimulator(spheres, IDEAL, finer=finer, frames=frames)
     senses = set()
     for step in range(6):
-        scales = photographer.batch(step, 4)
+        scales = simulator.batch(step, 4)
         assert len(scales) == max(len(finer), 1)
         for scale in scales:
-            found = map_of("initial_normals", scale.maps)
+            found = feature_tensor("initial_normals", scale.maps)
             # Where shadow begins is between two pixels.
             lit = inside(scale.lit * scale.maps["mask"]) & (scale.maps["photo"].amin(dim=1) > 0.1)
             assert lit.any()
@@ -90,9 +90,9 @@ def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
 def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: PackedSamples) -> None:
     places = torch.arange(float(WINDOW))
     for finer in ((1.0,), ()):
-        photographer = Photographer(spheres, IDEAL, finer=finer, frames="any", window=WINDOW)
+        simulator = PhotoSimulator(spheres, IDEAL, finer=finer, frames="any", window=WINDOW)
         for step in range(6):
-            (scale,) = photographer.batch(step, 2)
+            (scale,) = simulator.batch(step, 2)
             for truth, weights in zip(scale.truth, scale.weights > 0, strict=True):
                 size = truth.shape[-1]
                 x, y = places[None, :size].expand(size, size)[weights], places[:size, None].expand(size, size)[weights]
@@ -103,7 +103,7 @@ def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: 
 
 
 def test_a_finer_window_shows_what_the_coarser_one_shows_there(spheres: PackedSamples) -> None:
-    scales = Photographer(spheres, IDEAL, finer=EVERY_SCALE).batch(0, 4)
+    scales = PhotoSimulator(spheres, IDEAL, finer=EVERY_SCALE).batch(0, 4)
     half = WINDOW // 2
     for coarse, fine in itertools.pairwise(scales):
         means = functional.avg_pool2d(fine.maps["photo"], 2)
@@ -120,7 +120,7 @@ def test_magnified_scales_are_soft(checked: PackedSamples) -> None:
     """Where pixels are interpolated, neighbours differ the less the more there are of them."""
     for step in range(4):
         steps = []
-        for scale in Photographer(checked, IDEAL, finer=EVERY_SCALE).batch(step, 1):
+        for scale in PhotoSimulator(checked, IDEAL, finer=EVERY_SCALE).batch(step, 1):
             photo = scale.maps["photo"][0]
             across = photo.diff(dim=2).abs().amax(dim=0)[inside(scale.maps["mask"])[0, :, 1:]]
             steps.append(float(across.max()))
@@ -129,23 +129,23 @@ def test_magnified_scales_are_soft(checked: PackedSamples) -> None:
 
 
 def test_a_batch_depends_on_seed_and_step_alone(spheres: PackedSamples) -> None:
-    photographer = Photographer(spheres, seed=4)
-    first = photographer.batch(3, 4)
-    photographer.batch(9, 2)
-    assert equal(first, photographer.batch(3, 4)) and equal(first, Photographer(spheres, seed=4).batch(3, 4))
-    assert not equal(first, Photographer(spheres, seed=5).batch(3, 4)) and not equal(first, photographer.batch(4, 4))
+    simulator = PhotoSimulator(spheres, seed=4)
+    first = simulator.batch(3, 4)
+    simulator.batch(9, 2)
+    assert equal(first, simulator.batch(3, 4)) and equal(first, PhotoSimulator(spheres, seed=4).batch(3, 4))
+    assert not equal(first, PhotoSimulator(spheres, seed=5).batch(3, 4)) and not equal(first, simulator.batch(4, 4))
 
 
 def test_every_epoch_shows_all_samples_in_an_order_of_its_own(spheres: PackedSamples) -> None:
-    photographer = Photographer(spheres)
-    orders = [tuple(photographer._index(2 * epoch + place) for place in range(2)) for epoch in range(12)]
+    simulator = PhotoSimulator(spheres)
+    orders = [tuple(simulator._index(2 * epoch + place) for place in range(2)) for epoch in range(12)]
     assert set(orders) == {(0, 1), (1, 0)}
 
 
 def test_a_window_is_cut_from_the_whole_photograph(spheres: PackedSamples) -> None:
     corners = set()
     for step in range(8):
-        (whole,), (cut,) = (Photographer(spheres, window=window, finer=()).batch(step, 2) for window in (0, 32))
+        (whole,), (cut,) = (PhotoSimulator(spheres, window=window, finer=()).batch(step, 2) for window in (0, 32))
         assert whole.weights.shape[1:] == (208, 208), "a multiple of JPEG's blocks"
         assert cut.truth.shape == (2, 3, 32, 32) and (cut.weights.sum(dim=(1, 2)) > 0).all()
         assert torch.equal(whole.maps["lights"], cut.maps["lights"])
@@ -162,7 +162,7 @@ def test_a_window_is_cut_from_the_whole_photograph(spheres: PackedSamples) -> No
 
 
 def test_what_is_smaller_than_a_window_is_surrounded_by_what_does_not_count(spheres: PackedSamples) -> None:
-    (scale,) = Photographer(spheres, window=250, finer=()).batch(0, 2)
+    (scale,) = PhotoSimulator(spheres, window=250, finer=()).batch(0, 2)
     assert scale.maps["photo"].shape[2:] == (250, 250)
     empty = scale.maps["mask"] == 0
     assert 0.3 < float(empty.float().mean()) < 0.9
@@ -170,19 +170,23 @@ def test_what_is_smaller_than_a_window_is_surrounded_by_what_does_not_count(sphe
 
 
 def test_maps_are_those_that_estimates_are_made_from(spheres: PackedSamples) -> None:
-    (scale,) = Photographer(spheres, finer=()).batch(1, 2)
+    (scale,) = PhotoSimulator(spheres, finer=()).batch(1, 2)
     for number in range(2):
         maps = {name: values[number : number + 1] for name, values in scale.maps.items()}
         light = maps["photo"][0].permute(1, 2, 0).numpy()
         directions = maps["lights"].reshape(3, 3).double().numpy()
-        seen = Seen(light, maps["mask"][0, 0].numpy() > 0, directions, maps["channel_means"].flatten().double().numpy())
+        seen = PhotoCrop(
+            light, maps["mask"][0, 0].numpy() > 0, directions, maps["channel_means"].flatten().double().numpy()
+        )
         for name in ("photo", "grey_world", "initial_normals", "initial_normals_grey_world", "lights", "channel_means"):
-            np.testing.assert_allclose(map_of(name, maps)[0].numpy(), window_map(name, seen), atol=2e-5, err_msg=name)
+            np.testing.assert_allclose(
+                feature_tensor(name, maps)[0].numpy(), feature_map(name, seen), atol=2e-5, err_msg=name
+            )
 
 
 def test_photos_have_a_mean_of_one_over_the_whole_mask(spheres: PackedSamples) -> None:
     for finer in ((), EVERY_SCALE):
-        scale = Photographer(spheres, window=0 if not finer else WINDOW, finer=finer).batch(2, 2)[0]
+        scale = PhotoSimulator(spheres, window=0 if not finer else WINDOW, finer=finer).batch(2, 2)[0]
         means = scale.maps["photo"].sum(dim=(1, 2, 3)) / scale.maps["mask"].sum(dim=(1, 2, 3)) / 3
         torch.testing.assert_close(means, torch.ones(2), atol=1e-3, rtol=0)
 
@@ -190,13 +194,13 @@ def test_photos_have_a_mean_of_one_over_the_whole_mask(spheres: PackedSamples) -
 def test_examples_that_have_a_white_photo_are_painted_grey(painted: PackedSamples) -> None:
     """The others are as they would be without; those that have one are painted grey, and equation 2 is exact there."""
     model = replace(IDEAL, colour_overlap=(0.4, 0.4), white_strengths=(1.0, 1.0))
-    plain, white = (Photographer(painted, replace(model, white=share), finer=EVERY_SCALE) for share in (0.0, 0.5))
+    plain, white = (PhotoSimulator(painted, replace(model, white=share), finer=EVERY_SCALE) for share in (0.0, 0.5))
     seen: dict[bool, list[float]] = {False: [], True: []}
     for step in range(3):
         for without, scale in zip(plain.batch(step, 2), white.batch(step, 2), strict=True):
             given = scale.maps["given"][:, 1, 0, 0] > 0
             assert torch.equal(without.maps["photo"][~given], scale.maps["photo"][~given])
-            off = torch.rad2deg(angle_between(map_of("initial_normals", scale.maps), scale.truth))
+            off = torch.rad2deg(angle_between(feature_tensor("initial_normals", scale.maps), scale.truth))
             lit = inside(scale.lit * scale.maps["mask"]) & (scale.maps["photo"].amin(dim=1) > 0.1)
             for number, has_white in enumerate(given.tolist()):
                 seen[has_white] += off[number][lit[number]].tolist()
@@ -206,7 +210,7 @@ def test_examples_that_have_a_white_photo_are_painted_grey(painted: PackedSample
 def test_a_white_photo_that_says_nothing_is_not_said_to_be_given(painted: PackedSamples) -> None:
     """As in an estimate: here every pixel of it is clipped."""
     model = replace(IDEAL, white=1.0, exposure=(50.0, 50.0), bits=(8,))
-    given = Photographer(painted, model).batch(0, 2)[0].maps["given"][:, 1]
+    given = PhotoSimulator(painted, model).batch(0, 2)[0].maps["given"][:, 1]
     assert (given == 0).all()
 
 
@@ -216,7 +220,7 @@ def test_a_gpu_takes_the_same_photographs(spheres: PackedSamples, finer: tuple[f
     """But for the noise, which every device draws by a generator of its own, and values at the edge of a step."""
     model = replace(CaptureModel(), full_well=(np.inf, np.inf), read_noise=(0.0, 0.0))
     here, there = (
-        Photographer(spheres, model, finer=finer, device=torch.device(name)).batch(1, 4) for name in ("cpu", "cuda")
+        PhotoSimulator(spheres, model, finer=finer, device=torch.device(name)).batch(1, 4) for name in ("cpu", "cuda")
     )
     for one, other in zip(here, there, strict=True):
         off = (one.maps["photo"] - other.maps["photo"].cpu()).abs()

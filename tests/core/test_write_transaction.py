@@ -1,6 +1,6 @@
 """What a verb writes belongs together: all of it is new, or all of it is as it was, whatever stops the writing.
 
-Run as a program, it is the part that needs a full disk: python test_written_together.py VERB INPUTS FOLDER, where
+Run as a program, it is the part that needs a full disk: python test_write_transaction.py VERB INPUTS FOLDER, where
 FOLDER is a disk of its own.
 """
 

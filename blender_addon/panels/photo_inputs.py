@@ -10,14 +10,14 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.frames import is_several
+from mpsnet_core.io.frames import is_folder_or_pattern
 from mpsnet_core.scene.rig import LightRig, read_rig
 
 from ..image_records import origin, remembered
 from ..photo.camera import chosen_camera, is_real
 from ..photo.options import rig_file_for
 from ..provenance import is_there
-from ..rig.light_rig import drawn_rig
+from ..rig.light_rig import last_evaluated_rig
 
 _VIRTUAL = "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
 NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
@@ -52,7 +52,7 @@ def lights_of(scene: Any) -> Lights:
 
 def virtual_rig(scene: Any) -> Lights:
     """The lights of the scene's chosen rig."""
-    return _lights("the virtual rig", lambda: drawn_rig(scene))
+    return _lights("the virtual rig", lambda: last_evaluated_rig(scene))
 
 
 def _lights(words: str, read: Callable[[], LightRig]) -> Lights:
@@ -122,6 +122,6 @@ def lacks_named(settings: Any, name: str, *, optional: bool) -> str:
     if not path:
         return "" if optional else f"Choose the {label.lower()}"
     found = bpy.path.abspath(path)
-    if (optional and is_several(found)) or is_there(Path(found)):
+    if (optional and is_folder_or_pattern(found)) or is_there(Path(found)):
         return ""
     return f"{label} {path} does not exist; choose another"
