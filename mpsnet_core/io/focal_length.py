@@ -10,15 +10,15 @@ from typing import Any
 import OpenImageIO as oiio
 
 from mpsnet_core.io.files import RAW_SUFFIXES
-from mpsnet_core.io.image_input import complaint, image_attribute, image_input
+from mpsnet_core.io.image_input import image_attribute, image_input, pending_error
 
 log = logging.getLogger(__name__)
 
 # Sides of a frame of 35 mm film, in millimetres.
 FRAME = (36.0, 24.0)
 # 35 mm equivalent focal lengths that lenses have, in millimetres, and the longer sides of sensors.
-LEAST_STATED, MOST_STATED = 8.0, 2000.0
-LEAST_SENSOR, MOST_SENSOR = 3.0, 70.0
+MIN_STATED, MAX_STATED = 8.0, 2000.0
+MIN_SENSOR, MAX_SENSOR = 3.0, 70.0
 # Aspect ratios that differ by at most this factor count as equal: EXIF data may count a few pixels more.
 SAME_ASPECT = 1.02
 # Millimetres per unit of EXIF's FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre.
@@ -35,7 +35,7 @@ def stated_focal(path: str | os.PathLike[str]) -> float | None:
     """
     source = image_input(path)
     if source is None:
-        complaint(oiio)
+        pending_error(oiio)
         return None
     with closing(source):
         spec = source.spec()
@@ -45,7 +45,7 @@ def stated_focal(path: str | os.PathLike[str]) -> float | None:
     if focal is None:
         return None
     name = Path(path).name
-    if not LEAST_STATED <= focal <= MOST_STATED:
+    if not MIN_STATED <= focal <= MAX_STATED:
         log.info("%s states a lens of %.4g mm (EXIF), which no camera has; it is not used", name, focal)
         return None
     # The image that is read of a raw file is its preview.
@@ -73,7 +73,7 @@ def _in_35mm(spec: Any, size: tuple[int, int], recorded: list[float]) -> float |
     if not focal or not unit or not per_unit:
         return None
     sensor = recorded[0] / per_unit * unit
-    return focal / sensor * FRAME[0] if LEAST_SENSOR <= sensor <= MOST_SENSOR else None
+    return focal / sensor * FRAME[0] if MIN_SENSOR <= sensor <= MAX_SENSOR else None
 
 
 def _number(spec: Any, name: str) -> float:
