@@ -1,4 +1,4 @@
-"""Robust scale and weights for minimum squares with outliers."""
+"""Robust scale and weights for least squares with outliers."""
 
 from typing import Any
 

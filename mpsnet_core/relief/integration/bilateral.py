@@ -93,7 +93,7 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
 
     After doubling, breaks are staircases of two pixels. A pixel on the wrong side would stay there: it is continuous
     with its neighbours on that side, and its link to the right side is cut. With every doubling the stairs would grow.
-    So these pixels are relax_locally between the surfaces on both sides, which are fixed, with most of the change where
+    So these pixels are relaxed between the surfaces on both sides, which are fixed, with most of the change where
     neighbours require different gradients or loops do not close. The passes that follow decide anew.
     """
     beside = dilated(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)

@@ -18,7 +18,7 @@ _legvander: Any = np.polynomial.legendre.legvander  # untyped
 
 
 def flatten_normals(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
-    """Gradients (H, W, 2) of the flatten_normals surface, and its tilt in degrees.
+    """Gradients (H, W, 2) of the flattened surface, and its tilt in degrees.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is rotated to +z. Then large bends are subtracted
     from the gradients: their :func:`trend` with up to `bend` half waves across the image.
