@@ -24,7 +24,7 @@ SAME_PLACE = 1e-4
 def place_skinned(header: dict[str, Any], binary: bytes, path: Path) -> None:
     """Move each skinned mesh of a GLB file to a root node with the transform that its joints have in common.
 
-    header: JSON part of the file, modified; without circles of nodes. binary: its buffer. Warns of a mesh whose joints
+    header: JSON part of the file, modified. binary: its buffer. Warns of a mesh whose joints
     move its parts differently: it stays in its bind pose, moved by the first joint.
     """
     if not header.get("skins"):
@@ -34,6 +34,8 @@ def place_skinned(header: dict[str, Any], binary: bytes, path: Path) -> None:
     todo = [(root, np.eye(4)) for root in roots]
     while todo:
         number, parent = todo.pop()
+        if number in places:  # a damaged file may name a node any number of times
+            continue
         places[number] = parent @ _own_transform(nodes[number])
         todo += [(child, places[number]) for child in nodes[number].get("children", ())]
     of_skins: dict[int, tuple[NDArray[np.float64], bool]] = {}

@@ -428,6 +428,19 @@ def test_glb_with_a_skinned_mesh_stands_where_its_joints_put_it(
     assert "posed.glb: the skeleton of object 'arm' is posed, which is not applied" in sentence
 
 
+def test_glb_that_names_a_skeleton_many_times_follows_it_once(tmp_path: Path) -> None:
+    """Each time, it would take hours."""
+
+    def edit(header: dict[str, Any], buffer: bytes) -> bytes:
+        buffer = skinned(posed=False)(header, buffer)
+        header["nodes"][2]["children"] += range(5, 10_000)
+        header["nodes"] += [{} for _ in range(5, 10_000)]
+        header["scenes"][0]["nodes"] += [2] * 100_000
+        return buffer
+
+    assert len(read_mesh(edited(glb(tmp_path / "mesh.glb", normals=True), edit)).triangles) == 4
+
+
 def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
     assert path.read_bytes().count(b'"material": 1}') == 1
