@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import bpy
 from bpy.app.handlers import persistent
@@ -127,17 +128,18 @@ def _photo(path: str, what: str) -> str:
 
 @persistent
 def _write_kept_rigs(*_: Any) -> None:
-    """Write rig files that went with the temporary folder of the Blender that saved this .blend file."""
+    """Write the rig files that the open .blend file keeps, as those that they are copies of go with a Blender."""
     estimates = (one.estimate for scene in bpy.data.scenes if not scene.library for one in all_rigs(scene))
     for estimate in estimates:
         file, text = [*from_json(estimate.kept_rig, list), None, None][:2]
         if not isinstance(text, str) or file != estimate.rig_file:
             continue
-        rig = Path(bpy.app.tempdir) / f"{file_name(Path(file).stem)}.json"
         # A hostile file may hold any text. The panel then says that the rig file does not exist.
         with suppress(OSError, ValueError):
-            if Path(file).exists():
-                continue
+            # The rig of another .blend file that this Blender had open may have the same name.
+            folder = Path(bpy.app.tempdir) / f"rig_{crc32(text.encode()):08x}"
+            rig = folder / f"{file_name(Path(file).stem)}.json"
+            folder.mkdir(exist_ok=True)
             rig.write_text(text, encoding="utf-8")
             estimate.rig_file, estimate.kept_rig = str(rig), json.dumps([str(rig), text])
 

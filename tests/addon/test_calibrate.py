@@ -1,5 +1,6 @@
 """Calibrating real lights in the panel: from photos of balls to a rig that the estimate uses."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -84,15 +85,33 @@ def test_a_rig_that_goes_with_blender_is_there_again_in_the_saved_file(scene, tm
     rig.unlink()  # as when Blender quits
     bpy.ops.wm.open_mainfile(filepath=saved)
     estimate = bpy.context.scene.mps.estimate
-    assert Path(estimate.rig_file).read_bytes() == found
+    restored = Path(estimate.rig_file)
+    assert restored.read_bytes() == found
 
-    rig.unlink()
+    restored.unlink()
     estimate.rig_file = "//chosen.json"  # a file that is missing is not replaced by another rig
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=saved)
-    assert bpy.context.scene.mps.estimate.rig_file == "//chosen.json" and not rig.exists()
+    assert bpy.context.scene.mps.estimate.rig_file == "//chosen.json" and not restored.exists()
     bpy.ops.mps.calibrate_lights(ball=mirror)
     assert Path(bpy.context.scene.mps.estimate.rig_file).parent == tmp_path
+
+
+def test_a_kept_rig_is_not_replaced_by_that_of_another_file(scene, tmp_path, mirror):
+    """Of the same name, in the same Blender."""
+    bpy.ops.mps.calibrate_lights(ball=mirror)
+    rig = Path(scene.mps.estimate.rig_file)
+    first, second = str(tmp_path / "first.blend"), str(tmp_path / "second.blend")
+    found = rig.read_text(encoding="utf-8")
+    bpy.ops.wm.save_as_mainfile(filepath=first)
+    other = found + " "
+    scene.mps.estimate.rig_file = "/gone/rig.json"
+    scene.mps.estimate.kept_rig = json.dumps(["/gone/rig.json", other])
+    bpy.ops.wm.save_as_mainfile(filepath=second)
+    rig.write_text(other, encoding="utf-8")  # as by a calibration in a new file
+    for saved, text in ((first, found), (second, other), (first, found)):
+        bpy.ops.wm.open_mainfile(filepath=saved)
+        assert Path(bpy.context.scene.mps.estimate.rig_file).read_text(encoding="utf-8") == text
 
 
 @pytest.mark.parametrize("kept", ['["/gone/rig.json", 5]', '["/gone/rig.json"]', "{", r'["/gone/rig.json", "\ud800"]'])
