@@ -50,7 +50,7 @@ class Batch(Generic[Key]):
         if self.succeeded or not self.errors:
             return
         first, count = next(iter(self.errors.values())), len(self.errors)
-        raise type(first)(f"{first}; all {count} that were tried failed" if count > 1 else str(first))
+        raise type(first)(f"all {count} that were tried failed; the first: {first}" if count > 1 else str(first))
 
     def failed(self) -> dict[Key, str]:
         """A sentence for each input that failed."""

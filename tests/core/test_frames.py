@@ -227,7 +227,7 @@ test_a_bad_photo_list_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "bad frames alone",
             lambda b: b.estimate(*(b.photo(name, 0 * SPHERE.image) for name in ("a.exr", "b.exr")), output="out"),
-            "a.exr…black inside the mask…; all 2 that were tried failed",
+            "all 2 that were tried failed; the first: …a.exr…black inside the mask",
         ),
     ]
 )
