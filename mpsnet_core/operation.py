@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from types import UnionType
@@ -239,7 +239,8 @@ def _plain(value: Any) -> Any:
 
 def _in_words(value: Any) -> Any:
     """A number, or several, as the command line takes them: "45,90.5"."""
-    numbers = value if isinstance(value, Collection) else (value,)
+    is_row = isinstance(value, Sequence) or getattr(value, "ndim", 0) == 1  # also an array of NumPy
+    numbers = value if is_row else (value,)
     if len(numbers) == 0 or not all(isinstance(one, Real) and not isinstance(one, bool) for one in numbers):
         return _plain(value)
     return ",".join(str(one) if isinstance(one, Integral) else repr(float(one)) for one in numbers)

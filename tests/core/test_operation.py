@@ -169,6 +169,8 @@ def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None
         ({"slow": "false"}, "slow 'false' is neither true nor false"),
         ({"recipe": 5}, "recipe 5 is not text"),
         ({"tilt": True}, "tilt True is not text"),
+        ({"tilt": np.array(2)}, r"tilt array\(2\) is not text"),
+        ({"tilt": {1: 2}}, "tilt {1: 2} is not text"),
         ({"tilt": (1, True)}, r"tilt \(1, True\) is not text"),
         ({"roast": ["dark"]}, r"roast \['dark'\] is not text"),
         ({"beans": []}, "grind lacks its option beans; give it"),
