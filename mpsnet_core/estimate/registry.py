@@ -95,7 +95,7 @@ _MODELS = (
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "57f6208518a13e0408836c86a52c6e860dd4b4691bb23fe6dde4514516cfb98c",
+        "a14a058c95d291335b943945f0ff12b55fe3d8bc1259e6f450dbe896655c2096",
     ),
     _rival(
         "demultiplexer",
