@@ -7,10 +7,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import OpenImageIO as oiio
-
 from mpsnet_core.io.files import RAW_SUFFIXES
-from mpsnet_core.io.image_input import image_attribute, image_input, pending_error
+from mpsnet_core.io.image_input import image_attribute, image_input
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +33,6 @@ def stated_focal(path: str | os.PathLike[str]) -> float | None:
     """
     source = image_input(path)
     if source is None:
-        pending_error(oiio)
         return None
     with closing(source):
         spec = source.spec()

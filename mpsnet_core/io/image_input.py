@@ -31,18 +31,26 @@ def open_image(path: Path) -> Any:
     """
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    source = image_input(path, config)
+    source, reason = image_input_or_reason(path, config)
     if source is None:
         existing_file(path, "image")
-        reason = pending_error(oiio) or "it is a file of another kind"
+        reason = reason or "it is a file of another kind"
         raise FormatError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
 
 
-def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
+def image_input(path: str | os.PathLike[str]) -> Any:
     """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its suffix; None if it is none of them.
 
-    Files of OpenImageIO's other formats are not opened. :func:`pending_error` may return the reason.
+    Raises as :func:`image_input_or_reason`.
+    """
+    return image_input_or_reason(path)[0]
+
+
+def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[Any, str]:
+    """The reader, as :func:`image_input`, or None and OpenImageIO's reason, "" if it has none.
+
+    Files of OpenImageIO's other formats are not opened. Its error is cleared, or the next file would report it again.
 
     Raises FileError if the file's name is not valid UTF-8, FormatError if a JPEG claims more than the pixel limit: a
     progressive one is decoded on opening.
@@ -50,18 +58,20 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
     try:
         with Path(path).open("rb") as file:
             if not file.read(8).startswith(_SIGNATURES):
-                return None
+                return None, ""
             _check_jpeg(file, path)
         with silence_libraries():
             source = oiio.ImageInput.open(os.fspath(path), *config)
     except (OSError, UnicodeEncodeError):
-        return None
+        return None, ""
     except TypeError:  # OpenImageIO's
         raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
-    if source is not None and source.format_name() not in _FORMATS:
+    if source is None:
+        return None, pending_error(oiio)
+    if source.format_name() not in _FORMATS:
         source.close()
-        return None
-    return source
+        return None, ""
+    return source, ""
 
 
 def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:

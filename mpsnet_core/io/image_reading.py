@@ -15,7 +15,7 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import Image, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
-from mpsnet_core.io.image_input import image_attribute, image_input, open_image, pending_error, silence_libraries
+from mpsnet_core.io.image_input import image_attribute, image_input, open_image, silence_libraries
 from mpsnet_core.io.image_layers import choose_layer, has_colours, layers_of, orientation_of, read_layer
 from mpsnet_core.io.raw import read_raw
 
@@ -214,7 +214,6 @@ def image_description(path: str | os.PathLike[str]) -> str:
     """
     source = image_input(path)
     if source is None:
-        pending_error(oiio)
         return ""
     with closing(source):
         return image_attribute(source.spec(), "ImageDescription", str) or ""

@@ -181,7 +181,6 @@ def is_complete_image(path: str | os.PathLike[str]) -> bool:
     with silence_libraries():
         source = image_input(path)
         if source is None:
-            pending_error(oiio)
             return False
         with closing(source):
             spec = source.spec()

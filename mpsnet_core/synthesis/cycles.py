@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.image_input import image_input, pending_error, silence_libraries
+from mpsnet_core.io.image_input import image_input_or_reason, pending_error, silence_libraries
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
@@ -85,9 +85,8 @@ def sample_from_cycles(
 
 def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     """All channels of all parts of a file, by name without the view layer."""
-    source = image_input(path)
+    source, reason = image_input_or_reason(path)
     if source is None:
-        reason = pending_error(oiio)
         raise FormatError(f"{path} is not a render, or cut short ({reason}); make the sample again")
     planes: dict[str, NDArray[np.float32]] = {}
     try:

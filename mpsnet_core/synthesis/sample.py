@@ -206,7 +206,6 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     path = existing_file(path, "sample")
     source = image_input(path)
     if source is None:
-        pending_error(oiio)  # clear OpenImageIO's error, or the next file reports it again
         raise FormatError(f"{path} is not a sample, or its header is cut short; delete it and make it again")
     try:
         spec = source.spec()
