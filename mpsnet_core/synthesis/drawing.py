@@ -53,8 +53,9 @@ PUBLISHED_RIGS = (
     ((22, 19, 27), (145, 278, 26)),  # 22, 50, 78
 )
 PUBLISHED_SPREAD = 2.0  # degrees, standard deviation of slants and tilts about these
-# Largest error of equation 2, in degrees, on the measured materials to use. The paper's table 1 has 8.3 degrees for a
-# single pixel. On all of MERL, with its metals and strong colours, no network with three lights comes near that.
+# Largest error of equation 2, in degrees, on the measured materials of the style "paper". The paper's table 1 has 8.3
+# degrees for a single pixel. On all of MERL, with its metals and strong colours, no network with three lights comes
+# near that.
 PUBLISHED_ERROR = 15.0
 
 Z = (0.0, 0.0, 1.0)
@@ -124,8 +125,10 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
 
 def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> Recipe:
     """A recipe like the MPS-Net paper's samples: two to six measured materials in a pattern, under point lights."""
-    errors = measured_errors(job.merl)
-    measured = [one for one in _measured(job) if errors[one[1]] <= PUBLISHED_ERROR]
+    measured = _measured(job)
+    if job.style != "paper-all-materials":
+        errors = measured_errors(job.merl)
+        measured = [one for one in measured if errors[one[1]] <= PUBLISHED_ERROR]
     if not measured:
         raise SettingsError(f"no material of {job.merl} is as the paper's: matt enough and of weak colour; take more")
     count = choice(rng, range(2, 7), MATERIAL_COUNT_SHARES[1:])

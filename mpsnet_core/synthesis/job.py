@@ -17,7 +17,7 @@ JOB_FILE = "job.json"
 CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
 MERL_PARTS = ("all", "training", "validation")
-STYLES = ("photographs", "paper", "paper-one-rig")
+STYLES = ("photographs", "paper", "paper-all-materials", "paper-one-rig")
 SHAPES = ("blobs", "drapery", "reliefs", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
 MAX_BOUNCES = 3  # of the synthesis
@@ -55,7 +55,8 @@ class SampleJob:
 
     style: "photographs" covers what users photograph. "paper" is like the MPS-Net paper (synthesis only): its rig and
     the rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
-    relief. "paper-one-rig" uses the paper's own rig only.
+    relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does;
+    "paper-one-rig" uses the paper's own rig only.
 
     Raises SettingsError if a value is out of range or settings are incompatible.
     """
@@ -74,7 +75,7 @@ class SampleJob:
     samples: int = 48
     denoise: bool = True
     supersampling: int = 1
-    style: Literal["photographs", "paper", "paper-one-rig"] = "photographs"
+    style: Literal["photographs", "paper", "paper-all-materials", "paper-one-rig"] = "photographs"
     sample_seconds: int = 3600
 
     def __post_init__(self) -> None:

@@ -109,12 +109,13 @@ class Synthesize(RunsWorkers):
         choices={"all": "", "training": "four in five", "validation": "the remaining fifth"},
         help="which of the measured materials",
     )
-    style: Literal["photographs", "paper", "paper-one-rig"] = option(
+    style: Literal["photographs", "paper", "paper-all-materials", "paper-one-rig"] = option(
         default=SampleJob.style,
         choices={
             "photographs": "scenes that users photograph",
-            "paper": "as in the MPS-Net paper: its rigs, measured materials only",
-            "paper-one-rig": "the same, with its own rig alone, as for its table 1",
+            "paper": "as in the MPS-Net paper: its rigs, matt measured materials only",
+            "paper-all-materials": "the same, with glossy and strongly coloured materials besides",
+            "paper-one-rig": "as paper, with its own rig alone, as for its table 1",
         },
         help="style of the samples",
     )

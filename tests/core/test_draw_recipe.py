@@ -176,6 +176,8 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
         assert len(recipe.materials) >= 2 and {material.source for material in recipe.materials} == {"a"}
         assert recipe.pattern.kind != "parts"
         assert not (recipe.paint.amount or recipe.dirt.amount or recipe.bump.height or recipe.light_sizes.any())
+    coloured = [draw_recipe(replace(job, style="paper-all-materials"), number) for number in range(20)]
+    assert {material.source for recipe in coloured for material in recipe.materials} == {"a", "b"}
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))
     rigs = np.array(drawing.PUBLISHED_RIGS)
     off_slant = np.abs(slants[:, None] - rigs[:, 0]).max(axis=-1)
