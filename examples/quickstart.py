@@ -6,10 +6,14 @@ contact sheet in examples/output/quickstart.png.
 
     python examples/quickstart.py                      (with bpy from PyPI)
     blender -b --python examples/quickstart.py         (with the extension installed)
+
+--model mpsnet, or another model's name, estimates with that model in place of the default; with blender, behind "--".
 """
 
+import argparse
 import math
 import runpy
+import sys
 import time
 from pathlib import Path
 
@@ -17,6 +21,7 @@ import bpy
 import numpy as np
 
 from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.estimate.registry import DEFAULT_MODEL, registered_models
 from mpsnet_core.io.image_reading import read_data, read_image
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
@@ -30,19 +35,28 @@ from mpsnet_core.scene.pictures import (
 )
 
 OUTPUT = Path(__file__).resolve().parent / "output"
-PIXELS = 640
+PIXELS, SIZE = 640, 1024
 HIGHEST_ERROR = 30.0
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    names = [entry.name for entry in registered_models()]
+    parser.add_argument("--model", choices=names, default=DEFAULT_MODEL, help="estimates the normals")
+    start = 1 if bpy.app.module else [*sys.argv, "--"].index("--") + 1
+    model = parser.parse_args(sys.argv[start:]).model
     started = time.monotonic()
     OUTPUT.mkdir(exist_ok=True)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
     step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy with them")
-    bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=1024, output=str(OUTPUT))
+    bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=SIZE, output=str(OUTPUT))
     scene = bpy.context.scene
+    if model != DEFAULT_MODEL:
+        step(f"the normals by {model} in their place")
+        bpy.ops.mps.estimate(model=model.upper().replace("-", "_"), output=str(OUTPUT / "normals.png"))
+        bpy.ops.mps.bake(size=SIZE, output=str(OUTPUT / "texture.png"))
     detailed, low = (scene.objects[f"Demo {name}"] for name in ("Detailed", "Low Poly"))
     photo, normals, texture = (file_of(step.image) for step in (scene.mps.photo, scene.mps.estimate, scene.mps.bake))
 

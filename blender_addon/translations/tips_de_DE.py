@@ -826,8 +826,8 @@ TIPS = {
     "The paper's layers over the whole picture: quick, and not the same network": (
         "Die Schichten der Veröffentlichung über das ganze Bild: schnell und nicht dasselbe Netz"
     ),
-    "The paper's network, patch by patch, a quarter of its width: slow": (
-        "Das Netz der Veröffentlichung, Stück für Stück, mit einem Viertel seiner Breite: langsam"
+    "The paper's network, patch by patch: only for rigs like the paper's": (
+        "Das Netz der Veröffentlichung, Stück für Stück: nur für Aufbauten wie dort"
     ),
     "The photo is a numbered frame, and all frames that are numbered like it are meant": (
         "Das Foto ist ein nummeriertes Einzelbild, und alle ebenso nummerierten Bilder sind gemeint"

@@ -648,7 +648,9 @@ TIPS = {
     "The paper's layers over the whole picture: quick, and not the same network": (
         "论文的各层作用于整张图片：快，但不是同一个网络"
     ),
-    "The paper's network, patch by patch, a quarter of its width: slow": "论文的网络，逐块计算，宽度为其四分之一：慢",
+    "The paper's network, patch by patch: only for rigs like the paper's": (
+        "论文的网络，逐块计算：仅适用于与论文相似的灯光装置"
+    ),
     "The photo is a numbered frame, and all frames that are numbered like it are meant": (
         "照片是带编号的一帧，指所有同样编号的帧"
     ),

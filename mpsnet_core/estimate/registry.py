@@ -57,7 +57,7 @@ def _network(
     return RegisteredModel(name, label, title, MODELS_FOLDER / f"{file or name}.onnx", passes, comparison)
 
 
-def _rival(name: str, label: str, title: str, sha256: str) -> RegisteredModel:
+def _comparison(name: str, label: str, title: str, sha256: str) -> RegisteredModel:
     return RegisteredModel(name, label, title, COMPARISON_FOLDER / f"{name}.onnx", comparison=True, sha256=sha256)
 
 
@@ -79,25 +79,24 @@ _MODELS = (
         file=DEFAULT_MODEL,
     ),
     _network("multiscale-int8", "Multiscale 8-Bit", "The default in 8-bit numbers and one pass: quicker"),
-    _rival(
+    _network(
         "mpsnet",
-        "MPS-Net",
-        "The paper's network, patch by patch, a quarter of its width: slow",
-        "fbc0d78864a52ecb644df92079b0a8366d88cb5e1f978a2621326c52212342b5",
+        "MPS-Net (2019)",
+        "The paper's network, patch by patch: only for rigs like the paper's",
     ),
-    _rival(
+    _comparison(
         "mpsnet-dense",
         "MPS-Net Dense",
         "The paper's layers over the whole picture: quick, and not the same network",
         "0bfe5be3a918c746e07c8927e9ee0b588689efa94051fc990f983dcf5aacf942",
     ),
-    _rival(
+    _comparison(
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
         "a14a058c95d291335b943945f0ff12b55fe3d8bc1259e6f450dbe896655c2096",
     ),
-    _rival(
+    _comparison(
         "demultiplexer",
         "Demultiplexer",
         "Ju et al. 2018: three intensities from each pixel, then equation 2",

@@ -17,7 +17,8 @@ HERE = Path(blender_addon.__file__).parent
 # What has the same name everywhere.
 NAMES = {
     *("Alpha", "Blender", "Catmull-Clark", "Core ML", "CPU", "CUDA", "DirectML", "DirectX", "glTF", "Godot", "MPS-Net"),
-    *("OpenEXR", "OpenGL", "PNG", "PS-FCN", "sRGB", "TIFF", "Unity", "Unreal Engine", "X", "Y", "2 x 2", "4 x 4"),
+    *("MPS-Net (2019)", "OpenEXR", "OpenGL", "PNG", "PS-FCN", "sRGB", "TIFF", "Unity", "Unreal Engine", "X", "Y"),
+    *("2 x 2", "4 x 4"),
 }
 
 

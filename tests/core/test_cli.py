@@ -155,8 +155,8 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
     assert all(model["title"] for model in models)
     offered = [model["name"] for model in models if not model["comparison"]]
     compared = [model["name"] for model in models if model["comparison"]]
-    assert offered == ["multiscale", "multiscale-int8", "lambertian"]
-    assert set(compared) >= {"mpsnet", "mpsnet-dense", "psfcn", "demultiplexer", "lambertian-grey-world"}
+    assert offered == ["multiscale", "multiscale-int8", "mpsnet", "lambertian"]
+    assert set(compared) >= {"mpsnet-dense", "psfcn", "demultiplexer", "lambertian-grey-world"}
     first, _, second = mpsnet("models").stdout.partition("\nto compare with")
     assert [line.split()[0] for line in first.splitlines() if line] == offered
     assert [line.split()[0] for line in second.splitlines()[1:]] == compared
