@@ -3,9 +3,9 @@
 python tests/benchmarks/network_speed.py [--rounds 3] [--patches 64] [--large]
 
 All on the same cores, in turns, on an object that fills 512 x 512 pixels, in processor time, which tells more where
-other programs run. The default is also timed under lights that stand at other angles. PS-FCN and the patch-wise
-MPS-Net have their published widths and fresh weights (which do not change the time); MPS-Net is timed on a few patches
-and multiplied.
+other programs run. The default is also timed under lights that stand at other angles. PS-FCN and MPS-Net have their
+published widths and fresh weights (which do not change the time). MPS-Net is timed on a few patches and multiplied,
+also as it is shipped, and beside that with its layers as they stand.
 --large measures the peak memory of `mpsnet estimate` on photos of 16, 36 and 100 megapixels, too.
 Needs torch and onnx (pip install '.[train]').
 """
@@ -25,17 +25,19 @@ import mpsnet_core  # noqa: F401 - before onnxruntime, which sends telemetry oth
 # isort: split
 import onnx
 import onnxruntime
-import torch
 from memory import peak_of_estimate
 from onnx import TensorProto, helper
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.card import CARD_KEY, ModelCard
+from mpsnet_core.estimate.card import CARD_KEY
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
+from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
 from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.learning.training.export import card_of, onnx_of
 from mpsnet_core.learning.training.networks import Network, build_network
+from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
+from mpsnet_core.learning.training.networks.mps_net import MpsNet
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 THREADS, SIDE, LARGE = 1, 512, (4096, 6000, 10_000)
@@ -43,28 +45,10 @@ THREADS, SIDE, LARGE = 1, 512, (4096, 6000, 10_000)
 TILTS = (20, 57, 135, 250)
 
 
-def fresh(name: str, path: Path) -> Path:
-    """The ONNX file of a network of published width and random weights."""
-    network: Network = build_network(name).eval()
-    side = network.patch if network.kind == "patch" else 64
-    inputs = []
-    for features in network.inputs.values():
-        size = 1 if CONSTANTS.intersection(features) else side
-        inputs.append(torch.rand(2, sum(FEATURE_CHANNELS[feature] for feature in features), size, size))
-    free = {0: "n"} if network.kind == "patch" else {0: "n", 2: "h", 3: "w"}
-    axes = {n: {0: "n"} if CONSTANTS.intersection(f) else free for n, f in network.inputs.items()} | {"normals": free}
-    predict = network.forward
-    network.forward = lambda *given: predict(*given).normals
-    names = list(network.inputs)
-    torch.onnx.export(
-        network, tuple(inputs), path, input_names=names, output_names=["normals"], dynamic_axes=axes, dynamo=False
-    )
-    model = onnx.load(path)
-    place = {"patch": network.patch} if network.kind == "patch" else {"halo": network.halo}
-    card = ModelCard(
-        name, name, "-", network.kind, network.inputs, multiple=network.multiple, frame=network.frame, **place
-    )
-    helper.set_model_props(model, {CARD_KEY: card.to_json()})
+def fresh(network: Network, path: Path) -> Path:
+    """The ONNX file of a network with random weights."""
+    model = onnx_of(network.eval())
+    helper.set_model_props(model, {CARD_KEY: card_of(network, path.stem).to_json()})
     onnx.save(model, path)
     return path
 
@@ -146,14 +130,18 @@ def main() -> None:
         folder = Path(made)
         ours = find_network("multiscale").path
         few = round(arguments.patches**0.5)
+        shipped = OnnxModel(find_network("mpsnet").path).record["recipe"]["options"]
+        published = FastPatches(folded_to_half_floats(MpsNet()))
         up, odd = published_rig(), {tilt: published_rig(first_tilt=tilt) for tilt in TILTS}
         models = {
             name: Estimator(path, threads=THREADS)
             for name, path in (
                 ("default", ours),  # one pass, as sequences have
                 ("int8", find_network("multiscale-int8").path),
-                ("psfcn", fresh("psfcn", folder / "psfcn.onnx")),
-                ("mpsnet", fresh("mpsnet", folder / "mpsnet.onnx")),
+                ("psfcn", fresh(build_network("psfcn"), folder / "psfcn.onnx")),
+                ("mpsnet", find_network("mpsnet").path),
+                ("mpsnet, its layers as they stand", fresh(build_network("mpsnet", shipped), folder / "layers.onnx")),
+                ("mpsnet, published width", fresh(published, folder / "published.onnx")),
             )
         }
         whole, part = capture(SIDE, up), capture(few, up)
@@ -165,7 +153,11 @@ def main() -> None:
             },
             "multiscale-int8": (lambda: models["int8"](whole), 1),
             "psfcn": (lambda: models["psfcn"](whole), 1),
-            "mpsnet": (lambda: models["mpsnet"](part), SIDE**2 / few**2),
+            **{
+                name: (partial(model, part), SIDE**2 / few**2)
+                for name, model in models.items()
+                if name.startswith("mpsnet")
+            },
             "network alone": (alone(ours), 1),
             "matrix product": (matrix_product(), 1),
         }
@@ -177,7 +169,7 @@ def main() -> None:
                 seconds[name].append((time.process_time() - start) * factor)
         for name, times in seconds.items():
             ratio = statistics.median(t / d for t, d in zip(times, seconds["default"], strict=True))
-            print(f"{name:23} {ratio:9.2f} times the default (median {statistics.median(times):.3f} s)")
+            print(f"{name:32} {ratio:9.2f} times the default (median {statistics.median(times):.3f} s)")
         done = multiply_adds(ours, SIDE)
         share = statistics.median(
             (done / net) / (1024**3 / product)

@@ -125,7 +125,7 @@ def test_an_estimate_is_what_the_network_says_of_the_feature_maps(
 
 
 def test_a_file_that_differs_from_the_network_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    trained, made = untrained("psfcn"), export._onnx_of
+    trained, made = untrained("psfcn"), export.onnx_of
 
     def wrong(network: Network) -> Any:
         model = made(network)
@@ -134,7 +134,7 @@ def test_a_file_that_differs_from_the_network_is_not_kept(tmp_path: Path, monkey
         weight.CopyFrom(onnx.numpy_helper.from_array(values, weight.name))
         return model
 
-    monkeypatch.setattr(export, "_onnx_of", wrong)
+    monkeypatch.setattr(export, "onnx_of", wrong)
     with pytest.raises(InputError, match="the exported model differs from the trained one by"):
         export_onnx(trained, tmp_path / "model.onnx")
     assert not list(tmp_path.iterdir())

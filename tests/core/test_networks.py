@@ -15,6 +15,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps, initial_normals
 from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
+from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
 from mpsnet_core.scene.rig import direction_from_angles
 
 RIGHT_HANDED = direction_from_angles([25.0, 35.0, 45.0], [80.0, 215.0, 330.0])
@@ -207,6 +208,17 @@ def test_only_the_first_layers_are_shared_between_overlapping_patches() -> None:
         for name, kinds in (("conv3", 9), ("conv4", 25)):
             apart = torch.cdist(middle[name], middle[name]) > 1e-4
             assert len({tuple(row.tolist()) for row in apart}) == kinds, name
+
+
+@pytest.mark.parametrize("normals", [True, False])
+def test_the_form_that_multiplies_least_answers_as_the_layers_do(normals: bool) -> None:
+    network = small("mpsnet", width=0.1, normals=normals)
+    inputs = inputs_of(network, 5, count=1000)
+    with torch.no_grad():
+        folded = folded_to_half_floats(network)
+        expected = folded(*inputs).normals
+        torch.testing.assert_close(FastPatches(folded)(*inputs).normals, expected, atol=1e-4, rtol=0)
+        assert 0 < degrees_between(expected, network(*inputs).normals).mean() < 0.1, "half floats"
 
 
 @pytest.mark.parametrize("directions", [RIGHT_HANDED, LEFT_HANDED], ids=["right-handed", "left-handed"])

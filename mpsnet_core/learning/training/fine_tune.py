@@ -5,6 +5,7 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import onnx
 import torch
 from google.protobuf.message import DecodeError
@@ -57,8 +58,7 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
             raise FormatError(f"model {path} is quantized to int8; resume from the model that it was made from")
         record = json.loads({entry.key: entry.value for entry in model.metadata_props}[TRAINING_KEY])
         values = {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}
-        nodes = [node for node in model.graph.node if node.op_type in ("Conv", "ConvTranspose")]
-        filters = [(values[node.input[1]], values[node.input[2]] if len(node.input) > 2 else None) for node in nodes]
+        filters = _filters(model.graph, values)
         exported = Exported(str(path), record, filters)
         if exported.step < 0 or not isinstance(record["minutes"], int | float):
             raise ValueError
@@ -67,6 +67,15 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
     except (DecodeError, LookupError, TypeError, ValueError):
         raise FormatError(refusal) from None
     return exported
+
+
+def _filters(graph: onnx.GraphProto, values: dict[str, NDArray[Any]]) -> list[tuple[NDArray[Any], NDArray[Any] | None]]:
+    """Weights and biases in execution order. Those of the fast form of patches are half floats, cast where used."""
+    casts = [node.input[0] for node in graph.node if node.op_type == "Cast" and node.input[0] in values]
+    if casts:
+        return [(values[name].astype(np.float32), values[name.replace("weight", "bias")]) for name in casts]
+    nodes = [node for node in graph.node if node.op_type in ("Conv", "ConvTranspose")]
+    return [(values[node.input[1]], values[node.input[2]] if len(node.input) > 2 else None) for node in nodes]
 
 
 @torch.no_grad()
