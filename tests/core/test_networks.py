@@ -10,6 +10,7 @@ torch = pytest.importorskip("torch")
 from small_networks import SMALL
 from synthetic import degrees_between, shaded_sphere
 from torch import Tensor, nn
+from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
@@ -169,7 +170,7 @@ def test_dropout_takes_single_places_away_in_training_alone() -> None:
     for given, out in seen:
         gone = (out == 0) & (given != 0)
         assert gone.float().mean() == pytest.approx(0.1, abs=0.01)
-        whole = gone.float().mean(dim=(2, 3))
+        whole = gone.float().mean(dim=0)  # in training, values are stored place by place
         assert not (whole == 1).any(), "no map is lost as a whole"
         torch.testing.assert_close(out[~gone], given[~gone] / 0.9)
 
@@ -219,6 +220,20 @@ def test_the_form_that_multiplies_least_answers_as_the_layers_do(normals: bool) 
         expected = folded(*inputs).normals
         torch.testing.assert_close(FastPatches(folded)(*inputs).normals, expected, atol=1e-4, rtol=0)
         assert 0 < degrees_between(expected, network(*inputs).normals).mean() < 0.1, "half floats"
+
+
+@pytest.mark.parametrize("normals", [True, False])
+def test_a_quick_training_step_of_mpsnet_has_the_gradients_of_its_layers(normals: bool) -> None:
+    network = small("mpsnet", normals=normals).train()
+    network.dropout.p = 0.0  # chance would differ
+    inputs = (maps(("photo",), 5), maps(("initial_normals",), 5))
+    quick = network(*inputs).normals
+    plain = functional.normalize(network.conv10(network.conv9(network._features(*inputs))).flatten(1))
+    torch.testing.assert_close(quick, plain, atol=1e-4, rtol=0)
+    weights = list(network.parameters())
+    found, expected = (torch.autograd.grad(answer[:, 0].sum(), weights) for answer in (quick, plain))
+    for one, other in zip(found, expected, strict=True):
+        torch.testing.assert_close(one, other, atol=1e-3 * float(other.abs().max()) + 1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("directions", [RIGHT_HANDED, LEFT_HANDED], ids=["right-handed", "left-handed"])

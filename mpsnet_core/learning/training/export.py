@@ -20,8 +20,9 @@ from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.io.files import atomic_write, temporary_folder, writable_path
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
-from mpsnet_core.learning.training.networks.fast_patches import SIDE, FastPatches, folded_to_half_floats
+from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
 from mpsnet_core.learning.training.networks.mps_net import MpsNet
+from mpsnet_core.learning.training.networks.patch_convolutions import SIDE
 
 onnxruntime.disable_telemetry_events()  # as in mpsnet_core/estimate/onnx_model.py
 

@@ -1,14 +1,7 @@
 """MPS-Net's patch-wise form as it is exported: the same answers with a quarter of the multiply-adds.
 
-From conv4 on, overlapping patches share no values (see :mod:`.mps_net`), so the work per patch must shrink. A 3 x 3
-convolution of a 5 x 5 patch, zero-padded, is a cyclic one of 6 x 6 values, because one row and one column of zeros are
-padding on both sides. So it is a product in the Fourier domain. Of its 36 frequencies, four are real; the others are 16
-complex ones and their conjugates. With three real products for a complex one (Gauss), that takes 52 products for each
-pair of channels. A plain convolution takes 225, and 169 without those of the padding. With stride 2, three outputs an
-axis take six products (Karatsuba), so both axes take 36 instead of 81.
-
-The patches of a batch share the weights, so this is 52 matrix products with the weights of all channels. To and from
-the Fourier domain it is a matrix product, too. For a network of published width:
+From conv4 on, overlapping patches share no values (see :mod:`.mps_net`), so the work per patch must shrink, see
+:mod:`.patch_convolutions`. For a network of published width:
 
 =====================================  =============
 multiply-adds a patch                    in millions
@@ -21,60 +14,17 @@ to and from the Fourier domain                    11
 """
 
 import copy
-from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
 from mpsnet_core.learning.training.networks.mps_net import MpsNet
 from mpsnet_core.learning.training.networks.network import Network, Prediction, unit
+from mpsnet_core.learning.training.networks.patch_convolutions import SIDE, algorithm, strided_algorithm
 
-SIDE = 5
 _MATRICES = ("forth", "weigh", "back", "one")
-
-
-class _Algorithm(NamedTuple):
-    """outputs = back @ ((weigh @ weights) * (forth @ values)), with as many products as rows."""
-
-    forth: NDArray[np.float64]  # (products, values)
-    weigh: NDArray[np.float64]  # (products, weights)
-    back: NDArray[np.float64]  # (outputs, products)
-
-
-def _convolution() -> _Algorithm:
-    """3 x 3 weights over 5 x 5 values, zero-padded, in the Fourier domain of 6 x 6 values."""
-    size = SIDE + 1
-    fourier = np.fft.fft(np.eye(size))
-    values, weights = fourier[:, :SIDE], fourier[:, [1, 0, -1]]  # the middle weight stands at the origin
-    values, weights = np.kron(values, values), np.kron(weights, weights)
-    forth: list[NDArray[np.float64]] = []
-    weigh: list[NDArray[np.float64]] = []
-    back: list[NDArray[np.float64]] = []
-    for number, (x, w) in enumerate(zip(values, weights, strict=True)):
-        row, column = divmod(number, size)
-        conjugate = -row % size * size + -column % size
-        share = (1 + (conjugate != number)) / size**2
-        if conjugate == number:
-            forth, weigh, back = [*forth, x.real], [*weigh, w.real], [*back, share * x.real]
-        elif number < conjugate:
-            forth += [x.real + x.imag, x.real, x.imag]
-            weigh += [w.real, w.imag - w.real, w.real + w.imag]
-            back += [share * (x.real + x.imag), share * x.imag, -share * x.real]
-    return _Algorithm(np.stack(forth), np.stack(weigh), np.stack(back, axis=1))
-
-
-def _convolution_of_stride_2() -> _Algorithm:
-    """The same, but only every second output. Along an axis, the first, third and fifth take six products."""
-    values, (left, middle, right) = np.eye(SIDE), np.eye(3)
-    axis = (
-        np.stack([*values[::2], values[1], values[3], values[1] + values[3]]),
-        np.stack([middle, middle, middle, right, left, left + right]),
-        np.array([[1, 0, 0, 1, 0, 0], [0, 1, 0, -1, -1, 1], [0, 0, 1, 0, 1, 0]], float),
-    )
-    return _Algorithm(*(np.kron(matrix, matrix) for matrix in axis))
 
 
 class FastPatches(Network):
@@ -96,10 +46,10 @@ class FastPatches(Network):
                 self.register_buffer(f"{name}_weight", module.weight.detach().half())
                 self.register_buffer(f"{name}_bias", module.bias.detach().clone())
         self.normals = network.conv8 is not None
-        for stride, algorithm in ((1, _convolution()), (2, _convolution_of_stride_2())):
+        for stride, bilinear in ((1, algorithm()), (2, strided_algorithm())):
             # Added to the products, this adds 1 to all outputs.
-            one = np.linalg.lstsq(algorithm.back, np.ones(len(algorithm.back)), rcond=None)[0]
-            for name, matrix in zip(_MATRICES, (*algorithm, one), strict=True):
+            one = np.linalg.lstsq(bilinear.back, np.ones(len(bilinear.back)), rcond=None)[0]
+            for name, matrix in zip(_MATRICES, (*bilinear, one), strict=True):
                 self.register_buffer(f"{name}_{stride}", torch.from_numpy(matrix).float())
 
     def forward(self, *inputs: Tensor) -> Prediction:
