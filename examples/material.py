@@ -19,7 +19,7 @@ from mpsnet_core.relief.material.material import Material, flat_material
 from mpsnet_core.relief.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
 from mpsnet_core.relief.material.seam import measure_seam
 from mpsnet_core.relief.relight import relit
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import contact_sheet, photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output"

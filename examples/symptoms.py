@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, relit
 from mpsnet_core.io.image_writing import write_picture
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import normals_picture, on_background, photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output" / "symptoms"

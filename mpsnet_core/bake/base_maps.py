@@ -17,7 +17,7 @@ from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import FileError, SettingsError, check_choice
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import Convention
+from mpsnet_core.scene.normal_encoding import Convention
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import FormatError, SettingsError
-from mpsnet_core.io.image_reading import read_data
-from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode
+from mpsnet_core.scene.normal_encoding import Convention, read_vectors
+from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
 # Tolerance on the unit length of decoded normals: 8 bits, JPEG and averages of steep gradients change it.
 NEARLY_UNIT = 0.1
@@ -45,10 +45,10 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     FormatError
         If it is no normal map, or an object-space one.
     """
-    colours, alpha = read_data(path)
-    length = np.empty(colours.shape[:2], np.float32)
-    for rows in bands(len(colours)):
-        length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
+    vectors, alpha = read_vectors(path, convention)
+    length = np.empty(vectors.shape[:2], np.float32)
+    for rows in bands(len(vectors)):
+        length[rows] = np.linalg.norm(np.nan_to_num(vectors[rows]), axis=-1)
     # Normals count even where alpha is 0: alpha may hold gloss or height instead.
     unit = np.abs(length - 1) < NEARLY_UNIT
     # Black and white decode to vectors of length sqrt(3), neutral grey to length 0: background.
@@ -56,14 +56,13 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     filled = unit | (opaque & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT))
     if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
-    normals = unit & (colours[..., 2] >= 0.5)
+    normals = unit & (vectors[..., 2] >= 0)
     if normals.sum() < OUTWARDS_SHARE * unit.sum():
         raise FormatError(
             f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space"
         )
-    vectors = np.empty_like(colours)
-    for rows in bands(len(colours)):
-        vectors[rows] = np.where(normals[rows, :, None], decode(colours[rows], convention), [0, 0, 1])
+    for rows in bands(len(vectors)):
+        vectors[rows] = np.where(normals[rows, :, None], normalised(vectors[rows]), [0, 0, 1])
     return extend_to_nearest(vectors, normals, MARGIN)
 
 

@@ -17,7 +17,8 @@ from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import Convention, read_normals
+from mpsnet_core.scene.normal_encoding import Convention
+from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
 
 if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
-    from mpsnet_core.scene.normal_map import Convention
+    from mpsnet_core.scene.normal_encoding import Convention
 
 FORMAT, VERSION = "mpsnet-present-maps", 1
 

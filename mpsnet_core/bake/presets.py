@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from mpsnet_core.errors import Choices, SettingsError
 
 if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
-    from mpsnet_core.scene.normal_map import Convention
+    from mpsnet_core.scene.normal_encoding import Convention
 
 
 @dataclass(frozen=True)

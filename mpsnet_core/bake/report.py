@@ -14,7 +14,7 @@ from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import on_background, scaled_error_picture
 
 PICTURE = 1024  # pixels on a side, at most

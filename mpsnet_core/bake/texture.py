@@ -7,8 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.io.image_writing import write_bands
-from mpsnet_core.scene.normal_map import Convention, encode
+from mpsnet_core.scene.normal_encoding import Convention, write_vectors
 
 Space = Literal["tangent", "object"]
 SPACES: tuple[Space, ...] = ("tangent", "object")
@@ -74,7 +73,7 @@ def write_texture(
     bits: int | None = None,
     description: str | None = None,
 ) -> None:
-    """Write the texture as colours 0.5 + 0.5 n, Non-Color.
+    """Write the texture as colours, Non-Color: see :func:`mpsnet_core.scene.normal_encoding.write_vectors`.
 
     Parameters
     ----------
@@ -94,11 +93,4 @@ def write_texture(
     FileError
         If the file cannot be written.
     """
-    height, width, _ = texture.vectors.shape
-    write_bands(
-        path,
-        (height, width, 3),
-        lambda rows: encode(texture.vectors[rows], convention),
-        bits=bits,
-        description=description,
-    )
+    write_vectors(path, texture.vectors, convention=convention, bits=bits, description=description)

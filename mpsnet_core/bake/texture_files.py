@@ -20,7 +20,7 @@ from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder
 from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
-from mpsnet_core.scene.normal_map import Convention
+from mpsnet_core.scene.normal_encoding import Convention
 
 # Value of filled texels in the image of the coverage; seen ones are 1, all others 0.
 FILLED = 0.5

@@ -296,6 +296,15 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
     return bits
 
 
+def stored_levels(path: str | os.PathLike[str], bits: int | None = None) -> int | None:
+    """The highest level of an image file of integers with those bits, 255 or 65535; None if it holds floats.
+
+    Raises as :func:`checked_bits` does.
+    """
+    bits = checked_bits(Path(path), bits)
+    return None if bits == 32 or Path(path).suffix.lower() == ".exr" else (1 << bits) - 1
+
+
 def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Path:
     """`path` as a Path, for checks before long work. Raises as :func:`writable_path` and :func:`checked_bits` do."""
     path = writable_path(path)

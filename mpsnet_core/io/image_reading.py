@@ -33,6 +33,7 @@ def read_image(
     encoding: Encoding = "auto",
     layer: str | None = None,
     grey: bool = False,
+    pair: bool = False,
     compact: bool = False,
 ) -> Image:
     """Read a colour image, or a camera raw file if rawpy is installed.
@@ -49,6 +50,8 @@ def read_image(
         unnamed layer, else the only one, else the one named Combined.
     grey : bool, optional
         Accept a file with one channel, too, and use it for all three.
+    pair : bool, optional
+        Accept a file with two channels, too, whatever they are called, and use 0 for blue.
     compact : bool, optional
         Store a large photo in half floats, if its file has at most 16 bits per channel.
 
@@ -70,6 +73,9 @@ def read_image(
     if path.suffix.lower() in RAW_SUFFIXES:
         return _read_raw(path, encoding, layer)
     values, names, spec = read_layer(path, layer)
+    if pair and len(names) == 2:
+        first, second = names.values()
+        names = {"R": first, "G": second, "B": second}
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
         raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)
@@ -89,6 +95,8 @@ def read_image(
             # A colour without coverage is pure emission; some renderers write every pixel that way.
             band = np.divide(band, cover, out=band, where=cover > 1e-6)
         pixels[rows] = decoded(band)
+        if colour[1] == colour[2] != colour[0]:
+            pixels[rows, :, 2] = 0
     # Other curves end at 1.
     clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear) else 1.0
     return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
@@ -168,10 +176,13 @@ def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 
 
 def read_data(
-    path: str | os.PathLike[str], layer: str | None = None
+    path: str | os.PathLike[str], layer: str | None = None, *, pair: bool = False
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Read three channels of data (normals), (H, W, 3) float32 without a curve, and alpha or None."""
-    image = read_image(path, encoding="linear", layer=layer)
+    """Read three channels of data (normals), (H, W, 3) float32 without a curve, and alpha or None.
+
+    pair: see :func:`read_image`.
+    """
+    image = read_image(path, encoding="linear", layer=layer, pair=pair)
     return image.pixels, image.alpha
 
 

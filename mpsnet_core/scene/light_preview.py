@@ -14,7 +14,7 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, triangle_normals
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.visibility import OFFSET

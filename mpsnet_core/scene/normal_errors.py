@@ -11,7 +11,8 @@ from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import Convention, NormalMap, read_normals
+from mpsnet_core.scene.normal_encoding import Convention
+from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import InitVar, dataclass, field
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +9,14 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.errors import Choices, FormatError, GeometryError
-from mpsnet_core.io.image_reading import read_channel, read_data
-from mpsnet_core.io.image_writing import write_bands
+from mpsnet_core.errors import FormatError, GeometryError
+from mpsnet_core.io.image_reading import read_channel
+from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, read_vectors, write_vectors
 
-Convention = Literal["opengl", "directx"]
-# The sign of y in the green channel.
-_GREEN = Choices("convention", {"opengl": 1, "directx": -1})
 # The fraction of a map's normals that must face the camera (camera space) or outwards (tangent and object space).
 OUTWARDS_SHARE = 0.9
 # Vectors within this distance of the median of those that are not of unit length are background.
 BACKGROUND = 0.1
-SAMPLED = 100_000  # pixels of a large map that are sampled to find its background
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +79,6 @@ class NormalMap:
         object.__setattr__(self, "confidence", trust)
 
 
-def encode(vectors: NDArray[np.floating[Any]], convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Vectors (..., 3) as colours 0.5 + 0.5 n. For DirectX, green is -y."""
-    return (0.5 + 0.5 * np.asarray(vectors, np.float32) * _signs(convention)).astype(np.float32)
-
-
-def decode(colours: NDArray[np.floating[Any]], convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Colours (..., 3) back to unit vectors; the inverse of :func:`encode`."""
-    return normalised((np.asarray(colours, np.float32) * 2 - 1) * _signs(convention))
-
-
-def _signs(convention: Convention) -> NDArray[np.float32]:
-    return np.array([1, _GREEN[convention], 1], dtype=np.float32)
-
-
 def write_normals(
     path: str | os.PathLike[str],
     normals: NormalMap,
@@ -106,7 +87,9 @@ def write_normals(
     bits: int | None = None,
     description: str | None = None,
 ) -> None:
-    """Write camera-space normals as colours 0.5 + 0.5 n with the mask as alpha. The write is atomic.
+    """Write camera-space normals as colours with the mask as alpha. The write is atomic.
+
+    0 is the level 128 of 8 bits, 32768 of 16; float files hold 0.5 + 0.5 n.
 
     Parameters
     ----------
@@ -125,12 +108,7 @@ def write_normals(
     SettingsError
         If the format cannot hold `bits`, or the convention is unknown.
     """
-    height, width = normals.mask.shape
-
-    def colours(rows: slice) -> NDArray[np.float32]:
-        return np.concatenate([encode(normals.vectors[rows], convention), normals.mask[rows, :, None]], axis=-1)
-
-    write_bands(path, (height, width, 4), colours, bits=bits, description=description)
+    write_vectors(path, normals.vectors, convention=convention, bits=bits, description=description, mask=normals.mask)
 
 
 def read_normals(
@@ -140,6 +118,9 @@ def read_normals(
     confidence: str | os.PathLike[str] | None = None,
 ) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
+
+    It is found out which level is 0 in a file of 8 bits, and how z is stored: see
+    :func:`mpsnet_core.scene.normal_encoding.read_vectors`.
 
     Parameters
     ----------
@@ -157,30 +138,25 @@ def read_normals(
     GeometryError
         If the confidence map has another size.
     """
-    colours, alpha = read_data(path)
-    signs, unit, finite = _signs(convention), np.empty(colours.shape[:2], bool), np.empty(colours.shape[:2], bool)
+    vectors, alpha = read_vectors(path, convention)
+    unit, finite = np.empty(vectors.shape[:2], bool), np.empty(vectors.shape[:2], bool)
 
-    def decoded(rows: slice) -> None:
-        """Decode in place: a copy of a large photo's normals takes much memory."""
-        band = colours[rows]
-        band *= 2
-        band -= 1
-        x, y, z = np.moveaxis(band, -1, 0)
+    def measured(rows: slice) -> None:
+        x, y, z = np.moveaxis(vectors[rows], -1, 0)
         squared = x * x + y * y + z * z
         finite[rows] = np.isfinite(squared)
         unit[rows] = np.abs(np.sqrt(squared) - 1) < 0.1
-        band *= signs
 
-    on_all_cores(decoded, bands(len(colours)))
+    on_all_cores(measured, bands(len(vectors)))
     mask = unit if alpha is None else alpha > 0.5
     if not finite[mask].all():
         raise FormatError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
     if alpha is not None and not mask.any():
         raise FormatError(f"{path} holds no normals: its mask is empty; estimate them again")
-    if not (_are_unit(colours, unit) if alpha is None else unit[mask].mean() >= 0.5):
+    if not (_are_unit(vectors, unit) if alpha is None else unit[mask].mean() >= 0.5):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     trust = np.ones(mask.shape, np.float32) if confidence is None else read_channel(confidence)
-    return NormalMap(colours, mask, trust, in_place=True)
+    return NormalMap(vectors, mask, trust, in_place=True)
 
 
 def _are_unit(vectors: NDArray[np.float32], unit: NDArray[np.bool_]) -> bool:

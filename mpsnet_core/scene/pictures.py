@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, dilated
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.normal_map import NormalMap, encode
+from mpsnet_core.scene.normal_encoding import encode
+from mpsnet_core.scene.normal_map import NormalMap
 
 BACKGROUND = 0.13
 TITLE_HEIGHT = 30

@@ -14,7 +14,7 @@ from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import BACKGROUND, contact_sheet, legend, on_background, photo_picture
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
 

@@ -14,7 +14,7 @@ from blender_addon.commands import main
 from blender_addon.panels.heights import MPS_PT_displace
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 
 from .rendering import array_of, shader_of
 from .test_bake_against_blender import (

@@ -10,8 +10,9 @@ from flat_weave import Weave
 
 from blender_addon.commands import main
 from mpsnet_core import published_rig, read_image, write_image, write_rig
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.scene.normal_map import decode
+from mpsnet_core.scene.normal_encoding import read_vectors
 
 from .rendering import rendered
 
@@ -166,7 +167,7 @@ def test_it_renders_as_its_pictures_say(opened, scene, relief):
     shader.inputs["Specular IOR Level"].default_value = 0
     slant, tilt = math.radians(35), math.radians(200)
     shown = render(scene, opened / "shown.exr", plane, (0, slant, tilt))
-    normals = decode(read_image(opened / "out" / "weave_normal.png", encoding="linear").pixels)
+    normals = normalised(read_vectors(opened / "out" / "weave_normal.png")[0])
     albedo = read_image(opened / "out" / "weave_albedo.png").pixels
     light = np.array([math.sin(slant) * math.cos(tilt), math.sin(slant) * math.sin(tilt), math.cos(slant)])
     expected = np.maximum(normals @ light, 0)[..., None] * albedo

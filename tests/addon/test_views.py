@@ -10,11 +10,11 @@ from mathutils import Matrix, Vector
 
 from blender_addon.bake.many_views import _with_photos
 from blender_addon.panels.views import MPS_PT_views
-from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.normal_map import decode
+from mpsnet_core.scene.normal_encoding import read_vectors
 
 from .rendering import shader_of
 from .test_steps import Kind, stands
@@ -57,7 +57,7 @@ def around(sphere, scene, tmp_path):
 
 def error(path) -> float:
     """Mean error of the texture in the band around the equator, which all sides see."""
-    baked = decode(read_image(path, encoding="linear").pixels)
+    baked = normalised(read_vectors(path)[0])
     band = slice(40, 88)
     return float(angular_error(baked, texel_normals(128))[band].mean())
 
@@ -145,7 +145,7 @@ def test_lights_that_stand_still_are_those_of_the_scene(around, scene, tmp_path)
     textures = []
     for lights in ("CAMERA", "WORLD"):
         bpy.ops.mps.bake_views(level=False, write_report=False, lights_in=lights)
-        textures.append(decode(read_image(tmp_path / "texture.png", encoding="linear").pixels))
+        textures.append(normalised(read_vectors(tmp_path / "texture.png")[0]))
     assert angular_error(*textures).max() < 0.1
 
 
@@ -175,7 +175,7 @@ def test_cameras_from_colmap_meet_the_mesh_as_it_was_imported(around, scene, tmp
     textures = []
     for lights in ("CAMERA", "WORLD"):
         bpy.ops.mps.bake_views(lights_in=lights, write_report=False)
-        textures.append(decode(read_image(tmp_path / "texture.png", encoding="linear").pixels))
+        textures.append(normalised(read_vectors(tmp_path / "texture.png")[0]))
     assert angular_error(*textures).max() < 0.1
 
 

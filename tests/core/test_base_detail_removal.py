@@ -18,7 +18,8 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
+from mpsnet_core.scene.normal_encoding import encode
+from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.rays import RayScene
 
 pytestmark = pytest.mark.accuracy

@@ -16,7 +16,8 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
+from mpsnet_core.scene.normal_encoding import encode
+from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 FLAT = np.array([0, 0, 1.0])
 

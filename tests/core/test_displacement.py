@@ -20,7 +20,7 @@ from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 128
 

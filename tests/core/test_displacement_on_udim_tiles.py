@@ -18,7 +18,7 @@ from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.udim import Tiles
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 64
 # Where the unit square's quarters go, from the lower left on: row by row, and not in their order.

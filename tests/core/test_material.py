@@ -20,6 +20,7 @@ from mpsnet_core import (
     write_image,
     write_rig,
 )
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
@@ -29,7 +30,7 @@ from mpsnet_core.relief.material.gradients import gradients_of, normals_of
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.periodic_heights import periodic_height
 from mpsnet_core.relief.material.resampling import resampled
-from mpsnet_core.scene.normal_map import decode
+from mpsnet_core.scene.normal_encoding import read_vectors
 
 # --- laid flat --------------------------------------------------------------------------------------------------------
 
@@ -278,7 +279,7 @@ def test_the_files_say_what_they_measure(photo, tmp_path):
     assert np.abs(black + grey * (white - black) - exact).max() < 1e-4 * (white - black)
     assert np.ptp(exact) == pytest.approx(np.ptp(photo.height), rel=0.05)
     assert told["width_mm"] == pytest.approx(told["pixels"][0] * photo.pixel_mm, rel=0.01)
-    normals = decode(read_image(files["normal"], encoding="linear").pixels)
+    normals = normalised(read_vectors(files["normal"])[0])
     gradients = np.gradient(exact, told["height_mm"] / told["pixels"][1], told["width_mm"] / told["pixels"][0])
     vectors = np.stack([-gradients[1], gradients[0], np.ones_like(exact)], axis=-1)
     assert degrees_between(normals, vectors)[1:-1, 1:-1].mean() < 1

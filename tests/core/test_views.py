@@ -22,6 +22,7 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.multi_view import Photography, sources_of
 from mpsnet_core.capture.capture import read_capture
@@ -31,7 +32,8 @@ from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
-from mpsnet_core.scene.normal_map import NormalMap, decode, read_normals, write_normals
+from mpsnet_core.scene.normal_encoding import read_vectors
+from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
 from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
@@ -127,7 +129,7 @@ class Table:
         return words.getvalue()
 
     def texture(self) -> np.ndarray:
-        return decode(read_image(self / "texture.png", encoding="linear").pixels)
+        return normalised(read_vectors(self / "texture.png")[0])
 
 
 @pytest.fixture(scope="module")
@@ -757,10 +759,10 @@ def test_a_preset_names_the_texture_and_detail_goes_on_top_of_a_map(table: Table
     table.run(*preset)
     (written,) = (table / "out").iterdir()
     assert written.name == "T_mesh_N.png"
-    detail = decode(read_image(written, encoding="linear").pixels, "directx")
+    detail = normalised(read_vectors(written, "directx")[0])
     map_file = write_file(table / "map.png", 0.5 + 0.5 * waves, "uint16")
     table.run(*preset, "--onto", map_file, "--onto-shown", "no")
-    laid = decode(read_image(written, encoding="linear").pixels, "directx")
+    laid = normalised(read_vectors(written, "directx")[0])
     flat = degrees_between(detail, np.array([0, 0, 1.0])) < 0.01
     assert 0.03 < flat.mean() < 0.7
     assert degrees_between(laid, waves)[flat].max() < 0.05

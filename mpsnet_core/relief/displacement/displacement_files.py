@@ -15,7 +15,6 @@ from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
 from mpsnet_core.io.image_reading import read_size
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
@@ -23,7 +22,8 @@ from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.udim import tiles_of
 from mpsnet_core.relief.height_files import HeightFacts, HeightScale, height_files, write_height
 from mpsnet_core.scene.mesh import Mesh, read_mesh
-from mpsnet_core.scene.normal_map import Convention, encode, read_normals
+from mpsnet_core.scene.normal_encoding import Convention, write_vectors
+from mpsnet_core.scene.normal_map import read_normals
 
 log = logging.getLogger(__name__)
 
@@ -194,7 +194,7 @@ def _write_heights(parts: Mapping[Path, NDArray[np.float32]], found: Displacemen
 
 def _write_normals(parts: Mapping[Path, NDArray[np.float32]]) -> None:
     for file, vectors in parts.items():
-        write_image(file, encode(vectors))
+        write_vectors(file, vectors)
 
 
 def _checked_outputs(

@@ -16,7 +16,8 @@ from mpsnet_core.relief.curvature import curvature_picture, curvature_range
 from mpsnet_core.relief.material.material import Material
 from mpsnet_core.relief.material.resampling import resampled
 from mpsnet_core.relief.relight import relit
-from mpsnet_core.scene.normal_map import Convention, NormalMap, encode
+from mpsnet_core.scene.normal_encoding import Convention, write_vectors
+from mpsnet_core.scene.normal_map import NormalMap
 
 MATERIAL_FORMAT = "mpsnet-material"
 MATERIAL_VERSION = 1
@@ -85,7 +86,7 @@ def write_material(
     Returns
     -------
     dict of str to Path
-        The files of :func:`material_files`. normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to
+        The files of :func:`material_files`. normal: 16 bits. height: 16 bits from black, the lowest, to
         white, the highest. height_mm: float, millimetres. curvature: grey where flat, lighter where convex, over the
         range that the JSON file states. albedo: sRGB. preview: 3 x 3 tiles under a low light. material: JSON.
 
@@ -101,7 +102,7 @@ def write_material(
     description = {**_description(material, low, high, bend), "convention": convention}
     with write_transaction():
         write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
-        write_image(files["normal"], encode(material.normals, convention))
+        write_vectors(files["normal"], material.normals, convention=convention)
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
         write_image(files["height_mm"], material.height)
         write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
