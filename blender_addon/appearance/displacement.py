@@ -13,8 +13,8 @@ from .nodes import (
     UV_NODE,
     ensure_node,
     find_node,
-    shaders,
 )
+from .shader_graph import normal_inputs, output_of
 
 # Stored with a material: its displacement method before it got heights.
 _METHOD_BEFORE = "mpsnet_displacement_method"
@@ -72,11 +72,6 @@ def remove_heights(material: Any) -> list[str]:
     return [socket.node.name for socket in before]
 
 
-def output_of(material: Any) -> Any:
-    """The active output node of a material, None if there is none."""
-    return material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
-
-
 def remove_displacement(target: Any) -> bool:
     """Undo ``mps.displace`` on an object, before it gets another normal map. Returns whether there was anything."""
     materials = [slot.material for slot in target.material_slots if slot.material and slot.material.node_tree]
@@ -95,7 +90,7 @@ def show_normals(material: Any, shown: bool) -> bool:
     normal = find_node(material.node_tree, NORMAL_NODE)
     if normal is None:
         return False
-    _link_normal(material.node_tree, normal, shown)
+    _link_normal(material, normal, shown)
     return not shown
 
 
@@ -111,7 +106,7 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
     uv.uv_map, texture.image, normal.space = uv_map, image, "OBJECT"
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
-    _link_normal(tree, normal, True)
+    _link_normal(material, normal, True)
     disable_bump_correction(material)
 
 
@@ -135,11 +130,11 @@ def remove_object_normals(material: Any) -> None:
         material.cycles.use_bump_map_correction = bool(before)
 
 
-def _link_normal(tree: Any, normal: Any, linked: bool) -> None:
+def _link_normal(material: Any, normal: Any, linked: bool) -> None:
     """Link a Normal Map node to the shaders whose normal input is free, or unlink it."""
-    for shader in shaders(tree):
-        socket = shader.inputs["Normal"]
+    links = material.node_tree.links
+    for socket in normal_inputs(material)[0]:
         if linked and not socket.is_linked:
-            tree.links.new(normal.outputs["Normal"], socket)
+            links.new(normal.outputs["Normal"], socket)
         for link in [link for link in socket.links if link.from_node == normal and not linked]:
-            tree.links.remove(link)
+            links.remove(link)

@@ -4,6 +4,8 @@ from typing import Any
 
 import bpy
 
+from .shader_graph import shaders_of
+
 # Nodes of the bake, of the displacement, and of both.
 TEXTURE_NODE, GREEN_NODE, NORMAL_NODE, ALBEDO_NODE = "MPS Texture", "MPS Green", "MPS Normal", "MPS Albedo"
 HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", "MPS Before"
@@ -40,32 +42,15 @@ def with_nodes(material: Any) -> Any:
         "Roughness": material.roughness,
         "Specular IOR Level": material.specular_intensity,
     }
-    for shader in shaders(material.node_tree):
+    for shader in shaders_of(material):
         for name, value in look.items():
-            shader.inputs[name].default_value = value
+            shader.node.inputs[name].default_value = value
     return material
 
 
 def trees_of(obj: Any) -> list[Any]:
     """The node trees of an object's materials, slot by slot, without empty slots and materials without nodes."""
     return [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
-
-
-def shaders(tree: Any) -> list[Any]:
-    """A tree's shaders that take a normal."""
-    return [node for node in tree.nodes if "Normal" in node.inputs and any(o.type == "SHADER" for o in node.outputs)]
-
-
-def output_before(socket: Any) -> Any:
-    """The output that an input is linked to, through reroutes; None if it is not linked."""
-    found = socket.links[0].from_socket if socket.links else None
-    return output_before(found.node.inputs[0]) if found is not None and found.node.type == "REROUTE" else found
-
-
-def node_before(node: Any, socket: str | int) -> Any:
-    """The node that an input is linked to, through reroutes; None if it is not linked."""
-    found = output_before(node.inputs[socket])
-    return None if found is None else found.node
 
 
 def find_node(tree: Any, name: str) -> Any:

@@ -14,8 +14,8 @@ from ..appearance.nodes import (
     UV_NODE,
     ensure_node,
     find_node,
-    shaders,
 )
+from ..appearance.shader_graph import normal_inputs, shaders_of, way_in
 from ..image_records import remember
 from .texture_owners import store_owners
 from .texture_sets import AssignedTexture, ensure_own_materials
@@ -26,8 +26,9 @@ def assign_textures(
 ) -> list[str]:
     """Assign textures to all materials of objects.
 
-    Materials whose shaders take no normal are skipped. Returns a sentence for each node that a texture replaced, and
-    for each object whose displacement was removed: with a tangent-space normal map, the relief would show twice.
+    Materials without a shader that takes a normal and reaches the output are skipped. Returns a sentence for each node
+    that a texture replaced, and for each object whose displacement was removed: with a tangent-space normal map, the
+    relief would show twice.
 
     frames: of the timeline, if the texture is an image sequence with these frame numbers.
     """
@@ -39,7 +40,7 @@ def assign_textures(
         if space == "TANGENT" and remove_displacement(one.target)
     ]
     for material, (image, uv_map) in materials.items():
-        if not shaders(material.node_tree):
+        if not normal_inputs(material)[0]:
             continue
         # Later steps read these from the texture, because the panel may have changed by then.
         remember(image, "space", space)
@@ -62,8 +63,9 @@ def assign_albedo(assigned: Sequence[AssignedTexture]) -> list[str]:
     materials, sentences = ensure_own_materials(assigned), []
     store_owners(assigned)
     for material, (image, uv_map) in materials.items():
-        nodes, links = material.node_tree.nodes, material.node_tree.links
-        colours = [socket for node in nodes if (socket := _base_colour(node))]
+        links = material.node_tree.links
+        ends = [shader.end(_base_colour(shader.node)) for shader in shaders_of(material, all_engines=True)]
+        colours = list(dict.fromkeys(socket for end in ends if end and (socket := way_in(end))))
         if not colours:
             sentences.append(f'Material "{material.name}" has no shader with a base colour for "{image.name}"')
             continue
@@ -80,9 +82,9 @@ def assign_albedo(assigned: Sequence[AssignedTexture]) -> list[str]:
     return sentences
 
 
-def _base_colour(node: Any) -> Any:
-    """A shader's input for the surface colour, None if it has none."""
-    return node.inputs.get("Color" if node.type == "BSDF_DIFFUSE" else "Base Color")
+def _base_colour(node: Any) -> str:
+    """The name of a shader's input for the surface colour, if it has one."""
+    return "Color" if node.type == "BSDF_DIFFUSE" else "Base Color"
 
 
 def mark_assets(assigned: Sequence[AssignedTexture], what: str) -> None:
@@ -99,17 +101,18 @@ def mark_asset(datablock: Any) -> None:
 
 
 def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
-    """Link the texture to the normal of every shader of a material. Nodes of an earlier bake are reused.
+    """Link the texture to the normal of every shader that reaches the output. Nodes of an earlier bake are reused.
 
-    material: one with a shader that takes a normal. Returns the names of the nodes that were linked there before,
+    material: one with such a shader. Returns the names of the nodes that were linked there before,
     except those of an earlier bake.
     """
-    found = shaders(material.node_tree)
-    left, top = min(node.location.x for node in found), min(node.location.y for node in found) - 300
+    found, _ = normal_inputs(material)
+    places = [socket.node.location for socket in found]
+    left, top = min(place.x for place in places), min(place.y for place in places) - 300
     normal = ensure_normal_map(material.node_tree, image, uv_map, space, convention, left, top)
-    before = [link.from_node for shader in found for link in shader.inputs["Normal"].links]
-    for shader in found:
-        material.node_tree.links.new(normal.outputs["Normal"], shader.inputs["Normal"])
+    before = [link.from_node for socket in found for link in socket.links]
+    for socket in found:
+        material.node_tree.links.new(normal.outputs["Normal"], socket)
     return list(dict.fromkeys(other.name for other in before if other != normal))
 
 

@@ -13,7 +13,7 @@ from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import InputError
 
-from ..appearance.nodes import shaders
+from ..appearance.shader_graph import normal_inputs
 from ..child_process.core_process import Work
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
@@ -37,6 +37,7 @@ from .texture_sets import (
     with_tokens,
 )
 
+_NO_SHADER = "no shader with a Normal input reaches its active Material Output"
 # Seen fraction below which a note is given; a single photo sees about a third of an object.
 _HARDLY_SEEN = 0.1
 
@@ -217,13 +218,14 @@ def texture_name(settings: Any, name: str) -> str:
 
 
 def _without_normal(assigned: Sequence[AssignedTexture]) -> list[str]:
-    """A sentence for each material that cannot take a normal map."""
-    materials = dict.fromkeys(slot.material for one in assigned for slot in one.target.material_slots)
-    return [
-        f'Material "{material.name}" has no shader with a Normal input and does not show the texture'
-        for material in materials
-        if not shaders(material.node_tree)
-    ]
+    """A sentence for each material, or shader in a group, that cannot take a normal map."""
+    sentences = []
+    for material in dict.fromkeys(slot.material for one in assigned for slot in one.target.material_slots):
+        found, closed = normal_inputs(material)
+        if not found and not closed:
+            sentences.append(f'Material "{material.name}" does not show the texture: {_NO_SHADER}')
+        sentences += closed
+    return sentences
 
 
 def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
@@ -241,10 +243,14 @@ def check_shows_normals(target: Any) -> None:
     Missing materials are created later.
     """
     _refuse_linked(target)
-    trees = [slot.material.node_tree if slot.material else None for slot in target.material_slots]
-    if trees and all(tree is not None and not shaders(tree) for tree in trees):
+    materials = [slot.material for slot in target.material_slots]
+    if not materials or not all(material and material.node_tree for material in materials):
+        return
+    taken = [normal_inputs(material) for material in materials]
+    if not any(found for found, _ in taken):
+        closed = [sentence for _, sentences in taken for sentence in sentences]
         raise InputError(
-            f'no material of "{target.name}" has a shader with a Normal input; add a Principled BSDF to one'
+            closed[0] if closed else f'no material of "{target.name}" can show a normal map: {_NO_SHADER}; link one'
         )
 
 

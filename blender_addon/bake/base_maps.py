@@ -17,10 +17,8 @@ from ..appearance.nodes import (
     OBJECT_NORMAL_NODE,
     TEXTURE_NODE,
     find_node,
-    node_before,
-    output_before,
-    shaders,
 )
+from ..appearance.shader_graph import End, Shader, before, node_before, shaders_of
 from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, BakeTarget, Part, parts_of
@@ -130,9 +128,13 @@ def _assigned_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part
     for target, one in zip(targets, onto, strict=True):
         layers = target.data.uv_layers
         rendered = next((layer.name for layer in layers if layer.active_render), one.uv_map)
-        for normal in _normal_maps(target, one, part):
-            found.setdefault(_source(normal, one.uv_map, rendered), target.name)
+        for material in _materials(target, one, part):
+            for colour in _normal_maps(material):
+                found.setdefault(_source(colour, one.uv_map, rendered), target.name)
     if not found:
+        for target, one in zip(targets, onto, strict=True):
+            for material in _materials(target, one, part):
+                _refuse_coats(material)
         return None
     if len(found) > 1:
         names = ", ".join(sorted(f'"{image.name}"' for image, _ in found))
@@ -145,47 +147,65 @@ def _assigned_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part
     return next(iter(found))
 
 
-def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
-    """The Normal Map nodes that feed the shaders of a part of an object, possibly through Bump nodes.
+def _materials(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
+    """The materials with nodes of a part of an object."""
+    obj, wanted = part
+    for slot, label in zip(target.material_slots, onto.labels, strict=False):
+        if obj in (None, onto.name) and wanted in (None, label) and slot.material and slot.material.node_tree:
+            yield slot.material
+
+
+def _normal_maps(material: Any) -> list[End]:
+    """The Color inputs of the Normal Map nodes of the shaders that the render shows, possibly through Bump nodes.
 
     If the shaders have none, a baked one with its texture counts: a displacement has unlinked it, or replaced it by the
     same normals in object space.
     """
-    obj, material = part
-    if obj not in (None, onto.name):
-        return
-    for slot, label in zip(target.material_slots, onto.labels, strict=False):
-        tree = slot.material and slot.material.node_tree
-        if material not in (None, label):
-            continue
-        if tree:
-            baked = find_node(tree, NORMAL_NODE)
-            taken_off = [baked] if baked and node_before(baked, "Color") else []
-            yield from list(_shaders_normal_maps(tree)) or taken_off
+    found = [end for shader in shaders_of(material) if (end := _normal_map(shader, "Normal"))]
+    displaced = find_node(material.node_tree, OBJECT_NORMAL_NODE)
+    found = [end for end in found if end.socket.node != displaced]
+    baked = find_node(material.node_tree, NORMAL_NODE)
+    taken_off = [End(baked.inputs["Color"])] if baked is not None and baked.inputs["Color"].is_linked else []
+    return found or taken_off
 
 
-def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
-    displaced = find_node(tree, OBJECT_NORMAL_NODE)
-    for shader in shaders(tree):
-        node = node_before(shader, "Normal")
-        while node is not None and node.type == "BUMP":
-            node = node_before(node, "Normal")
-        if node is not None and node.type == "NORMAL_MAP" and node != displaced:
-            yield node
+def _normal_map(shader: Shader, name: str) -> End | None:
+    """The Color input of the Normal Map node before a shader's input of that name, None if there is none."""
+    end = shader.end(name)
+    while end is not None:
+        node, groups = node_before(end)
+        if node is None or node.type != "BUMP":
+            is_map = node is not None and node.type == "NORMAL_MAP"
+            return End(node.inputs["Color"], groups) if is_map else None
+        end = End(node.inputs["Normal"], groups)
+    return None
 
 
-def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
-    """The image and the convention of a Normal Map node's input.
+def _refuse_coats(material: Any) -> None:
+    """Raise InputError if a normal map of a material is linked to some other input than Normal."""
+    for shader in shaders_of(material):
+        for name in (socket.name for socket in shader.node.inputs if socket.name.endswith(" Normal")):
+            if _normal_map(shader, name) is not None:
+                raise InputError(
+                    f'the normal map of "{shader.node.name}" in material "{material.name}" is linked to {name} alone; '
+                    f"link it to Normal, or {_BY_FILE}"
+                )
+
+
+def _source(colour: End, uv_map: str, rendered: str) -> tuple[Any, str]:
+    """The image and the convention of a Normal Map node, by its Color input.
 
     rendered: the UV map of nodes that name none.
     """
+    normal = colour.socket.node
     convention = getattr(normal, "convention", "OPENGL")  # from Blender 5.2 on
-    texture = node_before(normal, "Color")
-    if texture is not None and texture == find_node(normal.id_data, GREEN_NODE):
-        convention, texture = "DIRECTX", node_before(texture, 0)
+    texture, groups = node_before(colour)
+    if texture is not None and texture == find_node(texture.id_data, GREEN_NODE):
+        convention = "DIRECTX"
+        texture, groups = node_before(End(texture.inputs[0], groups))
     if texture is None or texture.type != "TEX_IMAGE" or texture.image is None:
         raise InputError(f"the existing normal map does not come straight from an image texture; {_BY_FILE}")
-    for placed in (normal.uv_map or rendered, _uv_map_of_texture(texture, rendered)):
+    for placed in (normal.uv_map or rendered, _uv_map_of_texture(End(texture.inputs["Vector"], groups), rendered)):
         if placed != uv_map:
             raise InputError(f'the existing normal map is on UV map "{placed}"; bake onto that one')
     if texture.name == TEXTURE_NODE:
@@ -195,31 +215,42 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
         return base, "DIRECTX" if texture.image.get(_BASE_CONVENTION) == "DIRECTX" else "OPENGL"
     if normal.space != "TANGENT":
         raise InputError(f'the existing normal map "{texture.image.name}" is not in tangent space; {_BY_FILE}')
-    strength = normal.inputs["Strength"]
-    if strength.is_linked or strength.default_value != 1:
+    if _value(colour.input("Strength")) != 1:
         raise InputError(f'the existing normal map "{texture.image.name}" is not used at strength 1; set it to 1')
     return texture.image, convention
 
 
-def _uv_map_of_texture(texture: Any, rendered: str) -> str:
-    """The UV map of an image texture. Raises InputError if the texture is transformed on it."""
-    end = texture.inputs["Vector"]
-    before = node_before(texture, "Vector")
-    if before is not None and before.type == "MAPPING" and _is_identity(before):
-        end, before = before.inputs["Vector"], node_before(before, "Vector") or before
+def _value(end: End) -> Any:
+    """The value of an input that is linked to no node, else None."""
+    output, last = before(end)
+    return last.socket.default_value if output is None else None
+
+
+def _uv_map_of_texture(end: End, rendered: str) -> str:
+    """The UV map of an image texture, by its Vector input. Raises InputError if the texture is transformed on it."""
+    texture = end.socket.node
+    output, _ = before(end)
+    if output is not None and output.node.type == "MAPPING":
+        mapping = End(output.node.inputs["Vector"], node_before(end)[1])
+        if _is_identity(mapping):
+            output = before(mapping)[0] or output
+    node = None if output is None else output.node
     if texture.projection == "FLAT":
-        if before is None or (before.type == "TEX_COORD" and output_before(end).name == "UV"):
+        if node is None or (node.type == "TEX_COORD" and output.name == "UV"):
             return rendered
-        if before.type == "UVMAP":
-            return str(before.uv_map or rendered)
+        if node.type == "UVMAP":
+            return str(node.uv_map or rendered)
     raise InputError(
         f'the existing normal map "{texture.image.name}" does not lie straight on a UV map; link its texture to a UV '
         f"Map node, or {_BY_FILE}"
     )
 
 
-def _is_identity(mapping: Any) -> bool:
+def _is_identity(vector: End) -> bool:
+    """Whether a Mapping node, by its Vector input, moves nothing."""
+    mapping = vector.socket.node
     still = {"Location": 0, "Rotation": 0, "Scale": 1}
-    ends = [(mapping.inputs[name], value) for name, value in still.items() if name in mapping.inputs]
-    same_place = all(not end.is_linked and set(end.default_value) == {value} for end, value in ends)
-    return same_place and mapping.vector_type != "NORMAL"
+    values = [(_value(vector.input(name)), value) for name, value in still.items() if name in mapping.inputs]
+    return mapping.vector_type != "NORMAL" and all(
+        found is not None and set(found) == {value} for found, value in values
+    )

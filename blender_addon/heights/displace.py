@@ -13,7 +13,6 @@ from mpsnet_core.relief.operations import Integrate
 from ..appearance.displacement import (
     assign_displacement,
     disable_bump_correction,
-    output_of,
     remove_heights,
     remove_object_normals,
     show_normals,
@@ -21,6 +20,7 @@ from ..appearance.displacement import (
 )
 from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
+from ..appearance.shader_graph import output_of
 from ..bake.bake_operator import BakeOperator
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, ensure_own_materials, keep_materials_to_itself, with_tokens

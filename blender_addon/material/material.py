@@ -14,6 +14,7 @@ from mpsnet_core.scene.camera import read_camera
 
 from ..appearance.modifiers import FACES, remove_modifier, subdivide
 from ..appearance.nodes import ensure_node, new_material
+from ..appearance.shader_graph import output_of, shaders_of
 from ..image_records import origin, remember, remembered
 from ..images import fine_preview, image_file, load_image, picture_size
 from ..operators.core_run import RunsCore
@@ -192,9 +193,10 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
     def node(kind: str, name: str, x: float, y: float) -> Any:
         return ensure_node(material.node_tree, name, kind, x, y)
 
-    output = node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
+    output = output_of(material) or node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
     shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)
-    links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    if all(shown.node != shader for shown in shaders_of(material)):  # else it may be mixed with another
+        links.new(shader.outputs["BSDF"], output.inputs["Surface"])
     uv = node("ShaderNodeUVMap", "MPS Flat UV", -1000, 0)
     uv.uv_map = "UVMap"
     pictures = {}
