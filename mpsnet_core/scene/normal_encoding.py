@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 Convention = Literal["opengl", "directx"]
 # The sign of y in the green channel.
 _GREEN = Choices("convention", {"opengl": 1, "directx": -1})
-SAMPLED = 1 << 20  # pixels of a large map that are examined
+SAMPLED = 1 << 18  # pixels of a large map that are examined
 # The highest level of 8 bits, the same if they are the upper ones of 16, and of 16 bits.
 _BYTE, _UPPER_BYTE, _WORD = 255.0, 65535 / 256, 65535.0
 # Fraction of the levels by which float32 may round, and half floats.
@@ -245,6 +245,8 @@ def _are_horizontal(x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
 
 def _levels(some: NDArray[np.float64]) -> float | None:
     """The highest level of a file with such values, wherever they were stored since; None if they are floats."""
+    if some.min() < 0 or some.max() > 1:
+        return None
     in_half = (some == some.astype(np.float16)).all()
     for levels in (_BYTE,) if in_half else (_BYTE, _UPPER_BYTE, _WORD):
         off = np.abs(some * levels - np.rint(some * levels)).max()

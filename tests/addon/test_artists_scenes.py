@@ -336,8 +336,7 @@ def glowing() -> "bpy.types.Material":
 def test_a_slot_whose_shader_takes_no_normal_is_passed_over(estimated, scene, tmp_path):
     estimated.data.materials.append(glowing())
     bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
-    note = 'Material "Glow" has no shader with a Normal input and does not show the texture'
-    assert note in notes_of(scene, "bake")
+    assert any('"Glow" does not show the texture' in note for note in notes_of(scene, "bake"))
     assert "MPS Texture" in estimated.material_slots[0].material.node_tree.nodes
 
 

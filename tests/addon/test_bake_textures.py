@@ -65,8 +65,9 @@ def shown_normals(scene, tmp_path, obj):
     nodes, links = material.node_tree.nodes, material.node_tree.links
     glow = nodes.new("ShaderNodeEmission")
     links.new(nodes["MPS Texture"].outputs["Color"], glow.inputs["Color"])
-    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
-    links.new(glow.outputs[0], output.inputs["Surface"])
+    surface = next(node for node in nodes if node.type == "OUTPUT_MATERIAL").inputs["Surface"]
+    before = surface.links[0].from_socket
+    links.new(glow.outputs[0], surface)
     data = bpy.data.cameras.new("Front")
     data.type, data.ortho_scale = "ORTHO", 2.0
     camera = bpy.data.objects.new("Front", data)
@@ -75,6 +76,7 @@ def shown_normals(scene, tmp_path, obj):
     scene.camera = camera
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     shown = rendered(tmp_path / "shown.exr", 160, 160, samples=1)[..., :3]
+    links.new(before, surface)
     x, z = (np.mgrid[:160, :160][1] + 0.5) / 80 - 1, 1 - (np.mgrid[:160, :160][0] + 0.5) / 80
     inside = x**2 + z**2 < 0.9
     truth = np.stack([x, -np.sqrt(np.maximum(1 - x**2 - z**2, 0)), z], axis=-1)
