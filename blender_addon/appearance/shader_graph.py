@@ -45,6 +45,11 @@ class Shader:
         return None if socket is None else End(socket, self.groups)
 
 
+def uses_nodes(material: Any) -> bool:
+    """Whether a material is rendered by its nodes. Before Blender 5.0 it may have some that are switched off."""
+    return material.node_tree is not None and (bpy.app.version >= (5, 0) or material.use_nodes)
+
+
 def output_of(material: Any) -> Any:
     """The output node that the scene's render engine shows of a material, None if there is none."""
     return next(iter(_outputs_of(material)), None)
@@ -55,7 +60,7 @@ def _outputs_of(material: Any) -> list[Any]:
     targets = ["CYCLES", "ALL", "EEVEE"]
     if "EEVEE" in bpy.context.scene.render.engine:
         targets.reverse()
-    found = [material.node_tree.get_output_node(target) for target in targets]
+    found = [material.node_tree.get_output_node(target) for target in targets] if uses_nodes(material) else []
     return [output for number, output in enumerate(found) if output is not None and output not in found[:number]]
 
 
@@ -175,7 +180,10 @@ def _hidden(node: Any, groups: tuple[Any, ...]) -> list[Any]:
     if node.type != "MIX_SHADER" or node.id_data.animation_data is not None:
         return []
     output, last = before(End(node.inputs[0], groups))
-    factor = last.socket.default_value if output is None else 0.5
-    if last.socket.id_data.animation_data is not None or 0 < factor < 1:
+    constant = last.socket if output is None else output
+    if constant.id_data.animation_data is not None or (output is not None and output.node.type != "VALUE"):
+        return []
+    factor = constant.default_value
+    if 0 < factor < 1:
         return []
     return [node.inputs[2 if factor <= 0 else 1]]

@@ -13,7 +13,7 @@ from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import InputError
 
-from ..appearance.shader_graph import normal_inputs
+from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
@@ -244,7 +244,7 @@ def check_shows_normals(target: Any) -> None:
     """
     _refuse_linked(target)
     materials = [slot.material for slot in target.material_slots]
-    if not materials or not all(material and material.node_tree for material in materials):
+    if not materials or not all(material and uses_nodes(material) for material in materials):
         return
     taken = [normal_inputs(material) for material in materials]
     if not any(found for found, _ in taken):

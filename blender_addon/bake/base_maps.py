@@ -18,7 +18,7 @@ from ..appearance.nodes import (
     TEXTURE_NODE,
     find_node,
 )
-from ..appearance.shader_graph import End, Shader, before, node_before, shaders_of
+from ..appearance.shader_graph import End, Shader, before, node_before, shaders_of, uses_nodes
 from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, BakeTarget, Part, parts_of
@@ -148,10 +148,10 @@ def _assigned_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part
 
 
 def _materials(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
-    """The materials with nodes of a part of an object."""
+    """The materials of a part of an object that are rendered by their nodes."""
     obj, wanted = part
     for slot, label in zip(target.material_slots, onto.labels, strict=False):
-        if obj in (None, onto.name) and wanted in (None, label) and slot.material and slot.material.node_tree:
+        if obj in (None, onto.name) and wanted in (None, label) and slot.material and uses_nodes(slot.material):
             yield slot.material
 
 

@@ -100,9 +100,14 @@ def test_what_the_artist_put_there_stays(opened, scene):
     bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
     plane = scene.mps.material.plane
     (made,) = plane.data.materials
-    made.node_tree.nodes.new("ShaderNodeTexBrick").name = "Mine"
+    nodes, links = made.node_tree.nodes, made.node_tree.links
+    nodes.new("ShaderNodeTexBrick").name = "Mine"
+    surface, mix = made.node_tree.get_output_node("ALL").inputs["Surface"], nodes.new("ShaderNodeMixShader")
+    links.new(surface.links[0].from_socket, mix.inputs[1])
+    links.new(mix.outputs[0], surface)
     bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
     assert "Mine" in made.node_tree.nodes and scene.mps.material.plane == plane
+    assert surface.links[0].from_node == mix
     count = len(made.node_tree.nodes)
     own = bpy.data.materials.new("Own")
     if bpy.app.version < (5, 0):

@@ -90,6 +90,13 @@ def one_of_a_mix(tree: Tree) -> Ends:
     return [other.inputs["Normal"]], [one.inputs["Normal"]]
 
 
+def one_of_a_mix_by_a_value(tree: Tree) -> Ends:
+    one, other, value = shader_of(tree), new(tree, "BsdfDiffuse"), new(tree, "Value")
+    tree.links.new(value.outputs[0], mixed(tree, one, other, 1.0).inputs[0])
+    value.outputs[0].default_value = 0
+    return [one.inputs["Normal"]], [other.inputs["Normal"]]
+
+
 def one_of_a_muted_mix(tree: Tree) -> Ends:
     one, other = shader_of(tree), new(tree, "BsdfDiffuse")
     mixed(tree, one, other, 0.5).mute = True
@@ -140,6 +147,7 @@ GRAPHS: list[Callable[[Tree], Ends]] = [
     inactive_output,
     both_of_a_mix,
     one_of_a_mix,
+    one_of_a_mix_by_a_value,
     one_of_a_muted_mix,
     one_by_a_muted_link,
     after_a_reroute,
@@ -299,6 +307,16 @@ def test_each_engine_shows_its_own_output(
     assert usable_maps([plane], onto, tmp_path / "n.png") == [images[engine == "CYCLES"]]
     assign_textures(assigned(plane, even(tmp_path / "n.png", OTHER)), "TANGENT", "OPENGL")
     assert {end.links[0].from_node.name for end in ends} == {"MPS Normal"}
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="every material has nodes")
+def test_a_map_in_nodes_that_are_off_is_none(plane: "bpy.types.Object", tmp_path: Path) -> None:
+    material = plane.data.materials[0]
+    mapped(material.node_tree, even(tmp_path / "n.png", TILT), [shader_of(material.node_tree).inputs["Normal"]])
+    material.use_nodes = False
+    onto = [BakeTarget(0, plane.name, "UVMap", ("Paint",), frozenset({"Paint"}))]
+    check_shows_normals(plane)  # the bake switches them on
+    assert maps_before_bake([plane], onto, tmp_path / "n.png") == {(None, None): None}
 
 
 def test_a_material_that_shows_no_shader_is_named(plane: "bpy.types.Object") -> None:
