@@ -200,8 +200,8 @@ def _storage_of(colours: NDArray[np.float32], alpha: NDArray[np.floating[Any]] |
     return _Storage(z, x_in_alpha, levels, (x, y, x), (x_flat, y_flat))
 
 
-def _are_unit(vectors: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray(np.abs(np.linalg.norm(vectors, axis=-1) - 1) < 0.05)
+def _are_unit(vectors: NDArray[np.float64], tolerance: float = 0.05) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(np.linalg.norm(vectors, axis=-1) - 1) < tolerance)
 
 
 def _unit(vectors: NDArray[np.float64]) -> float:
@@ -227,7 +227,8 @@ def _channels(
     no_x, no_z = is_grey or not np.isnan(even[0]), copied or black or white or in_middle
     if alpha is not None and fits_not and no_x and no_z and _are_horizontal(alpha, green):
         return True, "none"
-    from_0 = _are_unit(np.stack([2 * red - 1, 2 * green - 1, blue], axis=-1)) & ~alike
+    # To the byte: in a reduced map normals are averaged, and shorter.
+    from_0 = _are_unit(np.stack([2 * red - 1, 2 * green - 1, blue], axis=-1), 0.012) & ~alike
     likely = fits_not and from_0.sum() > 0.6 * (~alike).sum() and np.ptp(blue[from_0]) > 0.1  # more than a background
     return False, "from 0" if likely else "alike"
 

@@ -145,6 +145,15 @@ def test_blue_may_hold_z_from_0_to_1(tmp_path: Path) -> None:
     assert degrees_between(read_vectors(write_file(tmp_path / "n.png", colours, "uint16"))[0], truth).max() < 0.01
 
 
+def test_averages_of_normals_are_not_taken_for_something_else(tmp_path: Path) -> None:
+    """As in a reduced map, which nobody normalised."""
+    truth = relief(0.5) + 0.4 * np.random.default_rng(0).normal(size=(SIDE, SIDE, 1)) * [1, 1, 0]
+    short = unit(truth).reshape(SIDE // 2, 2, SIDE // 2, 2, 3).mean(axis=(1, 3))
+    assert np.linalg.norm(short, axis=-1).mean() < 0.93
+    found, _ = read_vectors(write_file(tmp_path / "n.png", 0.5 + 0.5 * short, "uint16"))
+    assert degrees_between(found, short).max() < 0.01
+
+
 @pytest.mark.parametrize("alpha", [False, True])
 def test_a_photo_does_not_become_a_normal_map(alpha: bool, tmp_path: Path) -> None:
     """Grey and in colour; on black, with a mask in alpha."""
