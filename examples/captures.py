@@ -22,9 +22,9 @@ import numpy as np
 
 from mpsnet_core import Capture, InputError, LightRig, NormalMap, angular_error, estimate_normals, read_image, read_mask
 from mpsnet_core.arrays.rank_correlation import rank_correlation
-from mpsnet_core.capture.calibrate.lights import find_lights
-from mpsnet_core.capture.calibrate.photos import BallPhotos, read_sightings
-from mpsnet_core.capture.reading import Reading
+from mpsnet_core.calibrate.lights import find_lights
+from mpsnet_core.calibrate.photos import BallPhotos, read_sightings
+from mpsnet_core.capture.decode import PhotoReadOptions
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.pictures import contact_sheet, cropped, normals_picture, photo_picture
 from mpsnet_core.scene.rig import angles_of
@@ -60,7 +60,7 @@ def main() -> None:
 
 def light_directions(folder: Path) -> np.ndarray:
     """(12, 3) by the mirror ball."""
-    photos = BallPhotos([folder / f"chrome.{number}.png" for number in range(LIGHTS)], reading=Reading(ENCODING))
+    photos = BallPhotos([folder / f"chrome.{number}.png" for number in range(LIGHTS)], options=PhotoReadOptions(ENCODING))
     found = find_lights(read_sightings(photos))
     circle = found.sightings[0].ball.circle
     print(f"the ball is at {circle.x:.1f},{circle.y:.1f} with radius {circle.radius:.1f} pixels")

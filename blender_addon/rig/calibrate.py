@@ -10,7 +10,7 @@ from zlib import crc32
 import bpy
 from bpy.app.handlers import persistent
 
-from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
+from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
 
 from ..image_records import from_json

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from mpsnet_core.capture.calibrate.operations import CalibrateLights
+from mpsnet_core.calibrate.operations import CalibrateLights
 
 from .declared import OWN_SENSE, FileSetting, FloatSetting, from_option
 

@@ -5,28 +5,26 @@ import json
 import logging
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
-from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, warn_of_doubts, with_white
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
-from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
-from mpsnet_core.errors import FileError, GeometryError
+from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.sources import MESH, Source
+from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.files import prefix_errors
-from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_size
 from mpsnet_core.io.image_writing import write_image
@@ -35,7 +33,6 @@ from mpsnet_core.io.provenance import identity, is_result, is_up_to_date, proven
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_depth import depth_of_mesh
 from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import LightRig
@@ -43,29 +40,26 @@ from mpsnet_core.scene.view_photos import ViewPhoto
 
 log = logging.getLogger(__name__)
 
-# A mask from the mesh is ray cast at up to this many pixels on the longer side.
-MASK_PIXELS = 2048
-
 
 @dataclass(frozen=True)
 class Photography:
     """How the photos of all views are read.
 
     rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks that have
-    the photos' names, with or without the suffix _mask, or what :func:`read_capture` takes. reading: how images are
+    the photos' names, with or without the suffix _mask, or what :func:`read_capture` takes. options: how photos are
     read. white: folders of photos under white light that have the photos' names, with or without the suffix _white;
     the photos of several folders are added up.
     """
 
     rig_of: Callable[[Camera], LightRig]
-    mask: str = "mesh"
-    reading: Reading = AS_STATED
+    mask: str = MESH
+    options: PhotoReadOptions = AS_STATED
     white: Sequence[str] = ()
 
     @cached_property
     def masks(self) -> PhotoFolder | None:
         """The folder of masks, None if masks do not come from a folder."""
-        return PhotoFolder(self.mask, "masks") if self.mask != "mesh" and Path(self.mask).is_dir() else None
+        return PhotoFolder(self.mask, "masks") if self.mask != MESH and Path(self.mask).is_dir() else None
 
     @cached_property
     def white_folders(self) -> list[PhotoFolder]:
@@ -81,40 +75,22 @@ class Photography:
         In a folder of masks, that is the file at the photo's relative path, else the one with the view's or the photo's
         name. Raises FileError if the folder has none, or several match.
         """
-        if self.mask == "mesh":
-            return "none"
         if self.masks is None:
             return self.mask
         return os.fspath(_beside(view, self.masks, "mask", "mask"))
 
-    def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        """The view's photo without lens distortion. Raises InputError, which names the view, if it cannot be read."""
-        with prefix_errors(f"view {view.name}"):
-            capture = self._capture(view, scene)
-        warn_of_doubts(capture, f"view {view.name}")
-        return capture
-
-    def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        image = self.reading.photo(view.photo)
-        rig = self.rig_of(view.camera)
-        image, mask = corrected_and_masked(image, rig, self.mask_of(view), self.reading)
-        if view.lens is not None:
-            from mpsnet_core.scene.photogrammetry import undistorted_mask
-
-            mask = undistorted_mask(mask, view.camera, view.lens)
-        image = _straightened(image, view)
-        if self.mask == "mesh":
-            if mask.shape == (view.camera.height, view.camera.width):
-                mask = mask & mesh_mask(view.camera, scene)
-            if not mask.any():
-                raise GeometryError("its camera does not see the mesh; do the cameras and the mesh share one world?")
-        depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
-        warn_of_doubtful_curve(view.photo.name, image, mask, rig)
-        capture = capture_of(image, mask, rig, view.camera, depth)
-        if not self.white:
-            return capture
-        straightened = partial(_straightened, view=view)
-        return with_white(capture, self.white_of(view), self.reading, straightened=straightened)
+    def source(self, view: ViewPhoto, scene: RayScene) -> Source:
+        """The view's photo, to be opened."""
+        return Source(
+            view.photo,
+            self.rig_of(view.camera),
+            self.mask_of(view),
+            f"view {view.name}",
+            view.camera,
+            view.lens,
+            scene=scene,
+            white=self.white_of(view),
+        )
 
 
 def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
@@ -123,7 +99,7 @@ def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
     Only the files' headers are read.
     """
     for view in views:
-        camera, layer = (view.camera.height, view.camera.width), photography.reading.layer
+        camera, layer = (view.camera.height, view.camera.width), photography.options.layer
         with prefix_errors(f"view {view.name}"):
             photos = {"the photo": (view.photo, layer)}
             photos |= {f"white photo {file}": (file, layer_in(file, layer)) for file in photography.white_of(view)}
@@ -143,32 +119,6 @@ def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Pat
         if found:
             return found
     raise FileError(f"photo {photo.name} has no {what} {photo.stem} in {top}; put it there")
-
-
-def _straightened(image: Image, view: ViewPhoto) -> Image:
-    """A view's image without lens distortion."""
-    if view.lens is None:
-        return image
-    from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
-
-    pixels = undistorted(image.pixels, view.camera, view.lens)
-    clip, clipped = image.clip, image.clipped
-    if clipped is not None or np.isfinite(clip):
-        # Resampled pixels that a clipped one contributed to are wrong, although they are below the clipping value.
-        whole = undistorted_mask(~np.any(image.saturated, axis=-1), view.camera, view.lens)
-        clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
-    return replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
-
-
-def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
-    """(H, W) bool: the pixels in which the camera sees the mesh. Large images are sampled in blocks of a few pixels."""
-    small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
-    rows, columns = chosen_pixels(*small, camera.height, camera.width)
-    pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
-    origins, directions, _ = scene.rays_of(camera, pixels)
-    seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
-    mask: NDArray[np.bool_] = seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
-    return mask
 
 
 @dataclass(frozen=True)
@@ -246,7 +196,7 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
 
 def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, recipe: str) -> str:
     rig = photography.rig_of(view.camera)
-    needs_mesh = photography.mask == "mesh" or rig.near is not None
+    needs_mesh = photography.mask == MESH or rig.near is not None
     return provenance_line(
         "normals",
         recipe,
@@ -254,7 +204,7 @@ def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, re
         json.dumps(camera_data(view.camera)),
         repr(view.lens),
         json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)]),
-        photography.mask if photography.mask == "mesh" else mask_identity(mask),
+        photography.mask if photography.mask == MESH else mask_identity(mask),
         shape if needs_mesh else "",
         *map(identity, photography.white_of(view)),
     )
@@ -316,6 +266,7 @@ def estimate_views(
     Raises InputError, which names the view, if its photo cannot be read.
     """
     known = 0
+    photos = PhotoSet([photography.source(view, stored.scene) for view in views], photography.options)
     for number, (view, source) in enumerate(zip(views, sources, strict=True)):
         named = f"view {number + 1} of {len(views)}: {view.name}"
         step = part(progress, number / len(views), (number + 1) / len(views))
@@ -324,7 +275,7 @@ def estimate_views(
         if kept.is_of(source):
             known += 1
         else:
-            capture = photography.capture(view, stored.scene)
+            capture = photos.open(photos.sources[number])
             kept.write(capture, estimator(capture, part(step, 0.1, 0.8, named)), source)
         agreed.add(view.name, *stored.both(number))
     return known

@@ -630,7 +630,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
             def rig_of(camera: "Camera") -> "LightRig":
                 return rig
 
-        return Photography(rig_of, self.mask, self.reading(), self.white)
+        return Photography(rig_of, self.mask, self.read_options(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
         """The files that keep the views. Raises FileError if one exists that is not ours."""

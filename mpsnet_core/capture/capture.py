@@ -1,10 +1,8 @@
 """Captures: a photo in linear values with its mask, rig and camera, and optionally a white photo."""
 
 import logging
-import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,17 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
-from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.masks import Notes, find_mask, follows_values
-from mpsnet_core.capture.reading import AS_STATED, Reading
-from mpsnet_core.capture.transfer_curve import is_taken_as_linear, warn_of_doubtful_curve
-from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
-from mpsnet_core.io.files import prefix_errors, resolved
-from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE, Image
-from mpsnet_core.io.image_encoding import Encoding, with_stored_values
-from mpsnet_core.scene.camera import Camera, camera_of_lens
+from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
+from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, NearLights
 
 log = logging.getLogger(__name__)
@@ -38,6 +28,8 @@ MAX_OFF = 2.0
 ALIKE = 0.03
 # Below this share of the brightest channel's mean, a channel's light was probably off.
 BLACK = 0.01
+# Above this share of saturated pixels, there is a doubt.
+SPOILT = 0.05
 # Pixels by which a mesh's depth is extended beyond the mesh.
 DEPTH_MARGIN = 32
 
@@ -129,7 +121,7 @@ class Capture:
         if self.white is not None:
             if self.white_clipped is not None:
                 object.__setattr__(self, "white_clipped", np.asarray(self.white_clipped, bool))
-            object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
+            object.__setattr__(self, "white", checked_white(self.white, self.white_clipped, mask))
         if self.white_light is not None:
             object.__setattr__(self, "white_light", _towards_lamp(self.white_light))
         object.__setattr__(self, "image", image)
@@ -192,7 +184,7 @@ def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black
     return result
 
 
-def _checked_white(
+def checked_white(
     white: NDArray[np.float32], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     white = np.asarray(white, np.float32)
@@ -214,163 +206,13 @@ def _towards_lamp(direction: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(towards / np.linalg.norm(towards))
 
 
-def read_capture(
-    path: str | os.PathLike[str],
-    rig: LightRig,
-    *,
-    mask: str | os.PathLike[str] = MASK,
-    encoding: Encoding = "auto",
-    layer: str | None = None,
-    camera: Camera | float | None = None,
-    depth: NDArray[np.float32] | float | None = None,
-    correction: Correction | None = None,
-    white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
-    white_light: ArrayLike | None = None,
-) -> Capture:
-    """Read a photo as a capture.
-
-    Parameters
-    ----------
-    path : str or path
-        The photo.
-    rig : LightRig
-        The lights, in camera space.
-    mask : str or path
-        A mask file, or a keyword of :func:`find_mask`. By default the photo's alpha if it has any, else the object that
-        stands out clearly from its background, else the whole photo.
-    encoding, layer : str, optional
-        As in :func:`read_image`, with one exception: if neither `encoding` nor the file states the encoding, and the
-        shading shows that values are linear (:mod:`mpsnet_core.capture.transfer_curve`), they are read as linear.
-    camera : Camera or float, optional
-        The camera, or the focal length of its lens in mm on a sensor 36 mm wide.
-    depth : (H, W) array or float, optional
-        Distance of the surface in front of the camera, infinity where unknown. By default that of the lights' target.
-    correction : Correction, optional
-        Dark frame and flat field, also applied to the white photo.
-    white : str, path or sequence of them, optional
-        A photo of the same pose under white light, or several to add up, one for each light turned white.
-    white_light : (3,) array, optional
-        Direction from the surface to the one lamp that lit the white photo, in camera space. By default the rig's
-        lights, turned white, lit it.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, or photo, mask, camera, depth and white photo do not match.
-    """
-    reading = Reading(encoding, layer, correction)
-    image = reading.photo(path, compact=correction is None)
-
-    def taken(image: Image, notes: Notes = "all") -> Capture:
-        with prefix_errors(path):
-            return capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
-
-    capture = taken(image)
-    if correction is not None:  # the correction was read as sRGB, so the photo stays sRGB
-        warn_of_doubtful_curve(Path(path).name, image, capture.mask, rig)
-    elif is_taken_as_linear(Path(path).name, image, capture.mask, rig):
-        reading, image = replace(reading, encoding="linear"), with_stored_values(image)
-        # A mask found by brightness depends on the curve: find it again, but report it once. Any other mask stays.
-        capture = taken(image, "none") if follows_values(mask, image) else replace(capture, image=image.pixels)
-    if white is not None:
-        several = [white] if isinstance(white, str | os.PathLike) else white
-        if any(resolved(file) == resolved(path) for file in several):
-            raise _white_is_the_photo(path)
-        capture = with_white(capture, several, reading, light=white_light)
-    warn_of_doubts(capture)
-    return capture
-
-
-def with_white(
-    capture: Capture,
-    photos: Sequence[str | os.PathLike[str]],
-    reading: Reading,
-    *,
-    light: ArrayLike | None = None,
-    straightened: Callable[[Image], Image] = lambda image: image,
-) -> Capture:
-    """The capture with the sum of `photos` as its white photo.
-
-    reading: as for the photo. light: direction to the one lamp that lit them, None for the rig's lights. straightened:
-    removes lens distortion from an image, if it was removed from the photo.
-
-    Raises InputError if one cannot be read, is the photo itself, or does not match it.
-    """
-    total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
-    for file in expand_images(photos):
-        image = reading.companion(file)
-        with prefix_errors(file):
-            image = straightened(corrected(image, reading.correction))
-            # Checked one by one, to name the one that does not match.
-            total += _checked_white(image.pixels, None, capture.mask)
-        clipped |= image.saturated
-    if np.array_equal(total.astype(capture.image.dtype), capture.image):
-        raise _white_is_the_photo(photos[0])
-    lamp = None if light is None else np.asarray(light, np.float64)
-    return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=lamp)
-
-
-def _white_is_the_photo(path: str | os.PathLike[str]) -> SettingsError:
-    return SettingsError(f"{path}: the white photo is the photo itself; give the one under white light")
-
-
-def capture_from(
-    image: Image,
-    rig: LightRig,
-    *,
-    mask: str | os.PathLike[str] = MASK,
-    reading: Reading = AS_STATED,
-    camera: Camera | float | None = None,
-    depth: NDArray[np.float32] | float | None = None,
-    notes: Notes = "all",
-) -> Capture:
-    """A capture from an image in memory, such as a video frame. Other parameters as in :func:`read_capture`.
-
-    notes: what to log about a mask that is found, see :func:`find_mask`.
-
-    Raises InputError if the mask cannot be read, or image, mask, camera and depth do not match.
-    """
-    image, inside = corrected_and_masked(image, rig, mask, reading, notes)
-    height, width, _ = image.pixels.shape
-    if camera is not None and not isinstance(camera, Camera):
-        camera = camera_of_lens(camera, width, height)
-    return capture_of(image, inside, rig, camera, depth)
-
-
-def corrected_and_masked(
-    image: Image,
-    rig: LightRig,
-    mask: str | os.PathLike[str],
-    reading: Reading,
-    notes: Notes = "all",
-) -> tuple[Image, NDArray[np.bool_]]:
-    """The corrected image and its mask (H, W). Parameters as in :func:`capture_from`."""
-    correction = reading.correction
-    if rig.near is not None and correction is not None and correction.gain is not None:
-        raise SettingsError(
-            "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
-            "out, or give the lights as directions"
-        )
-    image = corrected(image, correction)
-    return image, find_mask(image, mask, **vars(reading), notes=notes)
-
-
-def capture_of(
-    image: Image,
-    mask: NDArray[np.bool_],
-    rig: LightRig,
-    camera: Camera | None,
-    depth: NDArray[np.float32] | float | None,
-) -> Capture:
-    """A capture from the result of :func:`corrected_and_masked`. depth: as in :func:`read_capture`."""
-    inside = _depth_within(mask, depth, rig) if mask.any() else None  # Capture rejects an empty mask
-    return Capture(image.pixels, mask, rig, camera, image.clip, inside, image.clipped)
-
-
-def _depth_within(
+def depth_within(
     mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
 ) -> NDArray[np.float32] | None:
-    """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights."""
+    """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights.
+
+    depth: as in :func:`mpsnet_core.read_capture`. Raises InputError if it does not fit the mask.
+    """
     if rig.near is None:
         if depth is not None:
             log.info("the rig's lights are distant, so the object's distance is not used")
@@ -426,9 +268,8 @@ def channel_angles(
     return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
 
 
-def warn_of_doubts(capture: Capture, name: str = "") -> None:
-    """Report photos whose normals are probably wrong. name: of the photo, if there are several."""
-    which = f"{name}: " if name else ""
+def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
+    """What makes a photo's normals probably wrong: the level to log each doubt at, its kind, and the words."""
     spoilt = 0
     total, products = np.zeros(3), np.zeros((3, 3))
     for rows in bands(len(capture.mask)):
@@ -442,36 +283,39 @@ def warn_of_doubts(capture: Capture, name: str = "") -> None:
     means = total / pixels
     angles = channel_angles(means, products, pixels)
     if angles is not None and angles.max() <= ALIKE:
-        log.warning(
-            "%sthe photo's three channels are nearly the same: it looks like a photo under white light, which "
-            "does not show normals; if you have three photos, each under one white light, combine them with "
-            "mpsnet superpose --channels [channels-alike]",
-            which,
+        yield (
+            logging.WARNING,
+            "alike",
+            "the photo's three channels are nearly the same: it looks like a photo under white light, which does not "
+            "show normals; if you have three photos, each under one white light, combine them with mpsnet superpose "
+            "--channels [channels-alike]",
         )
     for channel, mean in zip(CHANNELS, means, strict=True):
         if mean < BLACK * means.max():
-            log.warning("%sthe %s channel is black: was its light on? [black-channel]", which, channel)
-    if spoilt > 0.05 * pixels:
-        share = 100 * spoilt / pixels
-        log.info(
-            "%s%.0f%% of the object's pixels are saturated and therefore wrong; use a shorter exposure [clipped-photo]",
-            which,
-            share,
+            yield logging.WARNING, channel, f"the {channel} channel is black: was its light on? [black-channel]"
+    if spoilt > SPOILT * pixels:
+        yield (
+            logging.INFO,
+            "clipped",
+            f"{100 * spoilt / pixels:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
+            "exposure [clipped-photo]",
         )
     if capture.white_clipped is not None:
         spoilt = int(capture.white_clipped[capture.mask].any(axis=1).sum())
-        if spoilt > 0.05 * pixels:
-            log.info(
-                "%s%.0f%% of the white photo's pixels are saturated; use a shorter exposure",
-                which,
-                100 * spoilt / pixels,
+        if spoilt > SPOILT * pixels:
+            share = 100 * spoilt / pixels
+            yield (
+                logging.INFO,
+                "clipped white",
+                f"{share:.0f}% of the white photo's pixels are saturated; use a shorter exposure",
             )
     # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():
-        log.info(
-            "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal; the "
-            "default model allows for it, equation 2 (lambertian) and mpsnet only with the mixing in the rig",
-            which,
-            means.max() / means.min(),
+        yield (
+            logging.INFO,
+            "unequal",
+            f"one channel is {means.max() / means.min():.1f} times as bright as another: the object is coloured or the "
+            "lights are unequal; the default model allows for it, equation 2 (lambertian) and mpsnet only with the "
+            "mixing in the rig",
         )

@@ -22,7 +22,7 @@ from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.reading import Reading
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
@@ -36,6 +36,7 @@ Notes = Literal["all", "doubts", "none"]
 
 # Keywords for a mask, besides a file, threshold:T and background:FILE.
 WORDS = ("alpha", "auto", "alpha-or-auto", "none")
+ALPHA_OR_NONE = "alpha-or-none"
 
 # The object is segmented in an image of at most this side; the outline is then refined at full size, within this many
 # pixels of the small image.
@@ -89,11 +90,21 @@ def find_mask(
     InputError
         If a file is missing or damaged, or nothing stands out from the background.
     """
+    return mask_of(image, choice, PhotoReadOptions(encoding, layer, correction), notes)
+
+
+def mask_of(
+    image: Image, choice: str | os.PathLike[str], options: PhotoReadOptions = AS_STATED, notes: Notes = "all"
+) -> NDArray[np.bool_]:
+    """As :func:`find_mask`, which takes the options one by one.
+
+    "alpha-or-none" is the photo's alpha if it has any, else the whole photo.
+    """
     words = os.fspath(choice)
     kind, _, argument = words.partition(":")
-    if words == "none":
+    if words == "none" or (words == ALPHA_OR_NONE and image.alpha is None):
         return _whole(image)
-    if words == "alpha" or (words == "alpha-or-auto" and image.alpha is not None):
+    if words in ("alpha", ALPHA_OR_NONE) or (words == "alpha-or-auto" and image.alpha is not None):
         return _alpha_mask(image)
     if words == "alpha-or-auto":
         try:
@@ -110,7 +121,7 @@ def find_mask(
     if kind == "threshold":
         return threshold_mask(image.pixels, argument)
     if kind == "background":
-        background = _read_background(argument, Reading(encoding, layer, correction))
+        background = _read_background(argument, options)
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
         known = ", ".join(WORDS)
@@ -126,10 +137,10 @@ def _alpha_mask(image: Image) -> NDArray[np.bool_]:
     return image.alpha > 0.5
 
 
-def _read_background(file: str, reading: Reading) -> Image:
+def _read_background(file: str, options: PhotoReadOptions) -> Image:
     if not file:
         raise SettingsError("a mask by background names a photo of the scene without the object: background:FILE")
-    return corrected(reading.companion(file), reading.correction)
+    return corrected(options.companion(file), options.correction)
 
 
 def _whole(image: Image) -> NDArray[np.bool_]:
@@ -142,14 +153,6 @@ def mask_source(choice: str) -> str | None:
     if choice in WORDS or choice.startswith("threshold:"):
         return None
     return choice.removeprefix("background:")
-
-
-def follows_values(choice: str | os.PathLike[str], image: Image) -> bool:
-    """Whether the mask that :func:`find_mask` returns for this choice depends on the photo's pixel values."""
-    words = os.fspath(choice)
-    if words == "alpha-or-auto":
-        return image.alpha is None
-    return words == "auto" or words.startswith(("threshold:", "background:"))
 
 
 def mask_identity(choice: str) -> str:

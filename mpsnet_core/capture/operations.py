@@ -1,6 +1,6 @@
 """Operations of captures: superpose photos, find masks, check photos."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from mpsnet_core.capture.decode import PhotoReadOptions
     from mpsnet_core.capture.photo_check import Finding
-    from mpsnet_core.capture.reading import Reading
+    from mpsnet_core.capture.sources import Source
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.camera import Camera
+    from mpsnet_core.scene.rig import LightRig
 
 
 @dataclass(frozen=True)
@@ -44,13 +46,13 @@ class ReadsPhotos(ReadsPictures):
         default=0, metavar="PIXELS", help="smooth out the card's grain where it is finer than this many pixels"
     )
 
-    def reading(self) -> "Reading":
+    def read_options(self) -> "PhotoReadOptions":
         """How photos are read, with dark frame and flat field if given.
 
         Raises SettingsError if there is no flat field to smooth, and the errors of `read_correction`.
         """
         from mpsnet_core.capture.correction import read_correction
-        from mpsnet_core.capture.reading import Reading
+        from mpsnet_core.capture.decode import PhotoReadOptions
 
         if self.flat_smooth and self.flat is None:
             raise SettingsError("--flat-smooth smooths the flat field; give --flat, or leave it out")
@@ -59,29 +61,25 @@ class ReadsPhotos(ReadsPictures):
             correction = read_correction(
                 self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth
             )
-        return Reading(self.encoding, self.layer, correction)
+        return PhotoReadOptions(self.encoding, self.layer, correction)
 
-    def photo_and_mask(self, photo: str, choice: str, progress: Progress) -> "tuple[Image, NDArray[np.bool_]]":
-        """A corrected photo and the object's mask (H, W). choice: as in :func:`mpsnet_core.find_mask`.
+    def photo_and_mask(
+        self, photo: str, choice: str, progress: Progress, rig: "LightRig | None" = None
+    ) -> "tuple[Image, NDArray[np.bool_], float | None]":
+        """A corrected photo and the object's mask (H, W); also the evidence that its unstated encoding is linear.
 
-        Raises InputError if a file cannot be read, no object is found, or the mask has another size.
+        choice: as in :func:`mpsnet_core.find_mask`. Raises InputError if a file cannot be read, no object is found, or
+        the mask has another size.
         """
-        from mpsnet_core.arrays.sizes import check_same_size
-        from mpsnet_core.capture.correction import corrected
-        from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.io.image_reading import read_image
+        from mpsnet_core.capture.open import PhotoSet
+        from mpsnet_core.capture.sources import Source
 
-        image = read_image(photo, encoding=self.encoding, layer=self.layer)
-        reading = self.reading()
-        progress(0.4, "looking for the object")
-        with prefix_errors(photo):
-            image = corrected(image, reading.correction)
-            mask = find_mask(image, choice, **vars(reading))
-        check_same_size(choice, mask.shape, photo, image.pixels.shape[:2])
-        if not mask.any():
+        photos = PhotoSet([Source(Path(photo), rig, choice)], self.read_options())
+        progress(0.1, "looking for the object")
+        shot = photos.masked(photos.sources[0])
+        if not shot.mask.any():
             raise GeometryError(f"{photo}: the mask is empty; choose another mask or threshold")
-        return image, mask
+        return shot.image, shot.mask, photos.evidence
 
 
 @dataclass(frozen=True)
@@ -131,28 +129,31 @@ class HasViewpoint(HasLens):
         default=None, help="distance from the camera to the object, in the unit of a rig file with near lights"
     )
 
-    def viewpoint(self) -> "tuple[Camera | float | None, NDArray[np.float32] | float | None]":
-        """Camera (or focal length) and depth (or distance), None if not given.
+    def source(self, photo: str | Path, rig: str, mask: str = MASK) -> "Source":
+        """A photo with its rig file, and what the options say of its viewpoint.
 
         Raises SettingsError if both of a pair are set, or a mesh without a camera; InputError if a file cannot be read,
         or the camera does not see the mesh.
         """
+        from mpsnet_core.capture.sources import Source
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
         from mpsnet_core.scene.rays import RayScene
+        from mpsnet_core.scene.rig import read_rig
 
         if self.mesh and self.distance is not None:
             raise SettingsError("--mesh and --distance both define how far the object is; give one of them")
         lens = self.lens()
+        source = Source(Path(photo), read_rig(rig), mask, camera=lens, depth=self.distance)
         if not self.mesh:
-            return lens, self.distance
+            return source
         if not isinstance(lens, Camera):
             raise SettingsError("--mesh needs --camera, which states where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
         with prefix_errors(f"camera {self.camera}"):
-            return lens, depth_of_mesh(lens, RayScene.of(mesh))
+            return replace(source, depth=depth_of_mesh(lens, RayScene.of(mesh)))
 
 
 @dataclass(frozen=True)
@@ -248,7 +249,7 @@ class FindMask(ReadsPhotos):
             writable_image(output)
         check_no_overwrite(expand_file_options((self.image, mask_source(self.mask), self.dark, self.flat)), outputs)
         progress(0.0, f"reading {Path(self.image).name}")
-        image, mask = self.photo_and_mask(self.image, self.mask, progress)
+        image, mask, _ = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.8, f"writing {Path(self.output).name}")
         with write_transaction():
             write_mask(self.output, mask)
@@ -318,10 +319,10 @@ class Check(ReadsPhotos):
             )
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
-        image, mask = self.photo_and_mask(self.image, self.mask, progress)
+        image, mask, evidence = self.photo_and_mask(self.image, self.mask, progress, rig)
         progress(0.6, "checking the photo")
         with prefix_errors(self.image):
-            findings = check_photo(image, mask, rig, mixing_stated=not self.rig or has_mixing(self.rig))
+            findings = check_photo(image, mask, rig, evidence, mixing_stated=not self.rig or has_mixing(self.rig))
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
         if self.json:

@@ -12,7 +12,7 @@ from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
-from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, evidence_for_linear
+from mpsnet_core.capture.transfer import CLOSE, DECIDED
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
 
@@ -72,7 +72,12 @@ class Finding:
 
 
 def check_photo(
-    image: Image, mask: NDArray[np.bool_], rig: LightRig | None, *, mixing_stated: bool = True
+    image: Image,
+    mask: NDArray[np.bool_],
+    rig: LightRig | None,
+    evidence: float | None = None,
+    *,
+    mixing_stated: bool = True,
 ) -> list[Finding]:
     """Check a photo and its lights: one finding per item.
 
@@ -84,6 +89,9 @@ def check_photo(
         The object, at least one pixel.
     rig : LightRig, optional
         The lights. Without it, they are not checked.
+    evidence : float, optional
+        If the file does not state its encoding: the evidence that its values are linear, see
+        :func:`mpsnet_core.capture.transfer.evidence_for_linear`. There is an additional finding on it.
     mixing_stated : bool, optional
         Whether the rig's mixing is known. If not, there is an additional finding.
 
@@ -91,11 +99,6 @@ def check_photo(
     ------
     FormatError
         If the photo is not finite inside the mask.
-
-    Notes
-    -----
-    If the file does not state its encoding, and there is a rig, an additional finding says whether its values may be
-    linear.
     """
     whole = finite_inside(image.pixels, mask, "photo")
     step = -(-mask.size // PIXELS)
@@ -108,7 +111,7 @@ def check_photo(
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
     return [
-        *([] if rig is None or not image.assumed else [_encoding(image, mask, rig)]),
+        *([] if rig is None or evidence is None else [_encoding(evidence)]),
         _exposure(values, noise, full_scale),
         _clipping(values, clipped[inside]),
         _channels(values, rig),
@@ -139,10 +142,9 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
     return [round(float(one), 4) for one in values]
 
 
-def _encoding(image: Image, mask: NDArray[np.bool_], rig: LightRig) -> Finding:
-    rather = evidence_for_linear(image.pixels, mask, rig)
-    figures: Figures = {"linear_rather": round(rather, 3)}
-    level = _level(rather, (CLOSE, DECIDED))
+def _encoding(evidence: float) -> Finding:
+    figures: Figures = {"linear_rather": round(evidence, 3)}
+    level = _level(evidence, (CLOSE, DECIDED))
     if level == "good":
         words = "the file does not state its colour encoding; nothing contradicts sRGB"
         return Finding("encoding", level, words, figures)

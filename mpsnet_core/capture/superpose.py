@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.capture.reading import warn_of_other_exposures
+from mpsnet_core.capture.decode import warn_of_other_exposures
 from mpsnet_core.errors import NoObject, SettingsError
 from mpsnet_core.io.image import Image, warn_of_saturation
 from mpsnet_core.io.image_encoding import Encoding

@@ -4,7 +4,7 @@ import json
 import logging
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from mpsnet_core.capture.capture import Capture
-    from mpsnet_core.capture.masks import Notes
     from mpsnet_core.estimate.estimator import Estimator
     from mpsnet_core.estimate.sequence.run import Outcome
     from mpsnet_core.estimate.sequence.source import Frame
@@ -219,27 +217,18 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def _photo(
         self, photo: Path, output: Path, white_light: "NDArray[np.float64] | None", progress: Progress
     ) -> NormalsMade:
-        from mpsnet_core.capture.capture import read_capture
+        from mpsnet_core.capture.open import open_captures
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
         from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.scene.normal_map import write_normals
-        from mpsnet_core.scene.rig import read_rig
 
         estimator = self.estimator(self.passes)
-        rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
+        source = replace(self.source(photo, self.rig, self.mask), white=self.white, white_light=white_light)
+        options = self.read_options()
         progress(0.0, f"reading {photo.name}")
-        capture = read_capture(
-            photo,
-            rig,
-            mask=self.mask,
-            camera=camera,
-            depth=depth,
-            **vars(reading),
-            white=self.white or None,
-            white_light=white_light,
-        )
+        [capture] = open_captures([source], options)
 
         progress(0.1, f"normals by {self.model}")
         normals = estimator(capture, part(progress, 0.1, 0.9))
@@ -306,7 +295,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             )
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
-        frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
+        like = self.source(photos[0], self.rig)
+        frames = photo_frames(photos, outputs, masks=masks, like=like, reach=self.smooth)
         step = numbered.step if numbered else None
         outcome = self._sequence(frames, len(photos), progress, step, apart=not self.smooth)
         numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
@@ -343,7 +333,14 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
         check_no_overwrite(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
-        frames = video_frames(video, outputs, masks=frame_masks(self.mask), reach=self.smooth, encoding=self.encoding)
+        frames = video_frames(
+            video,
+            outputs,
+            masks=frame_masks(self.mask),
+            like=self.source(path, self.rig),
+            reach=self.smooth,
+            encoding=self.encoding,
+        )
         outcome = self._sequence(frames, video.count, progress, 1)
         total = outcome.made + outcome.there + len(outcome.left_out)
         made = [number for number in range(1, total + 1) if number not in outcome.left_out]
@@ -354,38 +351,17 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     ) -> "Outcome":
         """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence.
         apart: as in `estimate_sequence`."""
-        from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
+        from mpsnet_core.capture.open import PhotoSet
         from mpsnet_core.estimate.sequence.run import estimate_sequence
-        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.io.provenance import operation_facts
-        from mpsnet_core.scene.rig import read_rig
 
-        rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
-        noted: set[bool] = set()
-        found = False
-
-        def take(frame: "Frame") -> "Capture":
-            nonlocal found
-            image = frame.read()
-            has_alpha = image.alpha is not None
-            # Report on the first photo with alpha and on the first without; the others look alike.
-            notes: Notes = "none" if has_alpha in noted else "doubts"
-            # Once a sequence's object was found, every frame is searched for it: none is taken whole in between.
-            mask = "auto" if found and not has_alpha else frame.mask
-            with prefix_errors(frame.name):
-                capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth, notes=notes)
-            found = found or (step is not None and frame.mask == MASK and not has_alpha and not capture.mask.all())
-            if notes != "none":
-                warn_of_doubtful_curve(frame.name, image, capture.mask, rig)
-            noted.add(has_alpha)
-            return capture
-
+        known = [frame.source for frame in frames] if isinstance(frames, list) else []
+        photos = PhotoSet(known, self.read_options(), moving=step is not None)
         # One pass per frame unless more are requested: three take three times as long.
         passes = self.passes or (STILL_PASSES if self.model == AVERAGED_MODEL else 1)
         return estimate_sequence(
             frames,
-            take,
+            lambda frame: photos.open(frame.source),
             self.estimator(passes),
             recipe=operation_facts(self, **self.model_facts(passes)),
             smooth=self.smooth,

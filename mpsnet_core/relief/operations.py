@@ -520,7 +520,6 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
-        from mpsnet_core.capture.capture import warn_of_doubts
         from mpsnet_core.io.files import check_no_overwrite, creatable_folder
         from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.relief.material.material import check_material, flat_material
@@ -537,7 +536,6 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         estimator = self.estimator()
         progress(0.0, f"reading {Path(self.image).name}")
         capture, pixel_mm = self._capture(length_mm, pixels, crop)
-        warn_of_doubts(capture)
         material = flat_material(
             capture,
             estimator(capture, part(progress, 0.05, 0.5)),
@@ -579,19 +577,14 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         self, length_mm: float, pixels: float | None, crop: tuple[int, int, int, int] | None
     ) -> "tuple[Capture, float]":
         """The part of the photo to use, and the size of a pixel in millimetres."""
-        from mpsnet_core.capture.capture import capture_from
-        from mpsnet_core.capture.transfer_curve import warn_of_doubtful_curve
+        from mpsnet_core.capture.masks import ALPHA_OR_NONE
+        from mpsnet_core.capture.open import open_captures
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.relief.material.material import crop_to_filled_part
         from mpsnet_core.relief.material.scale import parse_ruler
-        from mpsnet_core.scene.rig import read_rig
 
-        rig, reading, (camera, depth) = read_rig(self.rig), self.reading(), self.viewpoint()
-        image = reading.photo(self.image)
-        mask = "none" if image.alpha is None else "alpha"
+        [capture] = open_captures([self.source(self.image, self.rig, ALPHA_OR_NONE)], self.read_options())
         with prefix_errors(self.image):
-            capture = capture_from(image, rig, mask=mask, reading=reading, camera=camera, depth=depth)
-            warn_of_doubtful_curve(Path(self.image).name, image, capture.mask, rig)
             height, width = capture.mask.shape
             if self.ruler:
                 parse_ruler(self.ruler).check_within(height, width)

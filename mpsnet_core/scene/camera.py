@@ -1,5 +1,6 @@
 """Cameras, orthographic or perspective, with their pose; camera files."""
 
+import logging
 import os
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -10,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import prefix_errors, read_json, write_json
 
+log = logging.getLogger(__name__)
+
 CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
@@ -19,6 +22,9 @@ MAX_VALUE = 1e9
 FARTHEST = 1e12
 MIN_FOCAL = 1e-6
 FULL_FRAME = 36.0  # mm, the longer side of the sensor that 35 mm equivalent focal lengths refer to
+
+# The remedy if a camera and a photo differ in aspect ratio.
+THIS_PHOTO = "give the camera of this photo, which was neither cropped nor turned since; scaled it may be"
 
 Projection = Literal["orthographic", "perspective"]
 
@@ -186,6 +192,33 @@ def camera_of_lens(focal_length: float, width: int, height: int) -> Camera:
     if not (np.isfinite(focal_length) and focal_length > 0):
         raise SettingsError(f"a focal length is a number of millimetres above 0, not {focal_length}")
     return Camera("perspective", width, height, np.full(2, focal_length / FULL_FRAME * max(width, height)))
+
+
+def camera_for(camera: Camera | float | None, width: int, height: int, remedy: str = THIS_PHOTO) -> Camera | None:
+    """The camera of a photo of that size: a camera file's, that of a lens, or None if neither is known.
+
+    camera: of the photo, or of the same photo at another size; a 35 mm equivalent focal length; or None. A camera of
+    another size is scaled, which is reported. Raises GeometryError, with the `remedy`, if its aspect ratio is another.
+    """
+    if not isinstance(camera, Camera):
+        return None if camera is None else camera_of_lens(camera, width, height)
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    # Whoever scales a photo rounds its shorter side to whole pixels.
+    longer = max(width, height) / max(camera.width, camera.height)
+    if max(abs(camera.width * longer - width), abs(camera.height * longer - height)) > 1:
+        raise GeometryError(
+            f"the camera is {camera.width} x {camera.height} but the photo is {width} x {height}; {remedy}"
+        )
+    log.info(
+        "the camera is for %d x %d pixels and the photo has %d x %d: the camera is scaled; if the photo was cropped "
+        "instead, give its own camera",
+        camera.width,
+        camera.height,
+        width,
+        height,
+    )
+    return camera.resized(width, height)
 
 
 def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> NDArray[np.float64]:

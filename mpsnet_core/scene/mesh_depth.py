@@ -1,11 +1,15 @@
-"""Depth maps of meshes."""
+"""Depth maps of meshes, and masks of what a camera sees of them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
+
+# A mask from the mesh is ray cast at up to this many pixels on the longer side.
+MASK_PIXELS = 2048
 
 
 def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
@@ -42,3 +46,14 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
             "the camera does not see the mesh; check that both are of one world, and that it looks at it"
         )
     return depth
+
+
+def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
+    """(H, W) bool: the pixels in which the camera sees the mesh. Large images are sampled in blocks of a few pixels."""
+    small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
+    rows, columns = chosen_pixels(*small, camera.height, camera.width)
+    pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+    origins, directions, _ = scene.rays_of(camera, pixels)
+    seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
+    mask: NDArray[np.bool_] = seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
+    return mask

@@ -5,9 +5,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from blender_addon.scene.camera import scene_camera
-from mpsnet_core.capture.calibrate.circles import find_balls
-from mpsnet_core.capture.calibrate.highlights import find_coloured_highlights
-from mpsnet_core.capture.calibrate.lights import Sighting, find_lights
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.highlights import find_coloured_highlights
+from mpsnet_core.calibrate.lights import Sighting, find_lights
 from mpsnet_core.io.image_reading import read_image
 
 from .rendering import principled, rendered

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from mpsnet_core.capture.calibrate.circles import find_balls
-from mpsnet_core.capture.calibrate.mixing import mixing_from_ball
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.mixing import mixing_from_ball
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.camera import pixel_camera
 from mpsnet_core.scene.rig import LightRig, direction_from_angles

@@ -11,7 +11,7 @@ import pytest
 
 import blender_addon.settings
 from mpsnet_core.bake.operations import Bake, BakeViews
-from mpsnet_core.capture.calibrate.operations import CalibrateLights
+from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.operations import Estimate

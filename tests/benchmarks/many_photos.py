@@ -28,7 +28,8 @@ from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.multi_view import KeptView, KeptViews
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.view_agreement import agreement
-from mpsnet_core.capture.capture import capture_from
+from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.defaults import LEVEL_SCALE
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.image import Image
@@ -100,7 +101,7 @@ def main() -> int:
         folder = Path(name)
         first = KeptView(folder, "0")
         estimator, rig = Estimator(), published_rig()
-        captured = [capture_from(photo(width, height), rig, camera=cameras[0])]
+        captured = [PhotoSet().open(Source(lambda: photo(width, height), rig, camera=cameras[0]))]
         print(f"{width} x {height} pixels, {captured[0].mask.mean():.0%} object", flush=True)
         estimated = list[NormalMap]()
         alone = seconds(lambda: estimated.append(estimator(captured[0])))

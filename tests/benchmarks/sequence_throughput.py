@@ -20,7 +20,9 @@ import numpy as np
 from memory import peak_of_estimate
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.capture import Capture, capture_from
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames
@@ -77,14 +79,14 @@ def main() -> None:
     rig = published_rig()
 
     def take(frame: Frame) -> Capture:
-        return capture_from(frame.read(), rig, mask=frame.mask)
+        return PhotoSet().open(frame.source)
 
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         photos = photographs(folder / "shots", options.frames, rig)
         outputs = [folder / "out" / f"{photo.stem}_normals.png" for photo in photos]
-        estimator = Estimator("multiscale", passes=1)
-        captures = [take(frame) for frame in photo_frames(photos[:DIFFERENT], outputs, masks=Masks())]
+        estimator, like = Estimator("multiscale", passes=1), Source(folder, rig)
+        captures = [take(frame) for frame in photo_frames(photos[:DIFFERENT], outputs, masks=Masks(), like=like)]
 
         def alone() -> None:
             for number in range(options.frames):
@@ -92,7 +94,7 @@ def main() -> None:
 
         def sequence() -> None:
             shutil.rmtree(folder / "out", ignore_errors=True)
-            frames = photo_frames(photos, outputs, masks=Masks())
+            frames = photo_frames(photos, outputs, masks=Masks(), like=like)
             done = estimate_sequence(frames, take, estimator, recipe="")
             assert done.made == options.frames
 
@@ -100,7 +102,7 @@ def main() -> None:
             """What it would be without threads: reading, estimating, writing in turn."""
             from mpsnet_core.scene.normal_map import write_normals
 
-            for frame in photo_frames(photos, outputs, masks=Masks()):
+            for frame in photo_frames(photos, outputs, masks=Masks(), like=like):
                 write_normals(folder / "turn.png", estimator(take(frame)))
 
         alone()

@@ -12,8 +12,9 @@ from conftest import Mpsnet
 from sphere_sample import sphere_sample
 from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import Capture, read_capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.correction import read_correction
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo, write_albedo
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
 from mpsnet_core.scene.camera import Camera

@@ -20,9 +20,9 @@ from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.capture.calibrate.lights import write_lp
-from mpsnet_core.capture.calibrate.operations import CalibrateLights
-from mpsnet_core.capture.calibrate.photos import BallPhotos
+from mpsnet_core.calibrate.lights import write_lp
+from mpsnet_core.calibrate.operations import CalibrateLights
+from mpsnet_core.calibrate.photos import BallPhotos
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, write_camera

@@ -10,16 +10,16 @@ from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, la
 from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.calibrate.ball import (
+from mpsnet_core.calibrate.ball import (
     Circle,
     ball_from_circle,
     ball_from_mask,
     fit_ball,
     mirrored,
 )
-from mpsnet_core.capture.calibrate.circles import find_balls
-from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
-from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
+from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_image, read_mask

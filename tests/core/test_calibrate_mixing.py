@@ -9,9 +9,9 @@ from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, ta
 from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
-from mpsnet_core.capture.calibrate.circles import find_balls
-from mpsnet_core.capture.calibrate.mixing import (
+from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.mixing import (
     equation_2_error,
     mixing_from_ball,
     mixing_from_ball_by_light,

@@ -9,7 +9,8 @@ from synthetic import Sphere, write_file
 
 from mpsnet_core import read_mask
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import Capture, read_capture
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import image

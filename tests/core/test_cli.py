@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from progress_lines import events
 from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
 
-from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.normal_map import read_normals

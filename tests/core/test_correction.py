@@ -10,8 +10,8 @@ import pytest
 from conftest import Mpsnet
 from synthetic import Sphere, degrees_between, named, shaded_sphere, write_file, write_parts
 
-from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import Correction, corrected, read_correction
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.normal_map import read_normals

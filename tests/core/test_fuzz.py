@@ -34,7 +34,7 @@ from sphere_sample import sphere_sample
 from surface_shapes import sphere_mesh
 from synthetic import diligent_object, shaded_sphere, write_file
 
-from mpsnet_core.capture.calibrate.lights import write_lp
+from mpsnet_core.calibrate.lights import write_lp
 from mpsnet_core.cli import main
 from mpsnet_core.cli.command import argument_parser
 from mpsnet_core.errors import InputError

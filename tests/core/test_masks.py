@@ -11,9 +11,9 @@ import pytest
 from conftest import Mpsnet
 from synthetic import shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.capture.masks import Notes, auto_mask, background_mask, find_mask, threshold_mask
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_image, read_mask

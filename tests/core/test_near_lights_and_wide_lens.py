@@ -10,7 +10,9 @@ from near_scene import NEAR, SIZE, WIDE, Scene, ball
 from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
-from mpsnet_core.capture.capture import Capture, capture_from, read_capture
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.open import PhotoSet, read_capture
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
@@ -229,7 +231,7 @@ def test_the_command_line_takes_camera_and_distance(
         (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both define how far"),
         (("--camera", "camera.json", "--distance", "-3"), "the object's distance is a number above 0, not -3"),
         (("--camera", "away.json", "--mesh", "ball.obj"), "away.json: the camera does not see the mesh"),
-        (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 80 but the photo is 160 x 160"),
+        (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 60 but the photo is 160 x 160"),
     ],
 )
 def test_what_does_not_fit_is_reported(
@@ -237,7 +239,7 @@ def test_what_does_not_fit_is_reported(
 ) -> None:
     turned = np.diag([1.0, -1, -1, 1])
     write_camera(bench / "away.json", Camera("perspective", SIZE, SIZE, close.camera.focal, world_from_camera=turned))
-    write_camera(bench / "small.json", Camera("perspective", 80, 80, close.camera.focal / 2))
+    write_camera(bench / "small.json", Camera("perspective", 80, 60, close.camera.focal / 2))
     assert estimate(bench, *arguments) == 2
     assert sentence in capsys.readouterr().err
     assert not (bench / "normals.exr").exists()
@@ -285,7 +287,7 @@ def test_directions_that_contradict_the_positions_are_refused(close: Scene) -> N
 def test_a_frame_without_the_object_is_known_as_one_to_leave_out(close: Scene) -> None:
     image = Image(close.image.astype(np.float32), np.zeros(close.mask.shape, np.float32), np.inf)
     with pytest.raises(NoObject):
-        capture_from(image, close.rig, camera=close.camera, depth=close.depth.astype(np.float32))
+        PhotoSet().open(Source(lambda: image, close.rig, camera=close.camera, depth=close.depth.astype(np.float32)))
 
 
 def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -> None:

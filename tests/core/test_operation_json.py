@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from mpsnet_core.bake.operations import BakeViews
-from mpsnet_core.capture.calibrate.operations import CalibrateLights
+from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate

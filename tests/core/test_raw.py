@@ -8,7 +8,7 @@ import pytest
 from dng import BAYER, X_TRANS, filled_in, mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
-from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import files

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,9 @@ import pytest
 from conftest import Mpsnet
 from synthetic import degrees_between, left_by, listing, named, shaded_sphere, write_file, write_parts
 
-from mpsnet_core.capture.capture import Capture, capture_from
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
@@ -31,6 +32,7 @@ from mpsnet_core.scene.rig import write_rig
 
 SPHERE = shaded_sphere(48)
 LAMBERTIAN = Estimator("lambertian")
+LIKE = Source(Path(), SPHERE.rig)
 
 
 def picture(number: int) -> np.ndarray:
@@ -48,12 +50,12 @@ def shots(folder: Path, numbers: range | list[int], kind: str = "uint8") -> list
 
 
 def take(frame: Frame) -> Capture:
-    return capture_from(frame.read(), SPHERE.rig, mask=frame.mask)
+    return PhotoSet().open(frame.source)
 
 
 def run(photos: list[Path], out: Path, smooth: int = 0, recipe: str = "recipe", **options: Any) -> Outcome:
     outputs = [out / f"{photo.stem}_normals.png" for photo in photos]
-    frames = photo_frames(photos, outputs, masks=options.pop("masks", Masks()), reach=smooth)
+    frames = photo_frames(photos, outputs, masks=options.pop("masks", Masks()), like=LIKE, reach=smooth)
     options = {"take": take, "estimator": LAMBERTIAN, **options}
     return estimate_sequence(frames, recipe=recipe, smooth=smooth, count=len(photos), **options)
 
@@ -79,8 +81,8 @@ def test_frames_are_made_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     assert (outcome.made, outcome.there, outcome.pixels) == (4, 0, 4 * SPHERE.mask.sum())
 
 
-def frames_of(photos: list[Path]) -> Iterator[Frame]:
-    return photo_frames(photos, photos, masks=Masks())
+def frames_of(photos: list[Path]) -> list[Frame]:
+    return photo_frames(photos, photos, masks=Masks(), like=LIKE)
 
 
 def test_each_result_is_what_the_estimator_gives_alone(tmp_path: Path) -> None:
@@ -114,12 +116,13 @@ def test_no_more_than_a_few_frames_are_held_at_once(tmp_path: Path) -> None:
         return Image(values, None, 1.0)
 
     def kept(frame: Frame) -> Capture:
-        image = frame.read()
-        capture = capture_from(image, SPHERE.rig, mask="none")
+        image = frame.source.photo()
+        capture = PhotoSet().open(Source(lambda: image, SPHERE.rig, "none"))
         object.__setattr__(capture, "image", image.pixels)
         return capture
 
-    frames = (Frame(k, str(k), tmp_path / "out" / f"{k:03d}_normals.png", str(k), pixels) for k in range(60))
+    outputs = [tmp_path / "out" / f"{k:03d}_normals.png" for k in range(60)]
+    frames = (Frame(k, Source(pixels, SPHERE.rig), output, str(k)) for k, output in enumerate(outputs))
     estimate_sequence(frames, kept, LAMBERTIAN, recipe="", smooth=2)
     assert len(listing(tmp_path / "out")) == 60
     # Five that smoothing looks at, the one that is estimated, and three that were read ahead.
@@ -180,7 +183,7 @@ def test_a_result_that_was_cut_short_is_made_again(tmp_path: Path, suffix: str, 
     outputs = [tmp_path / "out" / f"{photo.stem}{suffix}" for photo in photos]
 
     def again() -> Outcome:
-        frames = photo_frames(photos, outputs, masks=Masks())
+        frames = photo_frames(photos, outputs, masks=Masks(), like=LIKE)
         return estimate_sequence(frames, take, LAMBERTIAN, recipe="")
 
     again()

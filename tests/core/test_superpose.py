@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import Sphere, degrees_between, write_file
 
-from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.capture.superpose import as_channels
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError

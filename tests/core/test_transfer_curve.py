@@ -9,10 +9,10 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, shaded_sphere
 
-from mpsnet_core import Check, Estimate, write_rig
-from mpsnet_core.capture.capture import read_capture
+from mpsnet_core import Check, write_rig
 from mpsnet_core.capture.correction import read_correction
-from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, evidence_for_linear
+from mpsnet_core.capture.open import read_capture
+from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image, read_mask
@@ -117,18 +117,9 @@ def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(
     assert np.abs(capture.image - srgb_to_linear(sphere.image))[capture.mask].max() < 0.02
 
 
-def test_a_folder_is_doubted_once_and_a_check_says_it(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_check_says_what_the_shading_shows(tmp_path: Path, sphere: Sphere) -> None:
     write_rig(tmp_path / "rig.json", sphere.rig)
-    (tmp_path / "shots").mkdir()
-    for name in ("a", "b"):
-        written(tmp_path / "shots" / f"{name}.png", sphere.image)
     rig, mask = str(tmp_path / "rig.json"), "threshold:0.02"
-    Estimate(
-        image=(str(tmp_path / "shots"),), rig=rig, mask=mask, model="lambertian", output=str(tmp_path / "out")
-    ).run()
-    assert caplog.text.count("MAY BE LINEAR") == 1 and "a.png" in caplog.text
     for linear, encoding, level in ((True, "auto", "bad"), (False, "auto", "good"), (True, "linear", None)):
         photo = written(tmp_path / "photo.png", DEVELOPED[linear](sphere.image))
         found = {

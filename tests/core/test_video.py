@@ -15,6 +15,7 @@ import pytest
 from conftest import Mpsnet
 from synthetic import Sphere, listing, write_file
 
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
@@ -63,7 +64,9 @@ def noise(count: int, depth: type = np.uint8, channels: int = 3) -> list[np.ndar
 
 def decoded(path: Path, encoding: Any = "auto") -> list[Frame]:
     video = read_video_header(path, encoding=encoding)
-    return list(video_frames(video, video_outputs(path, path.parent, ".png"), masks=Masks(), encoding=encoding))
+    like = Source(path, None)
+    outputs = video_outputs(path, path.parent, ".png")
+    return list(video_frames(video, outputs, masks=Masks(), like=like, encoding=encoding))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +90,7 @@ def test_every_frame_comes_out_in_order(
     assert [frame.number for frame in frames] == [1, 2, 3, 4, 5, 6, 7]
     assert frames[6].output.name == "a_000007_normals.png"
     for frame, values in zip(frames, given, strict=True):
-        image = frame.read()
+        image = frame.source.photo()
         expected = srgb_to_linear(values / np.iinfo(depth).max)
         np.testing.assert_allclose(image.pixels, expected, atol=2e-6 if depth is np.uint8 else 4e-5)
         assert (image.alpha, image.clip) == (None, 1.0)
@@ -98,7 +101,7 @@ def test_values_follow_the_curve_that_the_video_states(tmp_path: Path, curve: in
     given = noise(1)
     path = clip(tmp_path / "a.mkv", given, color_trc=curve)
     values = given[0] / 255
-    pixels = decoded(path, encoding)[0].read().pixels
+    pixels = decoded(path, encoding)[0].source.photo().pixels
     np.testing.assert_allclose(pixels, values if linear else srgb_to_linear(values), atol=2e-6)
 
 
@@ -116,7 +119,7 @@ def test_ten_bits_are_kept(tmp_path: Path) -> None:
         stream.codec_context.colorspace = stream.codec_context.color_range = 1
         container.mux(stream.encode(grey))
         container.mux(stream.encode(None))
-    pixels = decoded(tmp_path / "ramp.mkv", "linear")[0].read().pixels
+    pixels = decoded(tmp_path / "ramp.mkv", "linear")[0].source.photo().pixels
     np.testing.assert_allclose(pixels[8], np.repeat((luma[:, None] - 64.0) / 876, 3, axis=1), atol=1.2 / 255)
     assert len(np.unique(pixels[8, :, 1])) > 800
 
@@ -135,7 +138,9 @@ def test_colours_follow_the_matrix_that_the_video_states(tmp_path: Path, matrix:
         stream.codec_context.colorspace, stream.codec_context.color_range = matrix, 1
         container.mux(stream.encode(picture))
         container.mux(stream.encode(None))
-    np.testing.assert_allclose(decoded(tmp_path / "red.mkv", "linear")[0].read().pixels[12, 20], [1, 0, 0], atol=0.02)
+    np.testing.assert_allclose(
+        decoded(tmp_path / "red.mkv", "linear")[0].source.photo().pixels[12, 20], [1, 0, 0], atol=0.02
+    )
 
 
 @pytest.mark.parametrize("size", [(24, 32), (25, 33)], ids=["even", "odd"])
@@ -159,13 +164,13 @@ def test_half_size_colour_keeps_its_values(tmp_path: Path, kind: str, size: tupl
         container.mux(stream.encode(None))
     frames = decoded(tmp_path / "plain.mkv", "linear")
     for frame, colour in zip(frames, colours, strict=True):
-        np.testing.assert_allclose(frame.read().pixels - colour, 0, atol=0.9 / 255)
+        np.testing.assert_allclose(frame.source.photo().pixels - colour, 0, atol=0.9 / 255)
 
 
 def test_alpha_comes_with_the_frame(tmp_path: Path) -> None:
     given = noise(2, channels=4)
     frames = decoded(clip(tmp_path / "a.mov", given, "png", "rgba"))
-    alpha = frames[1].read().alpha
+    alpha = frames[1].source.photo().alpha
     assert alpha is not None
     np.testing.assert_allclose(alpha, given[1][..., 3] / 255, atol=1e-6)
 
@@ -187,7 +192,7 @@ def test_a_phone_held_upright(tmp_path: Path, turn: str) -> None:
     assert struct.unpack_from(">9i", data, matrix) == (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
     struct.pack_into(">9i", data, matrix, a, b, 0, c, d, 0, 0, 0, 1 << 30)
     path.write_bytes(data)
-    pixels = decoded(path, "linear")[0].read().pixels
+    pixels = decoded(path, "linear")[0].source.photo().pixels
     np.testing.assert_allclose(pixels, np.rot90(given[0] / 255, quarter_turns), atol=1e-6)
 
 
@@ -197,7 +202,7 @@ def test_times_do_not_matter(tmp_path: Path) -> None:
     path = clip(tmp_path / "a.mkv", given, times=[0, 1, 7, 8, 30])
     frames = decoded(path)
     assert [frame.number for frame in frames] == [1, 2, 3, 4, 5]
-    np.testing.assert_allclose(frames[4].read().pixels, srgb_to_linear(given[4] / 255), atol=2e-6)
+    np.testing.assert_allclose(frames[4].source.photo().pixels, srgb_to_linear(given[4] / 255), atol=2e-6)
 
 
 def test_a_video_that_is_cut_short_keeps_what_it_gives(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -207,7 +212,7 @@ def test_a_video_that_is_cut_short_keeps_what_it_gives(tmp_path: Path, caplog: p
     frames = decoded(path)
     assert 8 <= len(frames) <= 16
     for frame, values in zip(frames[:-1], given, strict=False):
-        np.testing.assert_allclose(frame.read().pixels, srgb_to_linear(values / 255), atol=2e-6)
+        np.testing.assert_allclose(frame.source.photo().pixels, srgb_to_linear(values / 255), atol=2e-6)
     assert f"a.mkv ends after {len(frames)} of about 30 frames: is it cut short or damaged?" in caplog.text
 
 
@@ -267,7 +272,7 @@ def test_colours_that_cannot_be_converted_get_one_sentence(tmp_path: Path) -> No
     ictcp = 14
     [frame] = decoded(clip(tmp_path / "a.mkv", noise(1), kind="yuv444p", colorspace=ictcp))
     with pytest.raises(InputError, match=r"^a\.mkv, frame 1: its colours cannot be brought to RGB \(.*\); convert the"):
-        frame.read()
+        frame.source.photo()
 
 
 def test_sound_alone_is_refused(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from synthetic import degrees_between, listing, write_file
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.multi_view import Photography, sources_of
-from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.estimate.estimator import estimate_normals

@@ -162,13 +162,15 @@ class Align(RunsModel, ReadsPhotos):
         return self._written(capture, faces, fits, pairs, point_fit, turned_over, progress)
 
     def _capture(self) -> "Capture":
-        from mpsnet_core.capture.capture import read_capture
+        from mpsnet_core.capture.open import open_captures
+        from mpsnet_core.capture.sources import Source
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import read_rig
 
         lens = read_camera(self.lens) if self.lens else None
         focal = self.focal if lens is None else lens.focal_35mm  # provisional, until the photo's size is known
-        capture = read_capture(self.image, read_rig(self.rig), mask=self.mask, camera=focal, **vars(self.reading()))
+        source = Source(Path(self.image), read_rig(self.rig), self.mask, camera=focal)
+        [capture] = open_captures([source], self.read_options())
         if lens is None:
             return capture
         height, width = capture.mask.shape

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from mpsnet_core.batch import Batch
-from mpsnet_core.capture.capture import Capture, warn_of_doubts
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
@@ -175,11 +175,11 @@ class _Run:
             return error
 
     def _estimates(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[Shot]:
-        noted = False
         for number, (step, capture) in enumerate(captures):
             total = max(self.count, number + 1)
             share = part(self.progress, number / total, (number + 1) / total)
-            share(0.0, f"{number + 1} of {total}: {step.frame.name}" if self.count else step.frame.name)
+            name = str(step.frame.source)
+            share(0.0, f"{number + 1} of {total}: {name}" if self.count else name)
             self.outcome.there += not step.stale
             self.batch.succeeded += not step.stale
             if capture is None:
@@ -188,10 +188,7 @@ class _Run:
             with self.batch.one(step.frame.number) if self.apart else nullcontext():
                 if isinstance(capture, InputError):
                     raise capture
-                if not noted:  # report on the first frame only; the others look alike
-                    warn_of_doubts(capture)
-                    noted = True
-                normals = self.estimator(capture, part(share, 0.0, 0.9, step.frame.name))
+                normals = self.estimator(capture, part(share, 0.0, 0.9, name))
             if normals is None:
                 continue
             if step.stale:

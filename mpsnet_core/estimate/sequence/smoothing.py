@@ -8,6 +8,7 @@ al. 2005). Moving objects keep their edges; static ones lose noise by the square
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class Shot:
     """A frame's linear photo (H, W, 3) and its normals. wanted: whether its smoothed normals are needed."""
 
     number: int
-    photo: NDArray[np.float32]
+    photo: NDArray[np.floating[Any]]
     normals: NormalMap
     wanted: bool = True
 
@@ -105,7 +106,7 @@ def _similarity(a: Shot, b: Shot) -> NDArray[np.float32]:
     both = a.normals.mask & b.normals.mask
     squares = np.zeros(both.shape, np.float32)
     for channel in range(3):
-        first, second = a.photo[..., channel], b.photo[..., channel]
+        first, second = (shot.photo[..., channel].astype(np.float32, copy=False) for shot in (a, b))
         difference = np.where(both, second - first, np.float32(0))
         squares += np.square(difference / _noise(difference, (first + second) / np.float32(2), both))
     count = box_sums(both.astype(np.float32), PATCH // 2)

@@ -2,18 +2,15 @@
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mpsnet_core.capture.masks import mask_identity, mask_source
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, numbering
-from mpsnet_core.io.image import Image
-from mpsnet_core.io.image_encoding import Encoding
-from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.provenance import identity
 
 
@@ -42,19 +39,16 @@ class Masks:
 
 @dataclass(frozen=True)
 class Frame:
-    """An image of a sequence that has not been read yet.
+    """A photo of a sequence.
 
-    number: position in time. name: for people. output: file for its normals. mask: as in `read_capture`. made_from:
-    text that changes with any file that its normals depend on. read: returns its pixels; called in the frames' order,
-    at most once.
+    number: position in time. source: the photo; opened in the frames' order, and a video's at most once. output: file
+    for its normals. made_from: text that changes with any file that its normals depend on.
     """
 
     number: int
-    name: str
+    source: Source
     output: Path
     made_from: str
-    read: Callable[[], Image]
-    mask: str | os.PathLike[str] = MASK
 
 
 def photo_frames(
@@ -62,14 +56,13 @@ def photo_frames(
     outputs: Sequence[Path],
     *,
     masks: Masks,
+    like: Source,
     reach: int = 0,
-    encoding: Encoding = "auto",
-    layer: str | None = None,
-) -> Iterator[Frame]:
+) -> list[Frame]:
     """Frames from photo files: in the order of their numbers, or as given if they have none.
 
-    outputs: files for the normals of each photo. masks: of the frames. reach: number of frames before and after a frame
-    that its normals depend on, too. encoding, layer: as in `read_image`.
+    outputs: files for the normals of each photo. masks: of the frames. like: a frame with all that the frames share.
+    reach: number of frames before and after a frame that its normals depend on, too.
 
     Raises FileError if a photo or a mask is missing.
     """
@@ -77,17 +70,14 @@ def photo_frames(
     numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
     span = reach * (numbered.step if numbered else 1)
     order = sorted(range(len(photos)), key=numbers.__getitem__)
+    frames = []
     for place, index in enumerate(order):
         near = order[max(place - reach, 0) : place + reach + 1]
         photo_identities = [identity(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= span]
-        yield Frame(
-            numbers[index],
-            photos[index].name,
-            outputs[index],
-            "\n".join([*photo_identities, *masks.mask_identity(numbers[index], span)]),
-            partial(read_image, photos[index], encoding=encoding, layer=layer),
-            masks.of(numbers[index]),
-        )
+        source = replace(like, photo=photos[index], mask=masks.of(numbers[index]), name=photos[index].name)
+        made_from = "\n".join([*photo_identities, *masks.mask_identity(numbers[index], span)])
+        frames.append(Frame(numbers[index], source, outputs[index], made_from))
+    return frames
 
 
 def frame_masks(mask: str) -> Masks:

@@ -8,7 +8,7 @@ report a video's transfer curve.
 import logging
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
@@ -115,23 +116,30 @@ def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None)
 
 
 def video_frames(
-    video: Video, outputs: Callable[[int], Path], *, masks: Masks, reach: int = 0, encoding: Encoding = "auto"
+    video: Video,
+    outputs: Callable[[int], Path],
+    *,
+    masks: Masks,
+    like: Source,
+    reach: int = 0,
+    encoding: Encoding = "auto",
 ) -> Iterator[Frame]:
     """All frames that FFmpeg decodes, in presentation order, regardless of their timestamps; numbered from 1.
 
     Values are converted to full-range RGB by the video's matrix, rotated upright, and linearised by `encoding`. "auto"
     assumes sRGB, which is close to BT.709, unless the video states that it is linear.
 
-    reach: as in `photo_frames`. It matters for masks only, because all frames are from the same file.
+    like, reach: as in `photo_frames`. The latter matters for masks only, because all frames are from the same file.
 
     A truncated or damaged video ends where it becomes unreadable, with a warning. Raises FormatError if nothing can be
     read, or the frame size changes.
     """
-    source = identity(video.path)
+    stamp = identity(video.path)
 
     def frame(number: int, read: Callable[[], Image]) -> Frame:
-        made_from = "\n".join([source, str(number), *masks.mask_identity(number, reach)])
-        return Frame(number, f"{video.path.name}, frame {number}", outputs(number), made_from, read, masks.of(number))
+        made_from = "\n".join([stamp, str(number), *masks.mask_identity(number, reach)])
+        source = replace(like, photo=read, mask=masks.of(number), name=f"{video.path.name}, frame {number}")
+        return Frame(number, source, outputs(number), made_from)
 
     if video.decoder is not None:
         curve = _curve(video.path, UNKNOWN_TRANSFER, encoding)

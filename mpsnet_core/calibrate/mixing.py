@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
-from mpsnet_core.capture.calibrate.ball import Ball, surface
+from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.capture.calibrate.ball import Ball, fit_ball
+from mpsnet_core.calibrate.ball import Ball, fit_ball
 
 # Search range around a circle, as shares of the radius: of successive rounds, and of the final fit.
 REACHES = (0.12, 0.04)

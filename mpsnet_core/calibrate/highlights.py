@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import dilated, labelled
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.unit_vectors import dot
-from mpsnet_core.capture.calibrate.ball import Ball, surface
+from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import CHANNELS, Image
 

@@ -7,8 +7,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.capture.calibrate.ball import Ball, Circle
-from mpsnet_core.capture.calibrate.lights import Sighting
+from mpsnet_core.calibrate.ball import Ball, Circle
+from mpsnet_core.calibrate.lights import Sighting
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.pictures import font, scaled
 from mpsnet_core.scene.rig import angles_of

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.capture.calibrate.ball import Ball
-from mpsnet_core.capture.calibrate.lights import LightsFound
-from mpsnet_core.capture.calibrate.mixing import MixingFound
+from mpsnet_core.calibrate.ball import Ball
+from mpsnet_core.calibrate.lights import LightsFound
+from mpsnet_core.calibrate.mixing import MixingFound
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import angles_of
 

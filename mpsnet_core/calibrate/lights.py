@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
-from mpsnet_core.capture.calibrate.ball import Ball, fit_ball, mirrored
-from mpsnet_core.capture.calibrate.highlights import Highlight
+from mpsnet_core.calibrate.ball import Ball, fit_ball, mirrored
+from mpsnet_core.calibrate.highlights import Highlight
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.scene.camera import camera_of_lens

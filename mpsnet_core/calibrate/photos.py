@@ -1,25 +1,29 @@
 """From photo files to balls and highlights, one photo in memory at a time."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size, size
-from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
-from mpsnet_core.capture.calibrate.circles import find_balls
-from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
-from mpsnet_core.capture.calibrate.lights import Sighting
+from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
+from mpsnet_core.calibrate.lights import Sighting
 from mpsnet_core.capture.correction import corrected
-from mpsnet_core.capture.reading import AS_STATED, Reading
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
+from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import prefix_errors
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.scene.camera import Camera, camera_of_lens, pixel_camera
+from mpsnet_core.scene.camera import Camera, camera_for, pixel_camera
+from mpsnet_core.scene.rig import LightRig
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class BallPhotos:
         Number of balls, and their radius in the desired unit of positions.
     camera
         A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a distant camera.
-    reading
+    options
         How to read the photos.
     mirror
         Whether the ball is a mirror; if not, it is matt.
@@ -50,12 +54,46 @@ class BallPhotos:
     balls: int = 1
     radius: float = 1.0
     camera: Camera | float | None = None
-    reading: Reading = AS_STATED
+    options: PhotoReadOptions = AS_STATED
     mirror: bool = True
 
     def read(self, file: Path) -> Image:
         """Read one of the photos."""
-        return corrected(self.reading.photo(file), self.reading.correction)
+        return corrected(self.options.photo(file), self.options.correction)
+
+
+def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
+    """The photos of a matt surface under a known rig, one or one for each light; all of them are held in memory.
+
+    Its shading tells whether files that do not state their encoding are linear. Raises InputError if a file cannot be
+    read, or the surface is not found.
+    """
+    images = [photos.options.photo(file) for file in photos.files]
+    together = images[0]
+    if len(images) == len(CHANNELS):  # each shows its own light in its own channel
+        for file, image in zip(photos.files, images, strict=True):
+            check_same_size(str(file), image.pixels.shape, str(photos.files[0]), together.pixels.shape)
+        pixels = np.stack([image.pixels[..., light] for light, image in enumerate(images)], axis=-1)
+        together = replace(together, pixels=pixels, assumed=all(image.assumed for image in images))
+    if not together.assumed:
+        return [corrected(image, photos.options.correction) for image in images]
+    source = Source(lambda: together, rig, partial(lit_surface, photos), photos.files[0].name)
+    decided = PhotoSet([source], photos.options)
+    decided.masked(source)
+    return [*map(replace(photos, options=decided.options).read, photos.files)]
+
+
+def lit_surface(photos: BallPhotos, image: Image) -> NDArray[np.bool_]:
+    """(H, W) the ball or card: its mask or circle, else the ball that is found. Raises InputError if there is none."""
+    if photos.mask is not None and not photos.circles:
+        mask = read_mask(photos.mask)
+        check_same_size(f"the mask {photos.mask}", mask.shape, "the photo", image.pixels.shape[:2])
+        return mask
+    circle = photos.circles[0] if photos.circles else seen_balls(photos, image.pixels)[0].circle
+    height, width = image.pixels.shape[:2]
+    x, y = np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5
+    inside: NDArray[np.bool_] = np.hypot(x - circle.x, y - circle.y) < circle.radius
+    return inside
 
 
 def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:
@@ -118,9 +156,4 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
 
 
 def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
-    if photos.camera is None:
-        return pixel_camera(width, height)
-    if not isinstance(photos.camera, Camera):
-        return camera_of_lens(photos.camera, width, height)
-    check_same_size("the camera", (photos.camera.height, photos.camera.width), "the photo", (height, width))
-    return photos.camera
+    return camera_for(photos.camera, width, height) or pixel_camera(width, height)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import HasLens, ReadsPhotos
-from mpsnet_core.errors import FileError, GeometryError, InputError, SettingsError
+from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from mpsnet_core.capture.calibrate.ball import Circle
-    from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting
-    from mpsnet_core.capture.calibrate.mixing import MixingFound
-    from mpsnet_core.capture.calibrate.photos import BallPhotos
-    from mpsnet_core.capture.calibrate.report import BallFacts, LightFacts
+    from mpsnet_core.calibrate.ball import Circle
+    from mpsnet_core.calibrate.lights import LightsFound, Sighting
+    from mpsnet_core.calibrate.mixing import MixingFound
+    from mpsnet_core.calibrate.photos import BallPhotos
+    from mpsnet_core.calibrate.report import BallFacts, LightFacts
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.rig import LightRig
 
@@ -80,8 +80,8 @@ class UsesBall(ReadsPhotos, HasLens):
         return files
 
     def _photos(self, files: Sequence[Path], *, balls: int = 1, mirror: bool = True) -> "BallPhotos":
-        from mpsnet_core.capture.calibrate.ball import Circle
-        from mpsnet_core.capture.calibrate.photos import BallPhotos
+        from mpsnet_core.calibrate.ball import Circle
+        from mpsnet_core.calibrate.photos import BallPhotos
 
         if self.circle and self.mask:
             raise SettingsError("--circle and --mask both define where the ball or card is; give one of them")
@@ -91,7 +91,7 @@ class UsesBall(ReadsPhotos, HasLens):
             Path(self.mask) if self.mask else None,
             camera=self.lens(),
             radius=1.0 if self.radius is None else self.radius,
-            reading=self.reading(),
+            options=self.read_options(),
             balls=balls,
             mirror=mirror,
         )
@@ -108,7 +108,7 @@ class UsesBall(ReadsPhotos, HasLens):
 
 @dataclass(frozen=True)
 class LightsCalibrated(Result):
-    """File of the rig, and results. lights, balls: see :mod:`mpsnet_core.capture.calibrate.report`.
+    """File of the rig, and results. lights, balls: see :mod:`mpsnet_core.calibrate.report`.
 
     target: centre of the lights' positions. balls and target are None for lights from an .lp file.
     """
@@ -175,8 +175,8 @@ class CalibrateLights(UsesBall):
         """Write the rig, and the other outputs if requested."""
         if Path(self.ball[0]).suffix.lower() == ".lp":
             return self._choose_of_lp()
-        from mpsnet_core.capture.calibrate.lights import find_lights
-        from mpsnet_core.capture.calibrate.report import ball_facts, lights_facts
+        from mpsnet_core.calibrate.lights import find_lights
+        from mpsnet_core.calibrate.report import ball_facts, lights_facts
         from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
 
@@ -234,7 +234,7 @@ class CalibrateLights(UsesBall):
         self, files: Sequence[Path], chosen: _Chosen, progress: Progress
     ) -> tuple[list["Sighting"], list["BallPhotos"]]:
         """Each ball's highlights of the chosen lights, and the photos that show the ball."""
-        from mpsnet_core.capture.calibrate.photos import read_sightings
+        from mpsnet_core.calibrate.photos import read_sightings
 
         sightings, pictured = [], []
         for number, photos in enumerate(self._by_place(files, chosen.places)):
@@ -270,7 +270,7 @@ class CalibrateLights(UsesBall):
         ]
 
     def _write_rig(self, found: "LightsFound", chosen: _Chosen) -> None:
-        from mpsnet_core.capture.calibrate.lights import write_lp
+        from mpsnet_core.calibrate.lights import write_lp
         from mpsnet_core.scene.rig import LightRig, near_rig, write_rig
 
         if self._is_lp:
@@ -285,8 +285,8 @@ class CalibrateLights(UsesBall):
 
     @staticmethod
     def _draw(overlay: str, found: "LightsFound", chosen: _Chosen, pictured: Sequence["BallPhotos"]) -> None:
-        from mpsnet_core.capture.calibrate.overlay import lights_picture
-        from mpsnet_core.capture.calibrate.photos import mean_photo
+        from mpsnet_core.calibrate.overlay import lights_picture
+        from mpsnet_core.calibrate.photos import mean_photo
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.pictures import contact_sheet
 
@@ -303,7 +303,7 @@ class CalibrateLights(UsesBall):
 
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig from three lights of an .lp file."""
-        from mpsnet_core.capture.calibrate.report import directions_facts
+        from mpsnet_core.calibrate.report import directions_facts
         from mpsnet_core.io.files import check_no_overwrite, writable_path
         from mpsnet_core.io.image import CHANNELS
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
@@ -375,10 +375,10 @@ class CalibrateMixing(UsesBall):
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
         """Write the rig with its mixing, and the other outputs if requested."""
-        from mpsnet_core.capture.calibrate.mixing import equation_2_error
-        from mpsnet_core.capture.calibrate.overlay import ball_picture
-        from mpsnet_core.capture.calibrate.photos import mean_photo
-        from mpsnet_core.capture.reading import warn_of_other_exposures
+        from mpsnet_core.calibrate.mixing import equation_2_error
+        from mpsnet_core.calibrate.overlay import ball_picture
+        from mpsnet_core.calibrate.photos import mean_photo, read_lit
+        from mpsnet_core.capture.decode import warn_of_other_exposures
         from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
         from mpsnet_core.io.image_writing import write_picture
@@ -389,7 +389,9 @@ class CalibrateMixing(UsesBall):
         self._check(files, rig)
         photos = self._photos(files, mirror=False)
         progress(0.0, "reading the photos")
-        read = [photos.read(file) for file in files]
+        if self.card and not (photos.circles or photos.mask):
+            raise SettingsError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
+        read = read_lit(photos, rig)
         warn_of_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
@@ -430,38 +432,24 @@ class CalibrateMixing(UsesBall):
         rig: "LightRig",
         progress: Progress,
     ) -> "MixingFound":
-        from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
-        from mpsnet_core.capture.calibrate.photos import seen_balls
+        from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
+        from mpsnet_core.calibrate.photos import seen_balls
 
         ball = seen_balls(photos, image)[0]
         progress(0.4, "solving for the mixing")
         return mixing_from_ball(read[0], ball, rig) if len(read) == 1 else mixing_from_ball_by_light(read, ball, rig)
 
     def _by_card(self, photos: "BallPhotos", read: Sequence["Image"], rig: "LightRig") -> "MixingFound":
-        import numpy as np
-
-        from mpsnet_core.capture.calibrate.mixing import mixing_from_card
-        from mpsnet_core.io.image_reading import read_mask
+        from mpsnet_core.calibrate.mixing import mixing_from_card
+        from mpsnet_core.calibrate.photos import lit_surface
 
         if self.overlay:
             raise SettingsError("--overlay shows a ball; leave it out with --card")
-        height, width = read[0].pixels.shape[:2]
-        if photos.mask is not None:
-            mask = read_mask(photos.mask)
-            if mask.shape != (height, width):
-                raise GeometryError(
-                    f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so"
-                )
-        elif photos.circles:
-            x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-            mask = np.hypot(x - photos.circles[0].x, y - photos.circles[0].y) < photos.circles[0].radius
-        else:
-            raise SettingsError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
         normal = _numbers(self.normal, "--normal") if self.normal else [0.0, 0.0, 1.0]
-        return mixing_from_card(read, mask, rig, normal)
+        return mixing_from_card(read, lit_surface(photos, read[0]), rig, normal)
 
     def _result(self, found: "MixingFound", off: float | None) -> MixingCalibrated:
-        from mpsnet_core.capture.calibrate.report import ball_facts, mixing_lines
+        from mpsnet_core.calibrate.report import ball_facts, mixing_lines
 
         balls = [] if found.ball is None else [ball_facts(found.ball)]
         return MixingCalibrated(
@@ -521,8 +509,8 @@ def _numbered(files: Iterable[Path]) -> str:
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     """Draw the first ball if its highlights were not found: it is often something else."""
-    from mpsnet_core.capture.calibrate.overlay import ball_picture
-    from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.calibrate.overlay import ball_picture
+    from mpsnet_core.calibrate.photos import mean_photo, seen_balls
     from mpsnet_core.io.image_writing import write_picture
 
     if not overlay:

@@ -1,0 +1,262 @@
+"""The one road from files to captures: photos are read, corrected, undistorted and masked; what is doubtful is said."""
+
+import logging
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.upsample import chosen_pixels
+from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
+from mpsnet_core.capture.correction import Correction, corrected
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, straightened
+from mpsnet_core.capture.masks import Notes, mask_of
+from mpsnet_core.capture.sources import MESH, Source
+from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, warn_of_curve
+from mpsnet_core.defaults import MASK
+from mpsnet_core.errors import GeometryError, InputError, SettingsError
+from mpsnet_core.io.files import prefix_errors, resolved
+from mpsnet_core.io.frames import expand_images
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.image_encoding import Encoding, with_stored_values
+from mpsnet_core.scene.camera import Camera, camera_for
+from mpsnet_core.scene.mesh_depth import depth_of_mesh, mesh_mask
+from mpsnet_core.scene.photogrammetry.lens import undistorted_mask
+from mpsnet_core.scene.rig import LightRig
+
+log = logging.getLogger(__name__)
+
+
+def open_captures(sources: Iterable[Source], options: PhotoReadOptions = AS_STATED) -> Iterator[Capture]:
+    """The captures of one set of photos, in order: see :class:`PhotoSet`.
+
+    Raises InputError if one cannot be read, or its photo, mask, camera, depth and white photo do not match.
+    """
+    photos = PhotoSet([*sources], options)
+    return map(photos.open, photos.sources)
+
+
+def read_capture(
+    path: str | os.PathLike[str],
+    rig: LightRig,
+    *,
+    mask: str | os.PathLike[str] = MASK,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    camera: Camera | float | None = None,
+    depth: NDArray[np.float32] | float | None = None,
+    correction: Correction | None = None,
+    white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    white_light: ArrayLike | None = None,
+) -> Capture:
+    """Read a photo as a capture.
+
+    Parameters
+    ----------
+    path : str or path
+        The photo.
+    rig : LightRig
+        The lights, in camera space.
+    mask : str or path
+        A mask file, or a keyword of :func:`find_mask`. By default the photo's alpha if it has any, else the object that
+        stands out clearly from its background, else the whole photo.
+    encoding, layer : str, optional
+        As in :func:`read_image`, with one exception: if neither `encoding` nor the file states the encoding, and the
+        shading shows that values are linear (:mod:`mpsnet_core.capture.transfer`), they are read as linear.
+    camera : Camera or float, optional
+        The camera, or the focal length of its lens in mm on a sensor 36 mm wide. A camera of another size with the same
+        aspect ratio is scaled.
+    depth : (H, W) array or float, optional
+        Distance of the surface in front of the camera, infinity where unknown. By default that of the lights' target.
+    correction : Correction, optional
+        Dark frame and flat field, also applied to the white photo.
+    white : str, path or sequence of them, optional
+        A photo of the same pose under white light, or several to add up, one for each light turned white.
+    white_light : (3,) array, optional
+        Direction from the surface to the one lamp that lit the white photo, in camera space. By default the rig's
+        lights, turned white, lit it.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or photo, mask, camera, depth and white photo do not match.
+    """
+    several = [white] if isinstance(white, str | os.PathLike) else white
+    source = Source(Path(path), rig, mask, camera=camera, depth=depth, white=several, white_light=white_light)
+    return next(open_captures([source], PhotoReadOptions(encoding, layer, correction)))
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A photo as it becomes a capture: corrected and without distortion, with its mask (H, W) and its camera."""
+
+    image: Image
+    mask: NDArray[np.bool_]
+    camera: Camera | None
+
+
+@dataclass
+class PhotoSet:
+    """Photos that belong together, such as the frames of a sequence: what they do not state is decided once.
+
+    Attributes
+    ----------
+    sources
+        The photos, as far as they are known. The set is opened one by one, in any order.
+    options
+        How to read them. `linear` becomes true if their shading shows it.
+    moving
+        Whether they are frames of one sequence. Once its object was found, every frame is searched for it: none is
+        taken whole in between.
+    evidence
+        Evidence that files without a stated encoding are linear, None as long as none was opened; see
+        :func:`mpsnet_core.capture.transfer.evidence_for_linear`.
+    """
+
+    sources: Sequence[Source] = ()
+    options: PhotoReadOptions = AS_STATED
+    moving: bool = False
+    evidence: float | None = None
+    _found: bool = False
+    _told: set[object] = field(default_factory=set)
+
+    def open(self, source: Source) -> Capture:
+        """A photo as a capture. Reports what is doubtful about it, of several alike photos once.
+
+        Raises InputError if it cannot be read, or its photo, mask, camera, depth and white photo do not match.
+        """
+        shot = self.masked(source)
+        assert source.rig is not None
+        with prefix_errors(source):
+            depth = _depth(source, shot)
+            image = shot.image
+            capture = Capture(image.pixels, shot.mask, source.rig, shot.camera, image.clip, depth, image.clipped)
+        if source.white:
+            capture = self._with_white(capture, source)
+        for level, kind, words in doubts(capture):
+            if self._first(kind):
+                log.log(level, "%s%s", "" if self._alone else f"{source}: ", words)
+        return capture
+
+    def masked(self, source: Source) -> Shot:
+        """A photo with its mask, before it becomes a capture. Raises InputError if either cannot be read."""
+        image = self._read(source)
+        has_alpha = image.alpha is not None
+        # Of several photos, report on the first with alpha and on the first without; the others look alike.
+        notes: Notes = "all" if self._alone else "none" if has_alpha in self._told else "doubts"
+        shot = self._shot(source, image, notes)
+        if image.assumed:
+            shown, first = self._evidence(source, image, shot), self.evidence is None
+            if first:
+                self.evidence = self._decided(source, shown)
+            if max(shown, self.evidence or 0) > (CLOSE if first else DECIDED) and self._first("transfer"):
+                warn_of_curve(source.file_name, taken_as_linear=self.options.linear)
+            if self.options.linear:
+                # A mask found by brightness depends on the curve: find it again, but report it once.
+                shot = self._shot(source, with_stored_values(image), "none")
+        self._told.add(has_alpha)
+        found = self.moving and source.mask == MASK and not has_alpha and not shot.mask.all()
+        self._found = self._found or found
+        return shot
+
+    @property
+    def _alone(self) -> bool:
+        return len(self.sources) == 1
+
+    def _first(self, kind: object) -> bool:
+        """Whether something of this kind is told for the first time."""
+        known = kind in self._told
+        self._told.add(kind)
+        return not known
+
+    def _read(self, source: Source) -> Image:
+        return self.options.photo(source.photo) if isinstance(source.photo, Path) else source.photo()
+
+    def _shot(self, source: Source, image: Image, notes: Notes) -> Shot:
+        rig, correction = source.rig, self.options.correction
+        choice = "auto" if self._found and image.alpha is None else source.mask
+        with prefix_errors(source):
+            if rig is not None and rig.near is not None and correction is not None and correction.gain is not None:
+                raise SettingsError(
+                    "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the "
+                    "flat field out, or give the lights as directions"
+                )
+            height, width, _ = image.pixels.shape
+            camera = camera_for(source.camera, width, height)
+            image = corrected(image, correction)
+            if callable(choice):
+                mask = choice(image)
+            else:
+                mask = mask_of(image, "none" if choice == MESH else choice, self.options, notes)
+            check_same_size("the mask", mask.shape, "the photo", (height, width))
+            if source.lens is not None and camera is not None:
+                mask, image = undistorted_mask(mask, camera, source.lens), straightened(image, camera, source.lens)
+            if choice == MESH and camera is not None and source.scene is not None:
+                mask = mask & mesh_mask(camera, source.scene)
+                if not mask.any():
+                    raise GeometryError(
+                        "its camera does not see the mesh; do the cameras and the mesh share one world?"
+                    )
+        return Shot(image, mask, camera)
+
+    def _evidence(self, source: Source, image: Image, shot: Shot) -> float:
+        """As :func:`evidence_for_linear`, of a photo as read."""
+        if source.rig is None:
+            return 0.0
+        pixels = image.pixels if source.lens is None else shot.image.pixels
+        return evidence_for_linear(pixels, shot.mask, source.rig)
+
+    def _decided(self, source: Source, shown: float) -> float:
+        """The evidence of the whole set, by which its photos are read: of those looked at, the clearest.
+
+        They are always the same ones, whichever photo is opened first. shown: the evidence of `source`.
+        """
+        found = [shown]
+        for other in looked_at(self.sources):
+            with suppress(InputError):  # reported when it is opened
+                image = self._read(other) if other is not source else None
+                if image is not None and image.assumed:
+                    found.append(self._evidence(other, image, self._shot(other, image, "none")))
+        evidence = max(found, key=abs)
+        # Dark frame and flat field were read as sRGB, so the photos stay sRGB.
+        self.options = replace(self.options, linear=evidence > DECIDED and self.options.correction is None)
+        return evidence
+
+    def _with_white(self, capture: Capture, source: Source) -> Capture:
+        """The capture with the sum of its white photos. Raises InputError, which names the one that does not match."""
+        files = expand_images(source.white)
+        total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
+        for file in files:
+            if isinstance(source.photo, Path) and resolved(file) == resolved(source.photo):
+                raise _white_is_the_photo(file)
+            image = self.options.companion(file)
+            with prefix_errors(file):
+                image = corrected(image, self.options.correction)
+                if source.lens is not None and capture.camera is not None:
+                    image = straightened(image, capture.camera, source.lens)
+                total += checked_white(image.pixels, None, capture.mask)
+            clipped |= image.saturated
+        if np.array_equal(total.astype(capture.image.dtype), capture.image):
+            raise _white_is_the_photo(files[0])
+        light = None if source.white_light is None else np.asarray(source.white_light, np.float64)
+        return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=light)
+
+
+def _depth(source: Source, shot: Shot) -> NDArray[np.float32] | None:
+    """(H, W) the depth that near lights need, at every pixel of the mask; None for distant ones."""
+    assert source.rig is not None
+    depth = source.depth
+    if source.scene is not None:
+        depth = None if source.rig.near is None or shot.camera is None else depth_of_mesh(shot.camera, source.scene)
+    elif isinstance(depth, np.ndarray) and depth.shape != shot.mask.shape and shot.camera is not source.camera:
+        depth = depth[np.ix_(*chosen_pixels(*shot.mask.shape, *depth.shape))]  # of the camera before it was scaled
+    return depth_within(shot.mask, depth, source.rig) if shot.mask.any() else None  # Capture rejects an empty mask
+
+
+def _white_is_the_photo(path: str | os.PathLike[str]) -> SettingsError:
+    return SettingsError(f"{path}: the white photo is the photo itself; give the one under white light")
