@@ -1,7 +1,7 @@
 """From photo files to balls and highlights, one photo in memory at a time."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from mpsnet_core.capture.open import PhotoSet
 from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import prefix_errors
-from mpsnet_core.io.image import CHANNELS, Image
+from mpsnet_core.io.image import CHANNELS, Image, in_frame_of
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera, camera_for, pixel_camera
@@ -57,9 +57,19 @@ class BallPhotos:
     options: PhotoReadOptions = AS_STATED
     mirror: bool = True
 
+    _frame: list[Image] = field(default_factory=list, init=False, repr=False)  # what states how the first was turned
+
     def read(self, file: Path) -> Image:
-        """Read one of the photos."""
-        return corrected(self.options.photo(file), self.options.correction)
+        """Read one of the photos, the first one first, whose frame the others share: the camera stood still."""
+        return corrected(self.as_read(file), self.options.correction)
+
+    def as_read(self, file: Path) -> Image:
+        """As :meth:`read`, without correction. Photos of one light each may have one channel."""
+        image = self.options.photo(file, grey=len(self.files) > 1)
+        if not self._frame:
+            empty = np.broadcast_to(np.float32(0), image.pixels.shape)
+            self._frame.append(replace(image, pixels=empty, alpha=None, clipped=None))
+        return in_frame_of(image, file, self._frame[0], self.files[0])
 
 
 def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
@@ -68,19 +78,25 @@ def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
     Its shading tells whether files that do not state their encoding are linear. Raises InputError if a file cannot be
     read, or the surface is not found.
     """
-    images = [photos.options.photo(file) for file in photos.files]
+    images = [*map(photos.as_read, photos.files)]
     together = images[0]
     if len(images) == len(CHANNELS):  # each shows its own light in its own channel
         for file, image in zip(photos.files, images, strict=True):
             check_same_size(str(file), image.pixels.shape, str(photos.files[0]), together.pixels.shape)
+        assumed = together.assumed if len({image.assumed for image in images}) == 1 else None
         pixels = np.stack([image.pixels[..., light] for light, image in enumerate(images)], axis=-1)
-        together = replace(together, pixels=pixels, assumed=all(image.assumed for image in images))
-    if not together.assumed:
-        return [corrected(image, photos.options.correction) for image in images]
-    source = Source(lambda: together, rig, partial(lit_surface, photos), photos.files[0].name)
-    decided = PhotoSet([source], photos.options)
-    decided.masked(source)
-    return [*map(replace(photos, options=decided.options).read, photos.files)]
+        together = replace(together, pixels=pixels, assumed=assumed)
+    if together.assumed:
+        source = Source(lambda: together, rig, partial(lit_surface, photos), photos.files[0].name)
+        decided = PhotoSet([source], photos.options)
+        decided.masked(source)
+        images = [*map(replace(photos, options=decided.options).as_read, photos.files)]
+    images = [corrected(image, photos.options.correction) for image in images]
+    if len(images) == len(CHANNELS) and all(not np.ptp(image.pixels, axis=-1).any() for image in images):
+        # A camera without colours: `superpose --channels` makes a channel of each light's photo.
+        own = np.eye(len(CHANNELS), dtype=np.float32)
+        images = [replace(image, pixels=image.pixels * own[light]) for light, image in enumerate(images)]
+    return images
 
 
 def lit_surface(photos: BallPhotos, image: Image) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise
+from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise, in_frame_of, turned
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_image
@@ -39,12 +39,29 @@ class Correction:
         Where dark frame or flat field are saturated or too weak; None if there is neither.
     exposure_time : float, or None
         The dark frame's, in seconds, if its file states it.
+    orientation : int, or None
+        By which the frames were turned, as :attr:`mpsnet_core.io.image.Image.orientation`.
     """
 
     dark: NDArray[np.float32] | None
     gain: NDArray[np.float32] | None
     unusable: NDArray[np.bool_] | None
     exposure_time: float | None
+    orientation: int | None = None
+
+    def turned_like(self, photo: Image) -> "Correction":
+        """The correction in the frame of a photo: turned by the photo's orientation, if that makes the sizes equal."""
+        ways = self.orientation, photo.orientation
+        frame = self.dark if self.dark is not None else self.gain
+        if frame is None or ways[0] == ways[1] or turned(frame, *ways).shape[:2] != photo.pixels.shape[:2]:
+            return self
+        return Correction(
+            None if self.dark is None else turned(self.dark, *ways),
+            None if self.gain is None else turned(self.gain, *ways),
+            None if self.unusable is None else turned(self.unusable, *ways),
+            self.exposure_time,
+            photo.orientation,
+        )
 
 
 def read_correction(
@@ -85,25 +102,31 @@ def read_correction(
     """
     if smooth < 0:
         raise SettingsError(f"a flat field can be smoothed over 0 pixels or more, not {smooth}")
-    level = gain = unusable = exposure_time = None
+    level = gain = unusable = None
+    first: Image | None = None
     if dark is not None:
-        level, unusable, exposure_time = _mean_frame(dark, encoding, layer)
+        first = _mean_frame(dark, encoding, layer)
+        level, unusable = first.pixels, first.saturated
         if unusable.mean() > BAD_SHARE:
             raise FormatError(
                 f"{dark} is not a dark frame: it is overexposed; switch the three lights off, or expose less"
             )
     if flat is not None:
-        field, clipped, _ = _mean_frame(flat, encoding, layer)
+        mean = _mean_frame(flat, encoding, layer)
+        mean = mean if first is None else in_frame_of(mean, flat, first, dark)
+        field, clipped = mean.pixels, mean.saturated
         if clipped.mean() > BAD_SHARE:
             raise FormatError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; expose it shorter")
         if level is not None:
             check_same_size(f"the dark frame {dark}", level.shape, f"the flat field {flat}", field.shape, SAME_CAMERA)
-            field -= level
+            field = field - level
         if smooth:
             field = _smoothed(field, smooth)
         gain, weak = _gain(field, flat)
         unusable = clipped | weak if unusable is None else unusable | clipped | weak
-    return Correction(level, gain, unusable, exposure_time)
+        first = first or replace(mean, exposure_time=None)
+    time, orientation = (None, None) if first is None else (first.exposure_time, first.orientation)
+    return Correction(level, gain, unusable, time, orientation)
 
 
 def corrected(image: Image, correction: Correction | None) -> Image:
@@ -115,6 +138,7 @@ def corrected(image: Image, correction: Correction | None) -> Image:
     """
     if correction is None:
         return image
+    correction = correction.turned_like(image)
     for name, frame in (("dark frame", correction.dark), ("flat field", correction.gain)):
         if frame is not None:
             check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)
@@ -134,25 +158,27 @@ def corrected(image: Image, correction: Correction | None) -> Image:
             pixels[rows] = np.maximum(pixels[rows] - correction.dark[rows], 0)
         if correction.gain is not None:
             pixels[rows] *= correction.gain[rows]
-    # The transfer curve of corrected values cannot be judged any more, hence assumed=False.
-    return replace(image, pixels=pixels, clip=np.inf, clipped=clipped, assumed=False)
+    # The transfer curve of corrected values cannot be judged any more, hence assumed=None.
+    return replace(image, pixels=pixels, clip=np.inf, clipped=clipped, assumed=None)
 
 
-def _mean_frame(
-    path: str | os.PathLike[str], encoding: Encoding, layer: str | None
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], float | None]:
-    """Mean of all frames (H, W, 3), whether any of them is saturated (H, W, 3), and the first one's exposure time."""
+def _mean_frame(path: str | os.PathLike[str], encoding: Encoding, layer: str | None) -> Image:
+    """Mean of all frames; `clipped` where any of them is saturated, and the rest as in the first one.
+
+    Frames of one channel are taken: what is dark, or even, has no colour.
+    """
     first, *others = expand_images([path])
-    image = read_image(first, encoding=encoding, layer=layer_in(first, layer))
-    total, clipped, exposure_time = image.pixels, image.saturated, image.exposure_time
+    mean = read_image(first, encoding=encoding, layer=layer_in(first, layer), grey=True)
+    total, clipped = mean.pixels, mean.saturated
     for other in others:
-        image = read_image(other, encoding=encoding, layer=layer_in(other, layer))
+        image = read_image(other, encoding=encoding, layer=layer_in(other, layer), grey=True)
+        image = in_frame_of(image, other, mean, first)
         check_same_size(str(other), image.pixels.shape, str(first), total.shape, SAME_CAMERA)
         total = total + image.pixels
         clipped = clipped | image.saturated
     if not np.isfinite(total).all():
         raise FormatError(f"{path} holds values that are not finite; export it again")
-    return total / np.float32(1 + len(others)), clipped, exposure_time
+    return replace(mean, pixels=total / np.float32(1 + len(others)), clipped=clipped)
 
 
 def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpsnet_core.capture.correction import Correction
-from mpsnet_core.io.image import Image, exposed_otherwise
-from mpsnet_core.io.image_encoding import Encoding, with_stored_values
+from mpsnet_core.io.image import Assumed, Image, exposed_otherwise, in_frame_of
+from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
 from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera
@@ -28,14 +28,14 @@ class PhotoReadOptions:
         As in :func:`read_image`.
     correction
         Dark frame and flat field; None if there is neither.
-    linear
-        Whether files that do not state their encoding are linear; sRGB by default, as most are.
+    assumed
+        The encoding of files that do not state it. By default that which is usual: integers are sRGB, floats linear.
     """
 
     encoding: Encoding = "auto"
     layer: str | None = None
     correction: Correction | None = None
-    linear: bool = False
+    assumed: Assumed | None = None
 
     def photo(self, path: str | os.PathLike[str], *, grey: bool = False) -> Image:
         """Read a photo, without correction. grey and errors: as in :func:`read_image`.
@@ -45,12 +45,17 @@ class PhotoReadOptions:
         compact = self.correction is None
         return self._meant(read_image(path, encoding=self.encoding, layer=self.layer, grey=grey, compact=compact))
 
-    def companion(self, path: str | os.PathLike[str], *, grey: bool = False) -> Image:
-        """Read a companion of the photo, without correction, from the photo's layer if the file has several."""
-        return self._meant(read_image(path, encoding=self.encoding, layer=layer_in(path, self.layer), grey=grey))
+    def companion(self, path: str | os.PathLike[str], photo: Image) -> Image:
+        """Read a companion of the photo, without correction, from the photo's layer if the file has several.
+
+        It is turned as the photo was: the camera stood still.
+        """
+        image = self._meant(read_image(path, encoding=self.encoding, layer=layer_in(path, self.layer)))
+        return in_frame_of(image, path, photo, "the photo")
 
     def _meant(self, image: Image) -> Image:
-        return with_stored_values(image) if self.linear and image.assumed else image
+        other = image.assumed and self.assumed not in (None, image.assumed)
+        return otherwise_encoded(image) if other else image
 
 
 AS_STATED = PhotoReadOptions()  # the encoding that the files state

@@ -121,7 +121,7 @@ def mask_of(
     if kind == "threshold":
         return threshold_mask(image.pixels, argument)
     if kind == "background":
-        background = _read_background(argument, options)
+        background = _read_background(argument, image, options)
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
         known = ", ".join(WORDS)
@@ -137,10 +137,10 @@ def _alpha_mask(image: Image) -> NDArray[np.bool_]:
     return image.alpha > 0.5
 
 
-def _read_background(file: str, options: PhotoReadOptions) -> Image:
+def _read_background(file: str, photo: Image, options: PhotoReadOptions) -> Image:
     if not file:
         raise SettingsError("a mask by background names a photo of the scene without the object: background:FILE")
-    return corrected(options.companion(file), options.correction)
+    return corrected(options.companion(file, photo), options.correction)
 
 
 def _whole(image: Image) -> NDArray[np.bool_]:

@@ -17,13 +17,13 @@ from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, straightened
 from mpsnet_core.capture.masks import Notes, mask_of
 from mpsnet_core.capture.sources import MESH, Source
-from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, warn_of_curve
+from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, other_than, warn_of_curve
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 from mpsnet_core.io.files import prefix_errors, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.image_encoding import Encoding, with_stored_values
+from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
 from mpsnet_core.scene.camera import Camera, camera_for
 from mpsnet_core.scene.mesh_depth import depth_of_mesh, mesh_mask
 from mpsnet_core.scene.photogrammetry.lens import undistorted_mask
@@ -109,19 +109,19 @@ class PhotoSet:
     sources
         The photos, as far as they are known. The set is opened one by one, in any order.
     options
-        How to read them. `linear` becomes true if their shading shows it.
+        How to read them. `assumed` is set if their shading shows it.
     moving
         Whether they are frames of one sequence. Once its object was found, every frame is searched for it: none is
         taken whole in between.
-    evidence
-        Evidence that files without a stated encoding are linear, None as long as none was opened; see
-        :func:`mpsnet_core.capture.transfer.evidence_for_linear`.
+    doubt
+        Evidence that files without a stated encoding have another than the usual one, None as long as none was opened;
+        see :func:`mpsnet_core.capture.transfer.evidence_for_linear`.
     """
 
     sources: Sequence[Source] = ()
     options: PhotoReadOptions = AS_STATED
     moving: bool = False
-    evidence: float | None = None
+    doubt: float | None = None
     _found: bool = False
     _told: set[object] = field(default_factory=set)
 
@@ -132,12 +132,12 @@ class PhotoSet:
         """
         shot = self.masked(source)
         assert source.rig is not None
+        image = shot.image
         with prefix_errors(source):
             depth = _depth(source, shot)
-            image = shot.image
             capture = Capture(image.pixels, shot.mask, source.rig, shot.camera, image.clip, depth, image.clipped)
         if source.white:
-            capture = self._with_white(capture, source)
+            capture = self._with_white(capture, source, image)
         for level, kind, words in doubts(capture):
             if self._first(kind):
                 log.log(level, "%s%s", "" if self._alone else f"{source}: ", words)
@@ -151,14 +151,15 @@ class PhotoSet:
         notes: Notes = "all" if self._alone else "none" if has_alpha in self._told else "doubts"
         shot = self._shot(source, image, notes)
         if image.assumed:
-            shown, first = self._evidence(source, image, shot), self.evidence is None
+            doubt, first = self._doubt(source, image, shot), self.doubt is None
             if first:
-                self.evidence = self._decided(source, shown)
-            if max(shown, self.evidence or 0) > (CLOSE if first else DECIDED) and self._first("transfer"):
-                warn_of_curve(source.file_name, taken_as_linear=self.options.linear)
-            if self.options.linear:
+                self.doubt = self._decided(source, image, doubt)
+            others = self.options.assumed == other_than(image.assumed)
+            if max(doubt, self.doubt or 0) > (CLOSE if first else DECIDED) and self._first("transfer"):
+                warn_of_curve(source.file_name, image.assumed, decided=others)
+            if others:
                 # A mask found by brightness depends on the curve: find it again, but report it once.
-                shot = self._shot(source, with_stored_values(image), "none")
+                shot = self._shot(source, otherwise_encoded(image), "none")
         self._told.add(has_alpha)
         found = self.moving and source.mask == MASK and not has_alpha and not shot.mask.all()
         self._found = self._found or found
@@ -204,37 +205,39 @@ class PhotoSet:
                     )
         return Shot(image, mask, camera)
 
-    def _evidence(self, source: Source, image: Image, shot: Shot) -> float:
-        """As :func:`evidence_for_linear`, of a photo as read."""
+    def _doubt(self, source: Source, image: Image, shot: Shot) -> float:
+        """The evidence, by the shading, that a photo as read has the other encoding than the one that is assumed."""
         if source.rig is None:
             return 0.0
         pixels = image.pixels if source.lens is None else shot.image.pixels
-        return evidence_for_linear(pixels, shot.mask, source.rig)
+        for_linear = evidence_for_linear(pixels, shot.mask, source.rig, as_srgb=image.assumed == "srgb")
+        return for_linear if image.assumed == "srgb" else -for_linear
 
-    def _decided(self, source: Source, shown: float) -> float:
-        """The evidence of the whole set, by which its photos are read: of those looked at, the clearest.
+    def _decided(self, source: Source, image: Image, doubt: float) -> float:
+        """The doubt about the whole set, by which its photos are read: of those looked at, the clearest.
 
-        They are always the same ones, whichever photo is opened first. shown: the evidence of `source`.
+        They are always the same ones, whichever photo is opened first. image, doubt: of `source`.
         """
-        found = [shown]
+        doubts = [doubt]
         for other in looked_at(self.sources):
             with suppress(InputError):  # reported when it is opened
-                image = self._read(other) if other is not source else None
-                if image is not None and image.assumed:
-                    found.append(self._evidence(other, image, self._shot(other, image, "none")))
-        evidence = max(found, key=abs)
-        # Dark frame and flat field were read as sRGB, so the photos stay sRGB.
-        self.options = replace(self.options, linear=evidence > DECIDED and self.options.correction is None)
-        return evidence
+                seen = self._read(other) if other is not source else None
+                if seen is not None and seen.assumed == image.assumed:
+                    doubts.append(self._doubt(other, seen, self._shot(other, seen, "none")))
+        clearest = max(doubts, key=abs)
+        # Dark frame and flat field were read as usual, so the photos stay that, too.
+        if image.assumed and clearest > DECIDED and self.options.correction is None:
+            self.options = replace(self.options, assumed=other_than(image.assumed))
+        return clearest
 
-    def _with_white(self, capture: Capture, source: Source) -> Capture:
+    def _with_white(self, capture: Capture, source: Source, photo: Image) -> Capture:
         """The capture with the sum of its white photos. Raises InputError, which names the one that does not match."""
         files = expand_images(source.white)
         total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
         for file in files:
             if isinstance(source.photo, Path) and resolved(file) == resolved(source.photo):
                 raise _white_is_the_photo(file)
-            image = self.options.companion(file)
+            image = self.options.companion(file, photo)
             with prefix_errors(file):
                 image = corrected(image, self.options.correction)
                 if source.lens is not None and capture.camera is not None:

@@ -66,7 +66,7 @@ class ReadsPhotos(ReadsPictures):
     def photo_and_mask(
         self, photo: str, choice: str, progress: Progress, rig: "LightRig | None" = None
     ) -> "tuple[Image, NDArray[np.bool_], float | None]":
-        """A corrected photo and the object's mask (H, W); also the evidence that its unstated encoding is linear.
+        """A corrected photo, the object's mask (H, W), and the evidence against the usual encoding if it states none.
 
         choice: as in :func:`mpsnet_core.find_mask`. Raises InputError if a file cannot be read, no object is found, or
         the mask has another size.
@@ -79,7 +79,7 @@ class ReadsPhotos(ReadsPictures):
         shot = photos.masked(photos.sources[0])
         if not shot.mask.any():
             raise GeometryError(f"{photo}: the mask is empty; choose another mask or threshold")
-        return shot.image, shot.mask, photos.evidence
+        return shot.image, shot.mask, photos.doubt
 
 
 @dataclass(frozen=True)
@@ -319,10 +319,10 @@ class Check(ReadsPhotos):
             )
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
-        image, mask, evidence = self.photo_and_mask(self.image, self.mask, progress, rig)
+        image, mask, doubt = self.photo_and_mask(self.image, self.mask, progress, rig)
         progress(0.6, "checking the photo")
         with prefix_errors(self.image):
-            findings = check_photo(image, mask, rig, evidence, mixing_stated=not self.rig or has_mixing(self.rig))
+            findings = check_photo(image, mask, rig, doubt, mixing_stated=not self.rig or has_mixing(self.rig))
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
         if self.json:

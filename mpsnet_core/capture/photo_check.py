@@ -75,7 +75,7 @@ def check_photo(
     image: Image,
     mask: NDArray[np.bool_],
     rig: LightRig | None,
-    evidence: float | None = None,
+    doubt: float | None = None,
     *,
     mixing_stated: bool = True,
 ) -> list[Finding]:
@@ -89,8 +89,8 @@ def check_photo(
         The object, at least one pixel.
     rig : LightRig, optional
         The lights. Without it, they are not checked.
-    evidence : float, optional
-        If the file does not state its encoding: the evidence that its values are linear, see
+    doubt : float, optional
+        If the file does not state its encoding: the evidence that it is not the usual one, see
         :func:`mpsnet_core.capture.transfer.evidence_for_linear`. There is an additional finding on it.
     mixing_stated : bool, optional
         Whether the rig's mixing is known. If not, there is an additional finding.
@@ -111,7 +111,7 @@ def check_photo(
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
     return [
-        *([] if rig is None or evidence is None else [_encoding(evidence)]),
+        *([] if rig is None or doubt is None else [_encoding(doubt)]),
         _exposure(values, noise, full_scale),
         _clipping(values, clipped[inside]),
         _channels(values, rig),
@@ -142,15 +142,17 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
     return [round(float(one), 4) for one in values]
 
 
-def _encoding(evidence: float) -> Finding:
-    figures: Figures = {"linear_rather": round(evidence, 3)}
-    level = _level(evidence, (CLOSE, DECIDED))
+def _encoding(doubt: float) -> Finding:
+    figures: Figures = {"other_rather": round(doubt, 3)}
+    level = _level(doubt, (CLOSE, DECIDED))
     if level == "good":
-        words = "the file does not state its colour encoding; nothing contradicts sRGB"
+        words = "the file does not state its colour encoding; nothing contradicts the usual one"
         return Finding("encoding", level, words, figures)
-    likely = "must" if level == "bad" else "may well"
-    words = f"the file does not state its colour encoding, and by its shading it {likely} be linear; if so, set the "
-    return Finding("encoding", level, words + "encoding to linear (--encoding linear) [transfer-curve]", figures)
+    likely = "is not" if level == "bad" else "may not be"
+    words = (
+        f"the file does not state its colour encoding, and by its shading it {likely} the usual one; set the encoding "
+    )
+    return Finding("encoding", level, words + "to linear or srgb (--encoding) [transfer-curve]", figures)
 
 
 def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scale: float | None) -> Finding:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.capture.decode import warn_of_other_exposures
 from mpsnet_core.errors import NoObject, SettingsError
-from mpsnet_core.io.image import Image, warn_of_saturation
+from mpsnet_core.io.image import Image, in_frame_of, warn_of_saturation
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
 
@@ -89,6 +89,7 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
     if not photos:
         raise SettingsError("there is no photo to superpose; give one for each light")
     images = [read_image(photo, encoding=encoding, grey=grey) for photo in photos]
+    images = [in_frame_of(image, photo, images[0], photos[0]) for photo, image in zip(photos, images, strict=True)]
     for photo, image in zip(photos, images, strict=True):
         check_same_size(str(photo), image.pixels.shape[:2], str(photos[0]), images[0].pixels.shape[:2])
     warn_of_other_exposures(photos, images)

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.unit_vectors import dot
-from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
+from mpsnet_core.io.image import Assumed, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
+# The encodings in words.
+WORDS: dict[Assumed, str] = {"srgb": "sRGB", "linear": "linear"}
 # Number of photos of a set to look at.
 LOOKED_AT = 5
 
@@ -45,28 +47,40 @@ def looked_at(sources: Sequence[T]) -> list[T]:
     return [sources[place] for place in places]
 
 
-def warn_of_curve(name: str, *, taken_as_linear: bool) -> None:
-    """Warn of a file without a stated encoding: that it was taken as linear, or that it may be."""
-    if taken_as_linear:
+def other_than(assumed: Assumed) -> Assumed:
+    """The other encoding."""
+    return "linear" if assumed == "srgb" else "srgb"
+
+
+def warn_of_curve(name: str, assumed: Assumed, *, decided: bool) -> None:
+    """Warn of a file without a stated encoding: that it was `decided` to have the other one, or may have it."""
+    usual, other = (WORDS[one] for one in (assumed, other_than(assumed)))
+    if decided:
         log.warning(
-            "%s does not state its colour encoding and was READ AS LINEAR, because read as sRGB its normals "
-            "would fit no single surface; if it is sRGB, set the encoding to srgb (--encoding srgb) "
-            "[transfer-curve]",
+            "%s does not state its colour encoding and was READ AS %s, because read as %s its normals would fit no "
+            "single surface; if it is %s, set the encoding to %s (--encoding %s) [transfer-curve]",
             name,
+            other if other == WORDS["srgb"] else other.upper(),
+            *(usual, usual, assumed, assumed),
         )
     else:
         log.warning(
-            "%s does not state its colour encoding and was read as sRGB, but MAY BE LINEAR; if so, set the "
-            "encoding to linear (--encoding linear): the wrong curve turns normals by ten degrees and more "
-            "[transfer-curve]",
+            "%s does not state its colour encoding and was read as %s, but MAY BE %s; if so, set the encoding to %s "
+            "(--encoding %s): the wrong curve turns normals by ten degrees and more [transfer-curve]",
             name,
+            usual,
+            other if other == WORDS["srgb"] else other.upper(),
+            *(other_than(assumed),) * 2,
         )
 
 
-def evidence_for_linear(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> float:
+def evidence_for_linear(
+    pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig, *, as_srgb: bool = True
+) -> float:
     """Evidence that a photo's file holds linear values, not sRGB ones; above 0 linear is likelier.
 
-    pixels: (H, W, 3) linearised by the sRGB curve, whether or not that was right. Returns 0 if too few are usable.
+    pixels: (H, W, 3) linearised by the sRGB curve, whether or not that was right; without `as_srgb` as stored. Returns
+    0 if too few are usable.
 
     The gradient field of a surface has no curl. A wrong curve distorts equation 2's normals, and their gradients get
     curl. Brighter or darker paint does not change these normals. The evidence is the logarithm of the ratio of both
@@ -78,14 +92,14 @@ def evidence_for_linear(pixels: NDArray[np.float32], mask: NDArray[np.bool_], ri
     thin = max(1, int(side / BLOCK_PIXELS))
     pixels, mask = pixels[::thin, ::thin], mask[::thin, ::thin]
     block = max(1, round(side / thin))
-    stored = linear_to_srgb(pixels)
+    stored = linear_to_srgb(pixels) if as_srgb else pixels.astype(np.float32, copy=False)
     usable = mask & (stored.min(axis=-1) > DARKEST) & (stored.max(axis=-1) < BRIGHTEST)
     unmixing = np.linalg.inv(rig.mixing).T.astype(np.float32)
-    as_srgb, as_linear = (
+    by_srgb, by_linear = (
         _curl((values @ unmixing).astype(np.float32, copy=False), usable, block, rig)
         for values in (srgb_to_linear(stored), stored)
     )
-    return float(np.log(as_srgb / as_linear)) if as_srgb and as_linear else 0.0
+    return float(np.log(by_srgb / by_linear)) if by_srgb and by_linear else 0.0
 
 
 def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, rig: LightRig) -> float:

@@ -33,14 +33,15 @@ from mpsnet_core.uninterrupted import uninterrupted
 MAX_TEXT_BYTES = 1 << 20
 
 # Suffixes of photos; of camera raw, those that LibRaw reads.
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".tga", ".hdr")
+HEIF_SUFFIXES = (".heic", ".heif", ".avif")
 # fmt: off
 RAW_SUFFIXES = (
     ".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dcr", ".dng", ".erf", ".fff", ".iiq", ".kdc", ".mef", ".mos", ".mrw",
     ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl", ".sr2", ".srf", ".srw",
 )
 # fmt: on
-PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
+PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *HEIF_SUFFIXES, *RAW_SUFFIXES)
 VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm")
 
 # Environment variable with the command, as a JSON list, of a program that decodes videos if PyAV is not installed.

@@ -1,13 +1,15 @@
 """Images: a photo's linear values with what its file states about them; the sRGB curve."""
 
 import logging
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=np.generic)
 
 # Names of a photo's channels, and of the rig's lights in them.
 CHANNELS = ("red", "green", "blue")
@@ -28,6 +30,11 @@ SPOILT_SHARE = 0.005
 SATURATED_SHARE = 0.99
 
 
+Assumed = Literal["srgb", "linear"]
+# The EXIF orientation that undoes another one, where it is another.
+_INVERSE = {6: 8, 8: 6}
+
+
 @dataclass(frozen=True)
 class Image:
     """An image as read.
@@ -44,8 +51,10 @@ class Image:
         Where a channel is saturated; None if `clip` determines it.
     exposure_time : float or None
         In seconds, if the file states it.
-    assumed : bool
-        Whether sRGB is assumed, as usual for such files, but neither stated by the file nor requested.
+    assumed : {"srgb", "linear"} or None
+        The encoding that is assumed, as usual for such files, but neither stated by the file nor requested.
+    orientation : int or None
+        The EXIF orientation, 1 to 8, by which the stored pixels were turned; None if a decoder has turned them.
     """
 
     pixels: NDArray[np.floating[Any]]
@@ -53,12 +62,55 @@ class Image:
     clip: float
     clipped: NDArray[np.bool_] | None = None
     exposure_time: float | None = None
-    assumed: bool = False
+    assumed: Assumed | None = None
+    orientation: int | None = None
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is saturated, and its value wrong."""
         return self.pixels >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
+
+
+def oriented(values: NDArray[T], orientation: int) -> NDArray[T]:
+    """Stored pixels (H, W, ...) turned by their EXIF orientation, as viewers display them."""
+    if orientation >= 5:
+        values = values.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        values = values[::-1]
+    if orientation in (2, 3, 6, 7):
+        values = values[:, ::-1]
+    return values
+
+
+def turned(values: NDArray[T], before: int | None, after: int | None) -> NDArray[T]:
+    """Pixels that were turned by the EXIF orientation `before`, as if it had been `after`; as they are if unknown."""
+    if before is None or after is None or before == after:
+        return values
+    return oriented(oriented(values, _INVERSE.get(before, before)), after)
+
+
+def in_frame_of(image: Image, name: object, first: Image, first_name: object) -> Image:
+    """An image turned by the EXIF orientation of the first one, where the camera did not move between them.
+
+    A camera that looks down states one at random. Reports it if the image stated another. An image that has the first
+    one's size only by its own orientation keeps it: a program has turned one of the two.
+    """
+    if None in (image.orientation, first.orientation) or image.orientation == first.orientation:
+        return image
+    pixels = turned(image.pixels, image.orientation, first.orientation)
+    if pixels.shape[:2] != first.pixels.shape[:2] == image.pixels.shape[:2]:
+        return image
+    log.warning(
+        "%s states the orientation %d and %s %d (EXIF); both are taken to lie as on the camera's sensor, and are "
+        "turned by the latter",
+        name,
+        image.orientation,
+        first_name,
+        first.orientation,
+    )
+    alpha = None if image.alpha is None else turned(image.alpha, image.orientation, first.orientation)
+    clipped = None if image.clipped is None else turned(image.clipped, image.orientation, first.orientation)
+    return replace(image, pixels=pixels, alpha=alpha, clipped=clipped, orientation=first.orientation)
 
 
 def warn_of_saturation(name: object, image: Image) -> None:

@@ -1,4 +1,4 @@
-"""OpenImageIO's readers, limited to four formats and without output on stderr."""
+"""OpenImageIO's readers, limited to a few formats and without output on stderr."""
 
 import os
 import struct
@@ -11,36 +11,40 @@ from typing import IO, Any, TypeVar
 import OpenImageIO as oiio
 
 from mpsnet_core.errors import FileError, FormatError
+from mpsnet_core.io.file_kinds import AVIF, HEAD, HEIC, file_head, is_readable, kind_of
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.heif import HeifReader
 from mpsnet_core.io.image import MAX_PIXELS
 
 _Kind = TypeVar("_Kind")
 
-# Signatures of the formats that are read, and OpenImageIO's names of these formats.
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_SIGNATURES = (PNG_SIGNATURE, b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
+# OpenImageIO's names of the formats that are read.
+_FORMATS = ("png", "jpeg", "tiff", "openexr", "webp", "bmp", "targa", "hdr")
 # Limit of markers and stray bytes before the size of a JPEG.
 JPEG_MARKERS = 100_000
-_FORMATS = ("png", "jpeg", "tiff", "openexr")
 
 
 def open_image(path: Path) -> Any:
-    """OpenImageIO's reader of an image, for unpremultiplied colours if the format leaves that open.
+    """The reader of an image, OpenImageIO's or a like one, for unpremultiplied colours if the format leaves that open.
 
-    Raises FileError if it is missing, FormatError if it is no image.
+    Raises FileError if it is missing, FormatError if it is no image, InputError if its reader is not installed.
     """
+    kind = kind_of(file_head(path))
+    if kind in (HEIC, AVIF):
+        return HeifReader(path, kind)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source, reason = image_input_or_reason(path, config)
     if source is None:
         existing_file(path, "image")
-        reason = reason or "it is a file of another kind"
-        raise FormatError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
+        reason = reason or f"it is {kind or 'a file of another kind'}"
+        mend = "save it as PNG, TIFF or EXR" if kind else "is it PNG, JPEG, TIFF or EXR, and whole?"
+        raise FormatError(f"{path} cannot be read as an image ({reason}); {mend}")
     return source
 
 
 def image_input(path: str | os.PathLike[str]) -> Any:
-    """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its suffix; None if it is none of them.
+    """OpenImageIO's reader of a file in one of the formats that are read, whatever its suffix; None for other files.
 
     Raises as :func:`image_input_or_reason`.
     """
@@ -57,7 +61,7 @@ def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[A
     """
     try:
         with Path(path).open("rb") as file:
-            if not file.read(8).startswith(_SIGNATURES):
+            if not is_readable(path, file.read(HEAD)):
                 return None, ""
             _check_jpeg(file, path)
         with silence_libraries():

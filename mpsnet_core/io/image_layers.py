@@ -1,5 +1,6 @@
 """Layers of image files: their names and stored values."""
 
+import logging
 import os
 from collections.abc import Iterable
 from contextlib import closing
@@ -12,11 +13,17 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, SettingsError
+from mpsnet_core.io.file_kinds import webp_orientation
 from mpsnet_core.io.files import RAW_SUFFIXES
-from mpsnet_core.io.image import MAX_PIXELS
+from mpsnet_core.io.image import MAX_PIXELS, oriented
 from mpsnet_core.io.image_input import image_attribute, open_image, pending_error, silence_libraries
 
+log = logging.getLogger(__name__)
+
 T = TypeVar("T", bound=np.generic)
+
+# Name of the attribute with the format's name.
+FORMAT = "mpsnet:format"
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
@@ -58,6 +65,8 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
         chosen = choose_layer(layers_of(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
+        spec.attribute(FORMAT, source.format_name())
+        spec.attribute("Orientation", orientation_of(spec, path))
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
         if spec.width * spec.height * (last + 1 - first) > MAX_LAYER_VALUES:
             raise FormatError(
@@ -67,18 +76,21 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
         kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
         values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
         reason = reason or pending_error(source)
+    if "not configured" in reason or "not implemented" in reason:
+        raise FormatError(f"{path} is compressed in a way that is not supported ({reason}); save it with LZW or ZIP")
     if values is None or reason:
         raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
     if not is_whole_picture:
         values = _on_display_window(values, spec)
-    values = _upright(values, spec)
+    values = oriented(values, orientation_of(spec, path))
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
 
 
 def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
     """The layers of an open file by name. Raises FormatError if it claims to exceed a limit."""
     layers: dict[str, _Layer] = {}
+    sizes: list[int] = []
     subimage = 0
     while source.seek_subimage(subimage, 0):
         spec = source.spec()
@@ -100,8 +112,13 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
             # Blender 5 writes a part per pass, and repeats its name in the channels only if the pass has a layer.
             layer = prefix or (part if subimage or not has_colours(names) else "")
             found = layers.setdefault(layer, _Layer(subimage, {}))
-            if found.subimage == subimage:  # further pages of a TIFF are unnamed and not read
+            if found.subimage == subimage:
                 found.channels.setdefault(_short(name, spec.nchannels), number)
+            elif source.format_name() == "tiff" and spec.width * spec.height > sizes[found.subimage]:
+                # Of a TIFF's pages, all unnamed, the largest is read: others are previews.
+                log.info("%s has several pages; the largest is read, %d x %d", path, spec.width, spec.height)
+                layers[layer] = _Layer(subimage, {_short(name, spec.nchannels): number})
+        sizes.append(spec.width * spec.height)
         subimage += 1
     pending_error(source)  # clears that of seeking past the last part
     return layers
@@ -146,22 +163,10 @@ def choose_layer(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _
     raise SettingsError(f"{path} has several layers; name one of {names}")
 
 
-def orientation_of(spec: Any) -> int:
+def orientation_of(spec: Any, path: Path) -> int:
     """EXIF orientation, 1 if the file has none."""
-    orientation = image_attribute(spec, "Orientation", int) or 1
+    orientation = image_attribute(spec, "Orientation", int) or webp_orientation(path) or 1
     return orientation if 1 <= orientation <= 8 else 1
-
-
-def _upright(values: NDArray[T], spec: Any) -> NDArray[T]:
-    """Pixels rotated by the file's EXIF orientation, as viewers display them."""
-    orientation = orientation_of(spec)
-    if orientation >= 5:
-        values = values.transpose(1, 0, 2)
-    if orientation in (3, 4, 7, 8):
-        values = values[::-1]
-    if orientation in (2, 3, 6, 7):
-        values = values[:, ::-1]
-    return values
 
 
 def _on_display_window(values: NDArray[T], spec: Any) -> NDArray[T]:

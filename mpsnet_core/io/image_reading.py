@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
-from mpsnet_core.io.image import Image, srgb_to_linear, storage_type
+from mpsnet_core.io.image import Assumed, Image, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
 from mpsnet_core.io.image_input import image_attribute, image_input, open_image, silence_libraries
-from mpsnet_core.io.image_layers import choose_layer, has_colours, layers_of, orientation_of, read_layer
-from mpsnet_core.io.raw import read_raw
+from mpsnet_core.io.image_layers import FORMAT, choose_layer, has_colours, layers_of, orientation_of, read_layer
+from mpsnet_core.io.raw import raw_size, read_raw
 
 log = logging.getLogger(__name__)
 
+# OpenImageIO's names of formats whose colours are never premultiplied by alpha, although it does not say so.
+UNASSOCIATED = ("webp", "bmp")
 # Pixels whose sides differ by less than this share count as square: files round their ratio.
 SAME_SIDES = 0.01
 # Larger values count as not finite. It is far above the sun's radiance, and its square is finite in float32.
@@ -41,7 +43,8 @@ def read_image(
     Parameters
     ----------
     path : path-like
-        A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
+        A PNG, JPEG, TIFF, EXR, WebP, BMP, TGA or HDR file, HEIC or AVIF if pillow-heif is installed, or camera raw,
+        which is always linear.
     encoding : {"auto", "linear", "srgb"}, optional
         Encoding of the file's values. "auto": files with an ICC profile or a PNG gamma have its curve, other float
         files and files that state so are linear, all others are sRGB.
@@ -81,11 +84,13 @@ def read_image(
     colour = _colour_channels(names, grey, path)
     _warn_of_pixel_aspect(path, spec)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
+    assumed: Assumed | None = None
     if requested is None:
         decoded, assumed = stated_encoding(path, spec)
     else:
-        decoded, assumed = (identity_curve if requested else srgb_to_linear), False
-    premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
+        decoded = identity_curve if requested else srgb_to_linear
+    unassociated = spec.getattribute("oiio:UnassociatedAlpha") or spec.getattribute(FORMAT) in UNASSOCIATED
+    premultiplied = alpha is not None and not unassociated
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
@@ -99,7 +104,8 @@ def read_image(
             pixels[rows, :, 2] = 0
     # Other curves end at 1.
     clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear) else 1.0
-    return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
+    orientation = image_attribute(spec, "Orientation", int)
+    return Image(pixels, alpha, clip, None, _exposure_time(spec), assumed, orientation)
 
 
 def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]:
@@ -198,24 +204,24 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
         existing_file(path, "image")
         return 1
     with closing(open_image(path)) as source:
-        return orientation_of(source.spec())
+        return orientation_of(source.spec(), path)
 
 
 def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
-    """Height and width of the result of :func:`read_image`, from the file's header alone; None for camera raw.
+    """Height and width of the result of :func:`read_image`, from the header alone; None for raw files without rawpy.
 
     Raises FileError if the file is missing, FormatError if it is no image, SettingsError if it lacks the
     layer.
     """
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
-        existing_file(path, "image")
-        return None
+        with silence_libraries():
+            return raw_size(path)
     with closing(open_image(path)) as source, silence_libraries():
         source.seek_subimage(choose_layer(layers_of(source, path), layer, path).subimage, 0)
         spec = source.spec()
     size = spec.full_height, spec.full_width
-    return size if orientation_of(spec) < 5 else size[::-1]
+    return size if orientation_of(spec, path) < 5 else size[::-1]
 
 
 def image_description(path: str | os.PathLike[str]) -> str:

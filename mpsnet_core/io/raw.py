@@ -1,8 +1,10 @@
 """Camera raw files, read with LibRaw (rawpy) as the sensor measured them: linear, in the camera's own colours."""
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,12 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, FormatError, InputError
+from mpsnet_core.io.file_kinds import is_in_jpeg_xl
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image
+from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image, oriented
 
-T = TypeVar("T", bound=np.generic)
+# The EXIF orientation of each of LibRaw's codes: 2 reverses the rows, 1 the columns, and then 4 transposes.
+_ORIENTATIONS = (1, 2, 4, 3, 5, 8, 6, 7)
 
 
 def read_raw(path: Path) -> Image:
@@ -29,23 +33,52 @@ def read_raw(path: Path) -> Image:
     Raises FileError if the file is missing; FormatError if it is damaged, too large, or of a sensor without red,
     green and blue in upright rows; InputError if rawpy is not installed.
     """
-    path = existing_file(path, "image")
     try:
         rawpy = importlib.import_module("rawpy")
     except ModuleNotFoundError:
         raise InputError(
-            f"{path} is a camera raw file, which needs rawpy: pip install '.[raw]' in a copy of the repository, or "
-            "convert it to a linear TIFF and set the encoding to linear (--encoding linear)"
+            f"{existing_file(path, 'image')} is a camera raw file, which needs rawpy: pip install '.[raw]' in a copy "
+            "of the repository, or convert it to a linear TIFF and set the encoding to linear (--encoding linear)"
         ) from None
+    with _opened(path, rawpy) as raw:
+        raw.unpack()
+        return _developed(raw, rawpy, path)
+
+
+def raw_size(path: Path) -> tuple[int, int] | None:
+    """Height and width of the result of :func:`read_raw`, from the header alone; None if rawpy is not installed.
+
+    Raises as :func:`read_raw`.
+    """
+    try:
+        rawpy = importlib.import_module("rawpy")
+    except ModuleNotFoundError:
+        existing_file(path, "image")
+        return None
+    with _opened(path, rawpy) as raw:
+        sizes = raw.sizes
+        rows, columns = _crop(sizes)
+        size = len(range(sizes.height)[rows]), len(range(sizes.width)[columns])
+        return size[::-1] if sizes.flip & 4 else size
+
+
+@contextmanager
+def _opened(path: Path, rawpy: Any) -> Iterator[Any]:
+    """The file, opened and checked. LibRaw's errors in the with block become FormatErrors."""
+    path = existing_file(path, "image")
     try:
         with rawpy.RawPy() as raw:
             raw.open_file(str(path))
             _check(raw, path)
-            raw.unpack()
-            return _developed(raw, rawpy, path)
+            yield raw
     except (rawpy.LibRawError, rawpy.NotSupportedError, NotImplementedError) as error:
         message = error.args[0] if error.args else ""
         reason = message.decode("ascii", "replace") if isinstance(message, bytes) else str(message)
+        if is_in_jpeg_xl(path):
+            raise FormatError(
+                f"{path} is compressed as JPEG XL, as Apple's ProRAW is, which LibRaw does not read; choose another "
+                "compression in the camera (ProRAW: Most Compatible), or convert it with Adobe's DNG Converter"
+            ) from None
         raise FormatError(
             f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF and set "
             "the encoding to linear (--encoding linear)"
@@ -89,11 +122,27 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
             f"{path} is from a sensor whose pixels are not square or stand in slanted rows, which this program does "
             "not read; convert it to a linear TIFF and set the encoding to linear (--encoding linear)"
         )
-    developed, clipped = _upright(developed, flip), _upright(clipped, flip)
+    rows, columns = _crop(raw.sizes)
+    orientation = _ORIENTATIONS[flip & 7]
+    developed, clipped = (oriented(values[rows, columns], orientation) for values in (developed, clipped))
     pixels = np.empty(developed.shape, np.float32)
     for rows in bands(len(pixels)):
         pixels[rows] = developed[rows] / np.float32(65535)
-    return Image(pixels, None, np.inf, np.ascontiguousarray(clipped), exposure_time or None)
+    clipped = np.ascontiguousarray(clipped)
+    return Image(pixels, None, np.inf, clipped, exposure_time or None, orientation=orientation)
+
+
+def _crop(sizes: Any) -> tuple[slice, slice]:
+    """Rows and columns of the recommended crop (DefaultCropSize), which the camera's own JPEG shows; all without one.
+
+    Demosaicing needs the pixels around it.
+    """
+    top, left = sizes.crop_top_margin - sizes.top_margin, sizes.crop_left_margin - sizes.left_margin
+    height, width = sizes.crop_height, sizes.crop_width
+    inside = 0 <= top <= sizes.height - height and 0 <= left <= sizes.width - width
+    if not (height and width and inside):
+        return slice(None), slice(None)
+    return slice(top, top + height), slice(left, left + width)
 
 
 def _clipped(raw: Any) -> NDArray[np.bool_]:
@@ -113,14 +162,3 @@ def _clipped(raw: Any) -> NDArray[np.bool_]:
     for colour in range(4):  # 3 is the second green
         clipped[..., colour % 3 if colour < 3 else 1] |= saturated & (colours == colour)
     return dilated(clipped, 1)
-
-
-def _upright(values: NDArray[T], flip: int) -> NDArray[T]:
-    """Rotated by LibRaw's code: 2 reverses the rows, 1 the columns, and then 4 transposes."""
-    if flip & 2:
-        values = values[::-1]
-    if flip & 1:
-        values = values[:, ::-1]
-    if flip & 4:
-        values = values.transpose(1, 0, 2)
-    return values

@@ -1,7 +1,7 @@
 """Light rigs: the three lights and how their colours mix into the camera's channels; rig files."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -362,25 +362,45 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
 def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
     """Read the ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" on each line.
 
+    The numbers may have decimal commas. A line that may mean something else is refused.
+
     Returns the names and the directions (N, 3). Raises FileError if it is missing, FormatError if it is malformed.
     """
     file = existing_file(Path(path), "rig file")
     check_small(file, "not an .lp file")
     text = file.read_text(encoding="utf-8-sig", errors="replace")
-    lines = [line.split() for line in text.splitlines() if line.strip()]
+    numbered = [(number, line.split()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    (_, head), *lines = numbered or [(1, [""])]
     with prefix_errors(f"rig file {path}"):
-        try:
-            count = int(lines[0][0])
-            directions = np.array([[float(x), float(y), float(z)] for *_, x, y, z in lines[1:]])
-        except (IndexError, ValueError):
+        if not head[0].isdecimal():
+            raise FormatError('not an .lp file: the first line is the count, then a line "name x y z" a light')
+        lights = [_lp_light(number, words) for number, words in lines]
+        if len(lights) != int(head[0]):
             raise FormatError(
-                'not an .lp file: the first line is the count, then a line "name x y z" a light'
-            ) from None
-        if len(directions) != count:
-            raise FormatError(
-                f"the first line states {count} lights but {len(lines) - 1} lines follow; correct the count"
+                f"the first line states {head[0]} lights but {len(lights)} lines follow; correct the count"
             )
-    return [" ".join(words[:-3]) for words in lines[1:]], directions
+    return [name for name, _ in lights], np.array([direction for _, direction in lights]).reshape(-1, 3)
+
+
+def _lp_light(number: int, words: Sequence[str]) -> tuple[str, list[float]]:
+    """Name and direction of a light, from a line of an .lp file: a name of any number of words, and three numbers.
+
+    The numbers may have decimal commas. Raises FormatError, which names the line, if it may mean something else.
+    """
+    values = [_lp_number(word) for word in words]
+    direction = [value for value in values[-3:] if value is not None]
+    # Beside a light's direction, some programs write further columns, such as its intensity.
+    if len(words) < 4 or len(direction) < 3 or (len(words) > 4 and None not in values[1:-3]):
+        raise FormatError(f'line {number} is "{" ".join(words)}" where "name x y z" of one light is needed; correct it')
+    return " ".join(words[:-3]), direction
+
+
+def _lp_number(word: str) -> float | None:
+    try:
+        number = float(word if "." in word else word.replace(",", "."))
+    except ValueError:
+        return None
+    return number if np.isfinite(number) else None
 
 
 def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:

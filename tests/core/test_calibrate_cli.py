@@ -22,7 +22,7 @@ from synthetic import degrees_between, listing, write_file
 
 from mpsnet_core.calibrate.lights import write_lp
 from mpsnet_core.calibrate.operations import CalibrateLights
-from mpsnet_core.calibrate.photos import BallPhotos
+from mpsnet_core.capture import decode
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, write_camera
@@ -244,8 +244,7 @@ def test_a_photo_of_one_light_is_read_once(
 ) -> None:
     """Camera raw takes seconds to develop."""
     read: list[Path] = []
-    once = BallPhotos.read
-    monkeypatch.setattr(BallPhotos, "read", lambda self, file: (read.append(file), once(self, file))[1])
+    monkeypatch.setattr(decode, "read_image", lambda file, **how: (read.append(file), read_image(file, **how))[1])
     files = [photos / f"grey{light}.exr" for light in range(3)]
     given = [*map(str, files), "--rig", str(photos / "rig.json"), *where, "-o", str(tmp_path / "mixed.json")]
     assert main(["calibrate", "mixing", *given]) == 0

@@ -514,7 +514,7 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "another kind of picture",
             lambda b: read_image(gif(b, "p.png")),
-            "p.png cannot be read…file of another kind…is it PNG",
+            "p.png cannot be read…it is a GIF…save it as PNG",
         ),
         (
             "a TIFF in Lab",

@@ -185,7 +185,7 @@ test_bad_input_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a mask of another size",
             lambda b: b.run("check", b.photo(), "--mask", b.photo("mask.png", np.ones((8, 8)), "uint8")),
-            "mask.png is 8 x 8 but…is 16 x 16; they must be the same size",
+            "the mask is 8 x 8 but…is 16 x 16; they must be the same size",
         ),
         (
             "a photo that is not finite",

@@ -61,8 +61,9 @@ def test_a_rig_file_may_give_directions_or_angles_and_leave_out_the_mixing(tmp_p
     np.testing.assert_array_equal(rig.mixing, np.eye(3))
 
 
-def test_lp_files_are_read(tmp_path: Path) -> None:
-    (tmp_path / "three.lp").write_text("\ufeff3\nIMG 1.jpg 0 0.5 0.866\n\nb -0.433 -0.25 0.866\nc 0.433 -0.25 0.866\n")
+@pytest.mark.parametrize("second", ["b -0.433 -0.25 0.866", "b -0,433 -0,25 0,866", "2 -.433 -25e-2 0,866"])
+def test_lp_files_are_read(tmp_path: Path, second: str) -> None:
+    (tmp_path / "three.lp").write_text(f"\ufeff3\nIMG 1.jpg 0 0.5 0.866\n\n{second}\nc 0.433 -0.25 0.866\n")
     assert read_rig(tmp_path / "three.lp").slants == pytest.approx([30, 30, 30], abs=0.01)
     assert read_rig(tmp_path / "three.lp").tilts == pytest.approx([90, 210, 330], abs=0.01)
 
@@ -221,6 +222,14 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (".lp with no light", lambda b: read_rig(b.text("r.lp", "0\n")), "r.lp…holds 0 lights, a rig has three"),
         (".lp with two numbers a line", lambda b: read_rig(b.text("r.lp", "3\n" + "0 1\n" * 3)), "r.lp…name x y z"),
+        *(
+            (
+                f".lp with a line {line}",
+                lambda b, line=line: read_rig(b.text("r.lp", f"3\na 0 0 1\n\n{line}\n")),
+                "line 4 is",
+            )
+            for line in ("b 0 0 1 0.8", "b 0,0,1", "b; 0; 0; 1", "b 0. 0, 1,0,0", "b 0 0 nan", "b 0 0")
+        ),
         (".lp of megabytes", lambda b: read_rig(b.text("r.lp", " " * (1 << 21))), "r.lp is larger than 1 MiB"),
         (".lp that is empty", lambda b: read_rig(b.text("r.lp", "")), "r.lp…not an .lp file…first line is the count"),
         (".lp that is something else", lambda b: read_rig(b.text("r.lp", "hello\nworld")), "r.lp…not an .lp file"),
