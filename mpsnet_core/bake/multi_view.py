@@ -93,20 +93,18 @@ class Photography:
         )
 
 
-def check_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
-    """Raise InputError, which names the view, if a photo is no image or its size differs from its camera's.
+def check_white_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
+    """Raise InputError, which names the view, if a white photo is no image or its size differs from the camera's.
 
     Only the files' headers are read.
     """
     for view in views:
-        camera, layer = (view.camera.height, view.camera.width), photography.options.layer
+        camera = view.camera.height, view.camera.width
         with prefix_errors(f"view {view.name}"):
-            photos = {"the photo": (view.photo, layer)}
-            photos |= {f"white photo {file}": (file, layer_in(file, layer)) for file in photography.white_of(view)}
-            for what, photo in photos.items():
-                size = read_size(*photo)
+            for file in photography.white_of(view):
+                size = read_size(file, layer_in(file, photography.options.layer))
                 if size is not None:
-                    check_same_size("the camera", camera, what, size)
+                    check_same_size("the camera", camera, f"white photo {file}", size)
 
 
 def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:

@@ -25,6 +25,7 @@ from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.provenance import made
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.
@@ -125,7 +126,8 @@ def write_albedo(
     values = albedo if linear else linear_to_srgb(albedo)
     if mask is not None:
         values = np.concatenate([values, np.asarray(mask, bool)[..., None]], axis=-1)
-    write_image(path, values, bits=bits, color_space="lin_rec709_scene" if linear else "sRGB")
+    space = "lin_rec709_scene" if linear else "sRGB"
+    write_image(path, values, bits=bits, color_space=space, description=made("albedo"))
 
 
 def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:

@@ -222,6 +222,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
         from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.provenance import made
         from mpsnet_core.scene.normal_map import write_normals
 
         estimator = self.estimator(self.passes)
@@ -239,7 +240,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         with write_transaction():
             write_normals(output, normals, convention=self.convention)
             if self.confidence:
-                write_image(self.confidence, normals.confidence)
+                write_image(self.confidence, normals.confidence, description=made("confidence"))
             if self.albedo:
                 write_albedo(self.albedo, albedo_from_white(capture, normals), capture.mask)
         progress(1.0, "done")

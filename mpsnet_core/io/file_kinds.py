@@ -28,11 +28,11 @@ ORIENTATION, COMPRESSION, SUB_DIRECTORIES, JPEG_XL = 274, 259, 330, 52546
 MAX_DIRECTORIES, MAX_ENTRIES, MAX_CHUNKS, MAX_BODY = 64, 512, 65_536, 64
 
 
-def file_head(path: str | os.PathLike[str]) -> bytes:
+def file_head(path: str | os.PathLike[str], size: int = HEAD) -> bytes:
     """The first bytes of a file, empty if it cannot be read."""
     try:
         with Path(path).open("rb") as file:
-            return file.read(HEAD)
+            return file.read(size)
     except (OSError, ValueError):
         return b""
 

@@ -129,8 +129,7 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     for given in inputs:
         path = Path(given)
         if path.is_dir():
-            # Results of an earlier run may be in the same folder.
-            found = _photos(file for file in path.iterdir() if not _is_result(file))
+            found = _without_results(_photos(path.iterdir()), path)
             if not found:
                 kinds = ", ".join(IMAGE_SUFFIXES)
                 raise FileError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
@@ -138,8 +137,8 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
             found = [path]
         elif any(sign in path.name for sign in "#*?"):
             found = _photos(matching_files(path))
-            if RESULT not in path.stem:  # as in a folder
-                found = [file for file in found if not _is_result(file)]
+            if RESULT not in path.stem:
+                found = _without_results(found, path)
             if not found:
                 raise FileError(f"no image matches {path}; check the pattern")
         else:
@@ -230,8 +229,16 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
     return creatable_folder(target, what)
 
 
-def _is_result(file: Path) -> bool:
-    return file.stem.endswith(RESULT)
+def _without_results(photos: Sequence[Path], given: Path) -> list[Path]:
+    """The photos of a folder or pattern, without what earlier runs of this program made of others in it."""
+    from mpsnet_core.io.provenance import is_made
+
+    results = [file for file in photos if file.stem.endswith(RESULT) or is_made(file)]
+    others = [file.name for file in results if not file.stem.endswith(RESULT)]
+    if others:
+        named = ", ".join(others[:NAMED_GAPS] + ["..."] * (len(others) > NAMED_GAPS))
+        log.info("%d file(s) of %s are results of this program, no photos, and left out: %s", len(others), given, named)
+    return [file for file in photos if file not in set(results)]
 
 
 def _photos(files: Iterable[Path]) -> list[Path]:

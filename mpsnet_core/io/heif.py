@@ -9,11 +9,13 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, InputError
-from mpsnet_core.io.file_kinds import AVIF
+from mpsnet_core.io.file_kinds import AVIF, file_head
 from mpsnet_core.io.image import MAX_PIXELS
 
 # A file's colour properties are within this many bytes.
 PROPERTIES = 65_536
+# What the libraries raise for damaged files; SyntaxError is Pillow's.
+_DAMAGE = (OSError, ValueError, RuntimeError, SyntaxError, EOFError, LookupError, TypeError, ArithmeticError)
 # Name of the attribute with the code point of the transfer curve (H.273).
 TRANSFER = "mpsnet:transfer"
 
@@ -34,13 +36,16 @@ class HeifReader:
                 "convert it to a PNG or TIFF"
             ) from None
         try:
-            is_avif = kind == AVIF
-            image = pillow.open(path, formats=[kind]) if is_avif else heif.open_heif(path, convert_hdr_to_8bit=False)
-            _check_size(path, *image.size)
-            self._values = np.atleast_3d(np.asarray(turn.exif_transpose(image) if is_avif else image))
-        except (OSError, ValueError, RuntimeError, SyntaxError, EOFError) as error:  # SyntaxError is Pillow's
-            if isinstance(error, InputError):
-                raise
+            with path.open("rb") as file:
+                is_avif = kind == AVIF
+                image = (
+                    pillow.open(file, formats=[kind]) if is_avif else heif.open_heif(file, convert_hdr_to_8bit=False)
+                )
+                _check_size(path, *image.size)
+                self._values = np.atleast_3d(np.asarray(turn.exif_transpose(image) if is_avif else image))
+        except InputError:
+            raise
+        except _DAMAGE as error:
             raise FormatError(f"{path} is damaged or cut short ({error}); copy or export it again") from None
         height, width, channels = self._values.shape
         self._spec = oiio.ImageSpec(width, height, channels, str(self._values.dtype))
@@ -49,7 +54,7 @@ class HeifReader:
             self._spec.attribute(
                 "ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8)
             )
-        _, found, colour = path.open("rb").read(PROPERTIES).partition(b"colrnclx")
+        _, found, colour = file_head(path, PROPERTIES).partition(b"colrnclx")
         if found and len(colour) > 4:
             self._spec.attribute(TRANSFER, int.from_bytes(colour[2:4], "big"))
 

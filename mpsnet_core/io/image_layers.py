@@ -120,6 +120,8 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
                 layers[layer] = _Layer(subimage, {_short(name, spec.nchannels): number})
         sizes.append(spec.width * spec.height)
         subimage += 1
+        if source.format_name() == "webp":  # its reader does not come back from the end of an animation
+            break
     pending_error(source)  # clears that of seeking past the last part
     return layers
 

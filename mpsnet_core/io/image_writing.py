@@ -15,6 +15,7 @@ from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import atomic_write, checked_bits, temporary_folder
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
+from mpsnet_core.io.provenance import made
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
@@ -71,10 +72,11 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
 
     description: a line of text to store in the file. Raises as :func:`write_image` does.
     """
+    words = description or made("picture")
     if Path(path).suffix.lower() == ".exr":
-        write_image(path, srgb_to_linear(pixels), color_space="lin_rec709_scene", description=description)
+        write_image(path, srgb_to_linear(pixels), color_space="lin_rec709_scene", description=words)
     else:
-        write_image(path, pixels, bits=8, color_space="sRGB", description=description)
+        write_image(path, pixels, bits=8, color_space="sRGB", description=words)
 
 
 def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
@@ -82,7 +84,7 @@ def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
 
     Raises as :func:`write_image` does.
     """
-    write_image(path, mask, bits=None if Path(path).suffix.lower() == ".exr" else 8)
+    write_image(path, mask, bits=None if Path(path).suffix.lower() == ".exr" else 8, description=made("mask"))
 
 
 def write_bands(

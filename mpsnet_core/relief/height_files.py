@@ -30,6 +30,7 @@ from mpsnet_core.io.files import (
 )
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
+from mpsnet_core.io.provenance import made
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
 from mpsnet_core.relief.integration.gradients import pixels_per_unit
@@ -192,7 +193,7 @@ def write_height(
     with write_transaction():
         write_json(scale_file, data)  # before the mask, which the scale identifies as its own
         if data["mask"] is not None:
-            write_image(mask_file, heights.mask, bits=8)
+            write_image(mask_file, heights.mask, bits=8, description=made("mask"))
         else:
             remove_file(mask_file)  # the mask of earlier heights
         _remove_earlier(path)

@@ -400,22 +400,18 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         """The camera of a photo of that size, None if the options define none."""
         import numpy as np
 
-        from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera
+        from mpsnet_core.io.files import prefix_errors
+        from mpsnet_core.scene.camera import Camera, camera_for, read_camera
 
         given = [name for name in ("camera", "focal", "pixel_size") if getattr(self, name) is not None]
         if len(given) > 1:
             names = " and ".join("--" + name.replace("_", "-") for name in given)
             raise SettingsError(f"{names} define the same camera; give one of them")
         if self.camera:
-            camera = read_camera(self.camera)
-            if (camera.height, camera.width) != (height, width):
-                raise GeometryError(
-                    f"camera {self.camera} is {camera.width} x {camera.height} but {self.normals} is "
-                    f"{width} x {height}; give the camera that the photo was taken with"
-                )
-            return camera
+            with prefix_errors(self.normals):
+                return camera_for(read_camera(self.camera), width, height)
         if self.focal is not None:
-            return camera_of_lens(self.focal, width, height)
+            return camera_for(self.focal, width, height)
         if self.pixel_size is not None:
             if not (np.isfinite(self.pixel_size) and self.pixel_size > 0):
                 raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")

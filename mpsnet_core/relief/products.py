@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import writable_image
 from mpsnet_core.io.image_writing import write_image, write_picture
+from mpsnet_core.io.provenance import made
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
@@ -142,10 +143,11 @@ class CurvaturePicture(Product):
         limit = self.range or curvature_range(values, normals.mask)
         if self.path.suffix.lower() == ".exr":
             words = f"the sum of both curvatures in 1 / {unit}, above 0 where convex"
-            write_image(self.path, values, description=words)
+            write_image(self.path, values, description=f"{made('curvature')}: {words}")
         else:
             words = f"flat is 0.5, white is convex by {limit:.6g} / {unit} (the sum of both curvatures), black concave"
-            write_image(self.path, curvature_picture(values, limit), bits=16, description=words)
+            told = f"{made('curvature map')}: {words}"
+            write_image(self.path, curvature_picture(values, limit), bits=16, description=told)
         return Made([self.path], words, CurvatureFacts(limit))
 
 
@@ -161,7 +163,7 @@ class OcclusionPicture(Product):
 
     def make(self, surface: Surface, progress: Progress) -> Made:
         assert surface.occlusion is not None
-        write_image(self.path, surface.occlusion)
+        write_image(self.path, surface.occlusion, description=made("ambient occlusion"))
         mean = float(surface.occlusion[surface.normals.mask].mean())
         return Made([self.path], f"on the mean {mean:.1%} of the light comes in", OcclusionFacts(round(mean, 4)))
 

@@ -20,6 +20,7 @@ from mpsnet_core.errors import Choices
 from mpsnet_core.io.files import stored_levels
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.io.image_writing import write_bands
+from mpsnet_core.io.provenance import made
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +81,8 @@ def write_vectors(
         return band if mask is None else np.concatenate([band, mask[rows, :, None]], axis=-1)
 
     channels = 3 if mask is None else 4
-    write_bands(path, (height, width, channels), colours, bits=bits, description=description)
+    told = description or made("normal map")
+    write_bands(path, (height, width, channels), colours, bits=bits, description=told)
 
 
 def read_vectors(

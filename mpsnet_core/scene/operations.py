@@ -51,19 +51,11 @@ class WriteCameras(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the undistorted photo if its lens has distortion."""
-        from mpsnet_core.arrays.sizes import check_same_size
-        from mpsnet_core.io.files import check_no_overwrite, ensure_folder, prefix_errors
-        from mpsnet_core.io.image_reading import read_size
+        from mpsnet_core.io.files import check_no_overwrite, ensure_folder
         from mpsnet_core.scene.camera import write_camera
-        from mpsnet_core.scene.photogrammetry.lens import AS_SOLVED
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
 
         views = posed_photos(self.cameras, self.photos)
-        for view in views:  # before anything is written, and for photos without distortion, too
-            size = read_size(view.photo)
-            if size is not None:
-                with prefix_errors(view.photo):
-                    check_same_size("the camera", (view.camera.height, view.camera.width), "the photo", size, AS_SOLVED)
         folder = ensure_folder(self.output, "cameras")
         check_no_overwrite([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
         straightened = 0

@@ -2,13 +2,15 @@
 
 import logging
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.io.files import prefix_errors
+from mpsnet_core.io.image_reading import read_size
 from mpsnet_core.io.photo_folder import PhotoFolder
-from mpsnet_core.scene.camera import Camera, read_camera
+from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera
 from mpsnet_core.scene.view_files import read_views
 
 if TYPE_CHECKING:
@@ -45,8 +47,10 @@ class ViewPhoto:
     folder: Path = Path()
 
 
-def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
-    """Photos with their cameras, sorted by name.
+def posed_photos(
+    cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None, *, layer: str | None = None
+) -> list[ViewPhoto]:
+    """Photos with their cameras, sorted by name. A camera of another size than its photo is scaled, with a note.
 
     Parameters
     ----------
@@ -56,6 +60,8 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
         add-on writes).
     photos : path-like, optional
         Folder of the photos, required unless `cameras` lists them.
+    layer : str, optional
+        Of the photos, if they are EXRs with several.
 
     Returns
     -------
@@ -67,7 +73,7 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     FileError
         If a file, or the photo of a camera file, is missing, or several photos match a camera.
     FormatError, GeometryError
-        If the cameras are malformed.
+        If the cameras are malformed, or a photo is no image or has another aspect ratio than its camera.
     SettingsError
         If `photos` is required but missing.
     """
@@ -84,7 +90,14 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
             raise FileError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
-    return found
+    return [_fitted(view, layer) for view in found]
+
+
+def _fitted(view: ViewPhoto, layer: str | None) -> ViewPhoto:
+    with prefix_errors(f"view {view.name}"):
+        size = read_size(view.photo, layer)
+        camera = size and camera_for(view.camera, size[1], size[0], AS_SOLVED)
+    return replace(view, camera=camera or view.camera)
 
 
 def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:

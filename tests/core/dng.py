@@ -55,11 +55,13 @@ def write_dng(
     baseline_exposure: float = 0,
     exposure_time: float | None = None,
     size: tuple[int, int] | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    compression: int = 1,
 ) -> Path:
     """Write whole numbers: (H, W) as a mosaic under colour filters, (H, W, 3) as an image whose pixels have all three.
 
     pattern: letters of FILTERS, row by row. black: one level, or one for each place of a 2 x 2 mosaic. size: the
-    (height, width) that the header says, where it lies.
+    (height, width) that the header says, where it lies. crop: the recommended one, as left, top, width and height.
     """
     values = np.asarray(values)
     height, width = size or values.shape[:2]
@@ -72,7 +74,7 @@ def write_dng(
         (256, LONG, [width]),
         (257, LONG, [height]),
         (258, SHORT, [16] * channels),
-        (259, SHORT, [1]),  # not compressed
+        (259, SHORT, [compression]),
         (262, SHORT, [32803 if channels == 1 else 34892]),  # CFA or LinearRaw
         (271, ASCII, b"Nobody\0"),
         (272, ASCII, b"Test\0"),
@@ -101,6 +103,8 @@ def write_dng(
         ]
         if len(blacks) > 1:
             tags.append((50713, SHORT, [2, 2]))  # BlackLevelRepeatDim
+    if crop is not None:
+        tags += [(50719, LONG, crop[:2]), (50720, LONG, crop[2:])]  # DefaultCropOrigin, DefaultCropSize
     if exposure_time is not None:
         tags.append((33434, RATIONAL, [round(exposure_time * 10000), 10000]))
     path.write_bytes(_tiff(tags, data))

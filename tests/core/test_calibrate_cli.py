@@ -238,6 +238,25 @@ def test_the_rooms_light_is_taken_off(photos: Path, tmp_path: Path) -> None:
     assert np.abs(read_rig(tmp_path / "rig.json").mixing - CROSSTALK).max() < 0.01
 
 
+def test_a_camera_without_colours_calibrates_both_ways(photos: Path, tmp_path: Path) -> None:
+    """As photos under three white lights are: `superpose` makes a channel of each, so no light mixes into another's."""
+    colour = [str(photos / f"only{light}.png") for light in range(3)]
+    mirror, grey = [str(tmp_path / f"only{light}.png") for light in range(3)], []
+    for light, (with_colours, without) in enumerate(zip(colour, mirror, strict=True)):
+        write_file(Path(without), read_image(with_colours, encoding="linear").pixels[..., 0], "uint8")
+        pixels = read_image(photos / f"grey{light}.exr").pixels[..., light]
+        grey.append(str(write_file(tmp_path / f"grey{light}.exr", pixels, "float")))
+    found = []
+    for files in (colour, mirror):
+        assert main(["calibrate", "lights", "--per-light", *files, "-o", str(tmp_path / "found.json")]) == 0
+        found.append(read_rig(tmp_path / "found.json").directions)
+    np.testing.assert_allclose(found[1], found[0], atol=0.01)
+    mixed = str(tmp_path / "mixed.json")
+    assert main(["calibrate", "mixing", *grey, "--rig", str(photos / "rig.json"), "--circle", CIRCLE, "-o", mixed]) == 0
+    mixing = read_rig(mixed).mixing
+    assert np.count_nonzero(mixing) == 3 and (np.diag(mixing) > 0.2).all()
+
+
 @pytest.mark.parametrize("where", [["--card", "--circle", "130,105,9"], ["--circle", CIRCLE]], ids=["card", "ball"])
 def test_a_photo_of_one_light_is_read_once(
     photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: list[str]

@@ -62,12 +62,14 @@ SPHERE = shaded_sphere(SIDE)
 ESTIMATE = "estimate photo.exr --model lambertian -o o.png"
 VIEWS = "views --mesh mesh.npz --cameras views.json --model lambertian --size 16 -o o.png"
 BAKE = "bake --size 16 --margin 2 --view camera.json=normals.png -o o.png"
+OTHERS = ("webp", "bmp", "tga", "hdr")
 # Command lines that work, by the file that each reads first and foremost; what it writes is called o*.
 READS = {
     "photo.exr": f"{ESTIMATE} --rig rig.json",
     "photo.png": "estimate photo.png --rig rig.json --model lambertian-grey-world --mask threshold:0.1 -o o.exr",
     "photo.tif": "estimate photo.tif --rig rig.json --model lambertian --confidence o.tif -o o.png",
     "photo.jpg": "estimate photo.jpg --rig rig.json --model lambertian -o o.png",
+    **{f"photo.{kind}": f"estimate photo.{kind} --rig rig.json --model lambertian -o o.png" for kind in OTHERS},
     "rig.json": f"{ESTIMATE} --rig rig.json",
     "rig.lp": f"{ESTIMATE} --rig rig.lp",
     "lights.lp": "calibrate lights lights.lp --lights 1,2,3 -o o.json",
@@ -114,6 +116,8 @@ if find_spec("torch"):
     READS["checkpoint"] = "train --recipe tiny.toml --samples job --resume checkpoint --stop-after 2 -o o.onnx"
 if find_spec("rawpy"):
     READS["photo.dng"] = "estimate photo.dng --rig rig.json --model lambertian --mask threshold:0.1 -o o.png"
+if find_spec("pillow_heif"):
+    READS["photo.heic"] = "estimate photo.heic --rig rig.json --model lambertian -o o.png"
 if find_spec("av"):
     READS["clip.mkv"] = "estimate clip.mkv --rig rig.json --model lambertian -o o"
 # Verbs whose options are tried, beside those above.
@@ -152,6 +156,13 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pose[2, 3] = 5
     for name, kind in (("exr", "float"), ("png", "uint8"), ("tif", "uint16"), ("jpg", "uint8")):
         write_file(here / f"photo.{name}", SPHERE.image, kind)
+    for name in OTHERS:
+        write_file(here / f"photo.{name}", SPHERE.image, "float" if name == "hdr" else "uint8")
+    if "photo.heic" in READS:
+        import pillow_heif
+
+        stored = np.rint(255 * SPHERE.image.clip(0, 1)).astype(np.uint8)
+        pillow_heif.from_bytes("RGB", (SIDE, SIDE), stored.tobytes()).save(here / "photo.heic")
     for name, value in (("white.exr", 0.5), ("dark.png", 0.0), ("flat.png", 0.8)):
         pixels = value * (1 + 0.1 * np.random.default_rng(1).random((SIDE, SIDE, 3)))
         write_file(here / name, pixels, "float" if name.endswith("exr") else "uint8")

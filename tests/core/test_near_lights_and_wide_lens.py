@@ -284,6 +284,21 @@ def test_directions_that_contradict_the_positions_are_refused(close: Scene) -> N
         LightRig(published_rig(slant=40).directions, np.eye(3), close.rig.near)
 
 
+@pytest.mark.parametrize("factor", [0.5, 2])
+def test_the_camera_of_the_photo_at_another_size_is_scaled(
+    bench: Path, close: Scene, capsys: pytest.CaptureFixture[str], factor: float
+) -> None:
+    size = round(factor * SIZE)
+    write_camera(bench / "other.json", close.camera.resized(size, size))
+    found = []
+    for camera in ("camera.json", "other.json"):
+        assert estimate(bench, "--camera", camera, "--mesh", "ball.obj") == 0
+        found.append(read_normals(bench / "normals.exr"))
+    assert f"the camera is for {size} x {size} pixels and the photo has {SIZE} x {SIZE}" in capsys.readouterr().err
+    both = found[0].mask & found[1].mask
+    assert degrees_between(found[1].vectors, found[0].vectors)[both].mean() < 0.3
+
+
 def test_a_frame_without_the_object_is_known_as_one_to_leave_out(close: Scene) -> None:
     image = Image(close.image.astype(np.float32), np.zeros(close.mask.shape, np.float32), np.inf)
     with pytest.raises(NoObject):

@@ -14,7 +14,7 @@ from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import files
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image_encoding import Encoding
-from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_reading import read_image, read_size
 from mpsnet_core.scene.rig import published_rig
 
 pytest.importorskip("rawpy")
@@ -129,6 +129,23 @@ def test_the_photo_stands_upright_once(tmp_path: Path, orientation: int) -> None
     assert image.clipped[upright((pixels == 1).all(axis=-1))].all() and image.clipped.mean() < 0.05
 
 
+@pytest.mark.parametrize("orientation", [1, 6, 3])
+def test_the_recommended_crop_is_read_as_the_cameras_own_jpeg_shows_it(tmp_path: Path, orientation: int) -> None:
+    values = counted(mosaic(smooth()))
+    whole, cut = (
+        write_dng(tmp_path / name, values, black=BLACK, white=WHITE, orientation=orientation, crop=crop)
+        for name, crop in (("whole.dng", None), ("cut.dng", (4, 6, 40, 36)))
+    )
+    expected = {1: np.s_[6:42, 4:44], 3: np.s_[6:42, 16:56], 6: np.s_[4:44, 6:42]}[orientation]
+    np.testing.assert_array_equal(read_image(cut).pixels, read_image(whole).pixels[expected])
+    assert [read_size(file) for file in (whole, cut)] == [read_image(file).pixels.shape[:2] for file in (whole, cut)]
+
+
+def test_a_crop_that_lies_outside_is_no_crop(tmp_path: Path) -> None:
+    path = write_dng(tmp_path / "a.dng", counted(mosaic(smooth())), black=BLACK, white=WHITE, crop=(30, 6, 40, 36))
+    assert read_image(path).pixels.shape == (48, 60, 3)
+
+
 def rippled(side: int = 128, period: float = 9, light: float = 1) -> tuple[np.ndarray, np.ndarray]:
     """A ball with ripples in its normals under three lights, what each site sees by averaging 3 x 3; and its mask."""
     sphere = shaded_sphere(3 * side)
@@ -216,6 +233,9 @@ class TestBadInput:
         path = tmp_path / "photo.cr2"
         path.write_bytes(np.random.default_rng(0).bytes(100_000))
         self.refused(path, "photo.cr2 cannot be read as camera raw")
+
+    def test_proraw_in_jpeg_xl(self, tmp_path: Path) -> None:
+        self.refused(write_dng(tmp_path / "p.dng", np.zeros((32, 32)), compression=52546), "JPEG XL", "Most Compatible")
 
     def test_missing(self, tmp_path: Path) -> None:
         self.refused(tmp_path / "photo.nef", "photo.nef does not exist")

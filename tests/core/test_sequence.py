@@ -377,6 +377,21 @@ def result(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])["result"]
 
 
+def test_results_in_the_photos_folder_are_no_photos(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    """Whatever they are called: they say what they are."""
+    photos = shots(tmp_path, [1, 2])
+    command = ["estimate", "--rig", rig, "--model", "lambertian"]
+    mpsnet(*command, photos[0], "-o", tmp_path / "relief.png", "--confidence", tmp_path / "sure.exr")
+    mpsnet("mask", photos[0], "-o", tmp_path / "cut.png", "--overlay", tmp_path / "shown.tif")
+    made = ["--height", tmp_path / "h.tif", "--curvature", tmp_path / "c.png", "--relit", tmp_path / "r.png"]
+    mpsnet("integrate", tmp_path / "relief.png", *made)
+    mpsnet("superpose", photos[1], "-o", tmp_path / "third.exr")  # a photo
+    told = result(mpsnet(*command, tmp_path, "-o", tmp_path / "out", "--progress", "json"))
+    assert told["made"] == 3 and not told.get("failed")
+    [note] = [note for note in told["notes"] if "results of this program" in note]
+    assert note.startswith("8 file(s)") and "c.png, cut.png" in note
+
+
 def test_missing_frames_are_named_and_the_others_made(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     shots(tmp_path / "shots", [1, 2, 3, 7, 9, 10])
     command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]

@@ -12,6 +12,7 @@ from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.files import ensure_folder, read_json, write_json, write_transaction
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
+from mpsnet_core.io.provenance import made
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
 from mpsnet_core.relief.material.material import Material
 from mpsnet_core.relief.material.resampling import resampled
@@ -103,9 +104,10 @@ def write_material(
     with write_transaction():
         write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
         write_vectors(files["normal"], material.normals, convention=convention)
-        write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
-        write_image(files["height_mm"], material.height)
-        write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
+        told = made("material")
+        write_image(files["height"], (material.height - low) / max(high - low, 1e-9), description=told)
+        write_image(files["height_mm"], material.height, description=told)
+        write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8, description=told)
         write_picture(files["albedo"], linear_to_srgb(material.albedo))
         write_picture(files["preview"], repeated_picture(material))
     return files

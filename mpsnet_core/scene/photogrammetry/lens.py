@@ -12,13 +12,10 @@ from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.camera import AS_SOLVED, Camera
 
 # Rows at a time: each of their pixels takes about 200 bytes of memory. More rows are no faster.
 ROWS = 32
-
-# The remedy if a photo and its camera differ in size.
-AS_SOLVED = "give the photo as photogrammetry had it, neither scaled, cropped nor turned"
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 

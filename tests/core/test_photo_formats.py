@@ -1,0 +1,195 @@
+"""Formats beyond PNG, JPEG, TIFF and EXR; what a file says of itself; and files that are named for what they are."""
+
+import io
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from synthetic import shaded_sphere, write_file
+
+from mpsnet_core import FormatError, InputError, read_capture, read_image
+from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
+from mpsnet_core.io.image_reading import read_orientation, read_size
+
+PIXELS = np.random.default_rng(3).random((6, 9, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "how", "assumed"),
+    [
+        (".webp", "uint8", {"Compression": "lossless:9"}, None),
+        (".bmp", "uint8", {}, "srgb"),
+        (".tga", "uint8", {}, "srgb"),
+        (".tga", "uint8", {"Compression": "rle"}, "srgb"),
+        (".hdr", "float", {}, None),
+    ],
+)
+def test_the_image_librarys_other_formats_are_read(
+    tmp_path: Path, suffix: str, kind: str, how: dict[str, str], assumed: str | None
+) -> None:
+    image = read_image(write_file(tmp_path / f"photo{suffix}", PIXELS, kind, **how))
+    expected = PIXELS if kind == "float" else srgb_to_linear(np.rint(255 * PIXELS) / 255)
+    np.testing.assert_allclose(image.pixels, expected, atol=0.005 if kind == "float" else 1e-6)
+    assert image.assumed == assumed and image.clip == (np.inf if kind == "float" else 1)
+
+
+@pytest.mark.parametrize("suffix", [".webp", ".bmp", ".tga"])
+def test_colours_are_not_divided_by_an_alpha_that_does_not_multiply_them(tmp_path: Path, suffix: str) -> None:
+    from PIL import Image
+
+    values = np.full((4, 4, 4), (200, 100, 50, 128), np.uint8)
+    how = {"lossless": True, "exact": True} if suffix == ".webp" else {}
+    Image.fromarray(values).save(tmp_path / f"photo{suffix}", **how)
+    image = read_image(tmp_path / f"photo{suffix}")
+    assert image.pixels[0, 0] == pytest.approx(srgb_to_linear(np.array([200, 100, 50]) / 255), abs=1e-4)
+    assert image.alpha is not None and image.alpha[0, 0] == pytest.approx(128 / 255)
+
+
+def test_a_webp_stands_upright(tmp_path: Path) -> None:
+    plain = write_file(tmp_path / "plain.webp", PIXELS, "uint8", Compression="lossless:9")
+    exif = b"II*\0" + struct.pack("<IHHHIII", 8, 1, 274, 3, 1, 6, 0)
+    body = plain.read_bytes()[12:]
+    size = (PIXELS.shape[1] - 1).to_bytes(3, "little") + (PIXELS.shape[0] - 1).to_bytes(3, "little")
+    chunks = (
+        b"VP8X" + struct.pack("<I4s", 10, b"\x08\0\0\0") + size + body + b"EXIF" + struct.pack("<I", len(exif)) + exif
+    )
+    turned = tmp_path / "turned.webp"
+    turned.write_bytes(b"RIFF" + struct.pack("<I", 4 + len(chunks)) + b"WEBP" + chunks)
+    np.testing.assert_array_equal(read_image(turned).pixels, np.rot90(read_image(plain).pixels, -1))
+    assert read_size(turned) == PIXELS.shape[1::-1] and read_orientation(turned) == 6
+
+
+@pytest.mark.parametrize("name", ["photo.heic", "photo.jpg"])
+@pytest.mark.parametrize("kind", ["HEIC", "AVIF"])
+def test_photos_of_phones_are_read_by_an_extra_or_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, kind: str
+) -> None:
+    heif = pytest.importorskip("pillow_heif")
+    from PIL import Image
+
+    flat = np.full((32, 48, 3), (200, 100, 50), np.uint8)
+    file = tmp_path / name
+    if kind == "HEIC":
+        heif.from_pillow(Image.fromarray(flat)).save(file, quality=100, chroma=444)
+    else:
+        Image.fromarray(flat).save(file, format="AVIF", quality=100, subsampling="4:4:4")
+    image = read_image(file)
+    np.testing.assert_allclose(image.pixels, srgb_to_linear(flat / 255), atol=0.02)
+    assert image.assumed is None and read_size(file) == (32, 48)
+    for share in (0.3, 0.7):
+        (tmp_path / "cut.heic").write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
+        with pytest.raises(FormatError, match=r"cut\.heic"):
+            read_image(tmp_path / "cut.heic")
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    with pytest.raises(InputError, match=rf"{name} is {kind}, which needs pillow-heif: .*\[heif\].* or convert it"):
+        read_image(file)
+
+
+@pytest.mark.parametrize(
+    ("start", "kind"),
+    [
+        (b"\xff\x0a", "JPEG XL"),
+        (b"\0\0\0\x0cJXL \r\n\x87\n", "JPEG XL"),
+        (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
+        (b"8BPS\0\1", "Photoshop"),
+        (b"GIF89a", "GIF"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".jpg", ".tga"])
+def test_other_files_are_named_for_what_they_are(tmp_path: Path, start: bytes, kind: str, suffix: str) -> None:
+    (tmp_path / f"photo{suffix}").write_bytes(start + bytes(100))
+    with pytest.raises(FormatError, match=rf"photo.* cannot be read as an image \(it is .*{kind}.*\); save it as PNG"):
+        read_image(tmp_path / f"photo{suffix}")
+
+
+@pytest.mark.parametrize("compression", [50000, 34887, 34925])  # ZSTD, LERC, LZMA
+def test_a_tiff_of_an_unknown_compression_is_not_called_damaged(tmp_path: Path, compression: int) -> None:
+    tags = {256: 8, 257: 4, 258: 8, 259: compression, 262: 2, 273: 200, 277: 3, 278: 4, 279: 100}
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items())
+    head = b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4)
+    (tmp_path / "photo.tif").write_bytes(head.ljust(200, b"\0") + bytes(100))
+    with pytest.raises(FormatError, match=r"photo\.tif .*not supported .*save it with LZW or ZIP"):
+        read_image(tmp_path / "photo.tif")
+
+
+def test_of_a_tiffs_pages_the_largest_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    path, pages = tmp_path / "photo.tif", (PIXELS[:3, :4], PIXELS, PIXELS[:2, :2])
+    specs = [oiio.ImageSpec(page.shape[1], page.shape[0], 3, "float") for page in pages]
+    target = oiio.ImageOutput.create(str(path))
+    for number, (spec, page) in enumerate(zip(specs, pages, strict=True)):
+        mode = "AppendSubimage" if number else "Create"
+        assert target.open(str(path), spec, mode) and target.write_image(np.ascontiguousarray(page))
+    target.close()
+    np.testing.assert_array_equal(read_image(path).pixels, PIXELS)
+    assert "the largest is read, 9 x 6" in caplog.text and read_size(path) == (6, 9)
+
+
+def chunk(kind: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def with_chunks(path: Path, *chunks: bytes) -> Path:
+    """A PNG with more chunks behind its header."""
+    head, rest = path.read_bytes()[:33], path.read_bytes()[33:]
+    path.write_bytes(head + b"".join(chunks) + rest)
+    return path
+
+
+LONG_TEXT = chunk(b"tEXt", b"Comment\0" + b"sRGB cICP gAMA " * 9000)
+
+
+@pytest.mark.parametrize("comment", [b"", LONG_TEXT, 3 * LONG_TEXT])
+def test_what_a_png_says_is_what_its_chunks_say_wherever_they_stand(tmp_path: Path, comment: bytes) -> None:
+    def read(*chunks: bytes) -> tuple[float, str | None]:
+        path = write_file(tmp_path / "p.png", np.full((2, 2, 3), 0.3), "uint16", oiio__ColorSpace="unknown")
+        image = read_image(with_chunks(path, comment, *chunks))
+        return float(image.pixels[0, 0, 0]), image.assumed
+
+    srgb = pytest.approx(0.0732389, abs=1e-4)
+    assert read() == (srgb, "srgb")
+    assert read(chunk(b"sRGB", b"\0")) == (srgb, None)
+    assert read(chunk(b"cICP", bytes((9, 8, 0, 1)))) == (pytest.approx(0.3, abs=1e-4), None)
+    assert read(chunk(b"gAMA", struct.pack(">I", 25_000))) == (pytest.approx(0.3**4, abs=1e-4), None)
+    with pytest.raises(FormatError, match="PQ"):
+        read(chunk(b"cICP", bytes((9, 16, 0, 1))))
+
+
+def test_float_values_with_the_srgb_curve_are_recognised(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """As an editor exports them without a profile; what is linear stays so, and EXR is linear by definition."""
+    sphere = shaded_sphere(160)
+    for name, values, expected in (
+        ("curve.tif", linear_to_srgb(sphere.image), sphere.image),
+        ("plain.tif", sphere.image, sphere.image),
+        ("plain.exr", linear_to_srgb(sphere.image), linear_to_srgb(sphere.image)),
+    ):
+        caplog.clear()
+        photo = write_file(tmp_path / name, values, "float")
+        capture = read_capture(photo, sphere.rig, mask="threshold:0.02")
+        np.testing.assert_allclose(capture.image, expected, atol=1e-5)
+        assert ("READ AS sRGB" in caplog.text) == (name == "curve.tif")
+
+
+def test_a_profile_of_tables_is_said_to_be_ignored(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    profile = bytes(128) + struct.pack(">I4sII", 1, b"A2B0", 144, 16) + bytes(16)
+    spec = oiio.ImageSpec(9, 6, 3, "uint8")
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
+    target = oiio.ImageOutput.create(str(tmp_path / "photo.tif"))
+    assert target.open(str(tmp_path / "photo.tif"), spec) and target.write_image(PIXELS) and target.close()
+    read_image(tmp_path / "photo.tif")
+    assert "photo.tif has a colour profile without curves" in caplog.text
+
+
+def test_hostile_structures_end(tmp_path: Path) -> None:
+    """Directories that lead to themselves, chunks without end."""
+    from mpsnet_core.io.file_kinds import png_chunks, tiff_directories
+
+    loop = b"II*\0" + struct.pack("<IHHHIII", 8, 1, 330, 4, 1, 8, 8)
+    assert len(list(tiff_directories(io.BytesIO(loop)))) == 1
+    assert len(list(tiff_directories(io.BytesIO(b"MM\0*" + b"\xff" * 60)))) <= 1
+    (tmp_path / "p.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"\xff\xff\xff\xfftEXt")
+    assert list(png_chunks(tmp_path / "p.png")) == [b"tEXt"]
