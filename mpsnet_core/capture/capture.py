@@ -26,8 +26,12 @@ MIN_KNOWN = 0.8
 MAX_OFF = 2.0
 # Below this angle in radians between two channels, as vectors over all pixels, they show the same light.
 ALIKE = 0.03
+# The channels that each of three angles is between.
+PAIRS = (("red", "green"), ("red", "blue"), ("green", "blue"))
 # Below this share of the brightest channel's mean, a channel's light was probably off.
 BLACK = 0.01
+# An object of fewer pixels is hardly one.
+FEW = 9
 # Above this share of saturated pixels, there is a doubt.
 SPOILT = 0.05
 # Pixels by which a mesh's depth is extended beyond the mesh.
@@ -282,6 +286,8 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
     pixels = int(capture.mask.sum())
     means = total / pixels
     angles = channel_angles(means, products, pixels)
+    if pixels < FEW:
+        yield logging.WARNING, "few", f"the object has {pixels} pixel(s), too few for a surface: is it the right file?"
     if angles is not None and angles.max() <= ALIKE:
         yield (
             logging.WARNING,
@@ -289,6 +295,14 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
             "the photo's three channels are nearly the same: it looks like a photo under white light, which does not "
             "show normals; if you have three photos, each under one white light, combine them with mpsnet superpose "
             "--channels [channels-alike]",
+        )
+    elif angles is not None and angles.min() <= ALIKE:
+        one, other = PAIRS[int(angles.argmin())]
+        yield (
+            logging.WARNING,
+            "alike",
+            f"the {one} and the {other} channel show nearly the same light; check the lights' colours, and that all "
+            "three are on [channels-alike]",
         )
     for channel, mean in zip(CHANNELS, means, strict=True):
         if mean < BLACK * means.max():

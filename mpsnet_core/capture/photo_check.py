@@ -11,7 +11,7 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
+from mpsnet_core.capture.capture import ALIKE, PAIRS, channel_angles, finite_inside
 from mpsnet_core.capture.transfer import CLOSE, DECIDED
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
@@ -205,7 +205,7 @@ def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
             words = "the three channels are nearly the same, as under white light; switch the lights to red, green "
             return Finding("channels", "bad", words + "and blue, or superpose three photos [channels-alike]", figures)
         if angles.min() <= CLOSE_CHANNELS[0]:
-            first, second = (("red", "green"), ("red", "blue"), ("green", "blue"))[int(angles.argmin())]
+            first, second = PAIRS[int(angles.argmin())]
             level: Level = _level(float(angles.min()), CLOSE_CHANNELS)
             words = f"{first} and {second} show nearly the same light; check the lights' colours, and that all three "
             return Finding("channels", level, words + "are on", figures)

@@ -1,5 +1,6 @@
 """Combine photos of one light each: add up photos of coloured lights, make photos of white lights the channels."""
 
+import logging
 import os
 from collections.abc import Sequence
 
@@ -12,6 +13,8 @@ from mpsnet_core.errors import NoObject, SettingsError
 from mpsnet_core.io.image import Image, in_frame_of, warn_of_saturation
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
+
+log = logging.getLogger(__name__)
 
 
 def superpose(
@@ -92,6 +95,8 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
     images = [in_frame_of(image, photo, images[0], photos[0]) for photo, image in zip(photos, images, strict=True)]
     for photo, image in zip(photos, images, strict=True):
         check_same_size(str(photo), image.pixels.shape[:2], str(photos[0]), images[0].pixels.shape[:2])
+        if image is not images[0] and np.array_equal(image.pixels, images[0].pixels):
+            log.warning("%s shows the same as %s: was the photo of another light meant?", photo, photos[0])
     warn_of_other_exposures(photos, images)
     for photo, image in zip(photos, images, strict=True):
         warn_of_saturation(photo, image)  # the combined photo, in floats, does not show it any more

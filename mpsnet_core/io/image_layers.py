@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, SettingsError
-from mpsnet_core.io.file_kinds import webp_orientation
+from mpsnet_core.io.file_kinds import file_head, webp_orientation
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image import MAX_PIXELS, oriented
 from mpsnet_core.io.image_input import image_attribute, open_image, pending_error, silence_libraries
@@ -22,8 +22,8 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.generic)
 
-# Name of the attribute with the format's name.
-FORMAT = "mpsnet:format"
+# Names of the attributes with the format's name, and whether the file has a palette.
+FORMAT, PALETTE = "mpsnet:format", "mpsnet:palette"
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
@@ -66,6 +66,7 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         spec.attribute(FORMAT, source.format_name())
+        spec.attribute(PALETTE, int(has_palette(path, spec)))
         spec.attribute("Orientation", orientation_of(spec, path))
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
         if spec.width * spec.height * (last + 1 - first) > MAX_LAYER_VALUES:
@@ -169,6 +170,17 @@ def orientation_of(spec: Any, path: Path) -> int:
     """EXIF orientation, 1 if the file has none."""
     orientation = image_attribute(spec, "Orientation", int) or webp_orientation(path) or 1
     return orientation if 1 <= orientation <= 8 else 1
+
+
+def has_palette(path: Path, spec: Any) -> bool:
+    """Whether the pixels of a PNG, TGA, BMP or TIFF are numbers of colours in a table."""
+    head, kind = file_head(path), spec.getattribute(FORMAT)
+    if kind == "png":
+        return head[25:26] == b"\3"
+    if kind == "targa":
+        return head[1:2] == b"\1" and head[2:3] in (b"\1", b"\x09")
+    bits = image_attribute(spec, "bmp:bitsperpixel", int) or 24
+    return bits <= 8 < 8 * spec.nchannels or image_attribute(spec, "tiff:PhotometricInterpretation", int) == 3
 
 
 def _on_display_window(values: NDArray[T], spec: Any) -> NDArray[T]:

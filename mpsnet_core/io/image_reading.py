@@ -16,13 +16,23 @@ from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import Assumed, Image, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
 from mpsnet_core.io.image_input import image_attribute, image_input, open_image, silence_libraries
-from mpsnet_core.io.image_layers import FORMAT, choose_layer, has_colours, layers_of, orientation_of, read_layer
+from mpsnet_core.io.image_layers import (
+    FORMAT,
+    PALETTE,
+    choose_layer,
+    has_colours,
+    layers_of,
+    orientation_of,
+    read_layer,
+)
 from mpsnet_core.io.raw import raw_size, read_raw
 
 log = logging.getLogger(__name__)
 
 # OpenImageIO's names of formats whose colours are never premultiplied by alpha, although it does not say so.
 UNASSOCIATED = ("webp", "bmp")
+# Below this alpha colours that are not multiplied by it exceed it; least number of such pixels to judge by.
+FAINT, MIN_OUTLINE = 0.5, 50
 # Pixels whose sides differ by less than this share count as square: files round their ratio.
 SAME_SIDES = 0.01
 # Larger values count as not finite. It is far above the sun's radiance, and its square is finite in float32.
@@ -83,6 +93,8 @@ def read_image(
         raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)
     _warn_of_pixel_aspect(path, spec)
+    if image_attribute(spec, PALETTE, int):
+        log.warning("%s has a palette of at most 256 colours, too few for normals; export it without one", path)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     assumed: Assumed | None = None
     if requested is None:
@@ -102,6 +114,12 @@ def read_image(
         pixels[rows] = decoded(band)
         if colour[1] == colour[2] != colour[0]:
             pixels[rows, :, 2] = 0
+    if alpha is not None and not premultiplied and _seems_premultiplied(values, colour, alpha):
+        log.warning(
+            "the colours of %s look multiplied by its alpha, which its format does not allow: edges are too dark; "
+            "export it with straight alpha",
+            path,
+        )
     # Other curves end at 1.
     clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear) else 1.0
     orientation = image_attribute(spec, "Orientation", int)
@@ -118,6 +136,15 @@ def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]
             "give a colour image"
         )
     return colour
+
+
+def _seems_premultiplied(values: NDArray[Any], colour: list[int], alpha: NDArray[np.float32]) -> bool:
+    """Whether no stored colour exceeds its alpha at an outline, although the colours there are bright."""
+    outline = (alpha > 0) & (alpha < FAINT)
+    if np.count_nonzero(outline) < MIN_OUTLINE:
+        return False
+    brightest, cover = _as_float(values[outline][:, colour]).max(axis=-1), alpha[outline]
+    return bool((brightest <= cover + 1 / 255).all() and brightest.mean() > cover.mean() / 4)
 
 
 def _warn_of_pixel_aspect(path: Path, spec: Any) -> None:
