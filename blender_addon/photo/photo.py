@@ -11,7 +11,7 @@ from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
+from mpsnet_core.io.files import HEIF_SUFFIXES, IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
@@ -200,12 +200,14 @@ def _drawn(scene: Any) -> Provenance:
 
 
 def _is_shown_as_read(path: Path) -> bool:
-    """Whether Blender shows a photo as the core reads it: it cannot read camera raw, and ignores EXIF orientation."""
+    """Whether Blender shows a photo as the core reads it: no camera raw, HEIC or AVIF, and no EXIF orientation."""
     load_openimageio()  # not needed at Blender's start
     from mpsnet_core.io.image_reading import read_orientation
 
     suffix = path.suffix.lower()
-    return suffix not in RAW_SUFFIXES and (suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1)
+    if suffix in (*RAW_SUFFIXES, *HEIF_SUFFIXES):
+        return False
+    return suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1
 
 
 def load_converted(path: Path) -> bpy.types.Image:

@@ -17,6 +17,7 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, NearLights
 
 log = logging.getLogger(__name__)
+WARN, INFO = logging.WARNING, logging.INFO
 
 T = TypeVar("T", bound=np.floating[Any])
 
@@ -287,49 +288,28 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
     means = total / pixels
     angles = channel_angles(means, products, pixels)
     if pixels < FEW:
-        yield logging.WARNING, "few", f"the object has {pixels} pixel(s), too few for a surface: is it the right file?"
+        yield WARN, "few", f"the object has {pixels} pixel(s), too few for a surface: is it the right file?"
     if angles is not None and angles.max() <= ALIKE:
-        yield (
-            logging.WARNING,
-            "alike",
-            "the photo's three channels are nearly the same: it looks like a photo under white light, which does not "
-            "show normals; if you have three photos, each under one white light, combine them with mpsnet superpose "
-            "--channels [channels-alike]",
-        )
+        words = "the photo's three channels are nearly the same: it looks like a photo under white light, which does "
+        words += "not show normals; if you have three photos, each under one white light, combine them with mpsnet "
+        yield WARN, "alike", words + "superpose --channels [channels-alike]"
     elif angles is not None and angles.min() <= ALIKE:
-        one, other = PAIRS[int(angles.argmin())]
-        yield (
-            logging.WARNING,
-            "alike",
-            f"the {one} and the {other} channel show nearly the same light; check the lights' colours, and that all "
-            "three are on [channels-alike]",
-        )
+        words = f"the {' and the '.join(PAIRS[int(angles.argmin())])} channel show nearly the same light; check the "
+        yield WARN, "alike", words + "lights' colours, and that all three are on [channels-alike]"
     for channel, mean in zip(CHANNELS, means, strict=True):
         if mean < BLACK * means.max():
-            yield logging.WARNING, channel, f"the {channel} channel is black: was its light on? [black-channel]"
+            yield WARN, channel, f"the {channel} channel is black: was its light on? [black-channel]"
     if spoilt > SPOILT * pixels:
-        yield (
-            logging.INFO,
-            "clipped",
-            f"{100 * spoilt / pixels:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
-            "exposure [clipped-photo]",
-        )
+        words = f"{100 * spoilt / pixels:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
+        yield INFO, "clipped", words + "exposure [clipped-photo]"
     if capture.white_clipped is not None:
-        spoilt = int(capture.white_clipped[capture.mask].any(axis=1).sum())
-        if spoilt > SPOILT * pixels:
-            share = 100 * spoilt / pixels
-            yield (
-                logging.INFO,
-                "clipped white",
-                f"{share:.0f}% of the white photo's pixels are saturated; use a shorter exposure",
-            )
+        share = capture.white_clipped[capture.mask].any(axis=1).mean()
+        if share > SPOILT:
+            words = f"{share:.0%} of the white photo's pixels are saturated; use a shorter exposure"
+            yield INFO, "clipped white", words
     # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():
-        yield (
-            logging.INFO,
-            "unequal",
-            f"one channel is {means.max() / means.min():.1f} times as bright as another: the object is coloured or the "
-            "lights are unequal; the default model allows for it, equation 2 (lambertian) and mpsnet only with the "
-            "mixing in the rig",
-        )
+        words = f"one channel is {means.max() / means.min():.1f} times as bright as another: the object is coloured or "
+        words += "the lights are unequal; the default model allows for it, equation 2 (lambertian) and mpsnet only "
+        yield INFO, "unequal", words + "with the mixing in the rig"

@@ -3,6 +3,7 @@
 import logging
 import os
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -55,13 +56,11 @@ class Correction:
         frame = self.dark if self.dark is not None else self.gain
         if frame is None or ways[0] == ways[1] or turned(frame, *ways).shape[:2] != photo.pixels.shape[:2]:
             return self
-        return Correction(
-            None if self.dark is None else turned(self.dark, *ways),
-            None if self.gain is None else turned(self.gain, *ways),
-            None if self.unusable is None else turned(self.unusable, *ways),
-            self.exposure_time,
-            photo.orientation,
-        )
+        frames = {name: getattr(self, name) for name in ("dark", "gain", "unusable")}
+        shown: dict[str, Any] = {
+            name: values if values is None else turned(values, *ways) for name, values in frames.items()
+        }
+        return replace(self, **shown, orientation=photo.orientation)
 
 
 def read_correction(

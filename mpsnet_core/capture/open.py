@@ -216,15 +216,18 @@ class PhotoSet:
     def _decided(self, source: Source, image: Image, doubt: float) -> float:
         """The doubt about the whole set, by which its photos are read: of those looked at, the clearest.
 
-        They are always the same ones, whichever photo is opened first. image, doubt: of `source`.
+        They are the same ones whichever photo, the `source`, is opened first. image, doubt: of this one.
         """
-        doubts = [doubt]
-        for other in looked_at(self.sources):
+        found = [0.0]
+        for other in looked_at(self.sources) or [source]:
+            if other is source:
+                found.append(doubt)
+                continue
             with suppress(InputError):  # reported when it is opened
-                seen = self._read(other) if other is not source else None
-                if seen is not None and seen.assumed == image.assumed:
-                    doubts.append(self._doubt(other, seen, self._shot(other, seen, "none")))
-        clearest = max(doubts, key=abs)
+                seen = self._read(other)
+                if seen.assumed == image.assumed:
+                    found.append(self._doubt(other, seen, self._shot(other, seen, "none")))
+        clearest = max(found, key=abs)
         # Dark frame and flat field were read as usual, so the photos stay that, too.
         if image.assumed and clearest > DECIDED and self.options.correction is None:
             self.options = replace(self.options, assumed=other_than(image.assumed))

@@ -304,22 +304,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         without = {*outcome.left_out, *outcome.failed}
         made = {number: output for number, output in zip(numbers, outputs, strict=True) if number not in without}
         if numbered is None or outputs == [Path(self.output)]:
-            text, listed = f"{self.output}: {self._summary(outcome)}", [*map(str, made.values())]
-            left_out = len(outcome.left_out)
-            return FramesMade(
-                self.output,
-                outcome.made,
-                outcome.there,
-                outcome.pixels,
-                left_out,
-                listed,
-                text=text,
-                failed=[*outcome.failed.values()] or None,
-            )
+            return self._made(outcome, self.output, outputs=[*map(str, made.values())])
         if numbered.gaps:
             log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
         padded = len({len(digits) for digits in numbered.digits}) == 1
-        return self._made(outcome, made[min(made)], (min(made), max(made)), padded, None)
+        return self._made_of_sequence(outcome, made[min(made)], (min(made), max(made)), padded, None)
 
     def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks
@@ -334,18 +323,12 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
         check_no_overwrite(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
-        frames = video_frames(
-            video,
-            outputs,
-            masks=frame_masks(self.mask),
-            like=self.source(path, self.rig),
-            reach=self.smooth,
-            encoding=self.encoding,
-        )
+        like, masks = self.source(path, self.rig), frame_masks(self.mask)
+        frames = video_frames(video, outputs, masks=masks, like=like, reach=self.smooth, encoding=self.encoding)
         outcome = self._sequence(frames, video.count, progress, 1)
         total = outcome.made + outcome.there + len(outcome.left_out)
         made = [number for number in range(1, total + 1) if number not in outcome.left_out]
-        return self._made(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
+        return self._made_of_sequence(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
 
     def _sequence(
         self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None, *, apart: bool = False
@@ -373,33 +356,23 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             progress=progress,
         )
 
-    def _made(
+    def _made_of_sequence(
         self, outcome: "Outcome", first: Path, numbers: tuple[int, int], padded: bool, rate: float | None
     ) -> FramesMade:
         *_, digits = re.finditer("[0-9]+", first.stem)
         run = "#" * len(digits[0]) if padded else "*"
         pattern = f"{first.stem[: digits.start()]}{run}{first.stem[digits.end() :]}{first.suffix}"
-        return FramesMade(
-            self.output,
-            outcome.made,
-            outcome.there,
-            outcome.pixels,
-            len(outcome.left_out),
-            first_output=str(first),
-            pattern=pattern,
-            first=numbers[0],
-            last=numbers[1],
-            count=outcome.made + outcome.there,
-            frame_rate=rate,
-            text=f"{Path(self.output) / pattern}: {self._summary(outcome)}",
-            failed=[*outcome.failed.values()] or None,
-        )
+        facts = {"pattern": pattern, "first": numbers[0], "last": numbers[1], "frame_rate": rate}
+        count = outcome.made + outcome.there
+        return self._made(outcome, Path(self.output) / pattern, first_output=str(first), count=count, **facts)
 
-    def _summary(self, outcome: "Outcome") -> str:
-        there = f", {outcome.there} there already" if outcome.there else ""
-        left_out = f", {len(outcome.left_out)} left out" if outcome.left_out else ""
-        failed = f", {len(outcome.failed)} failed" if outcome.failed else ""
-        return f"normals by {self.model}, {outcome.made} made{there}{left_out}{failed}"
+    def _made(self, outcome: "Outcome", where: str | Path, **facts: Any) -> FramesMade:
+        made, left_out, failed = outcome.made, len(outcome.left_out), [*outcome.failed.values()]
+        text = f"{where}: normals by {self.model}, {made} made"
+        for count, words in ((outcome.there, "there already"), (left_out, "left out"), (len(failed), "failed")):
+            text += f", {count} {words}" if count else ""
+        done = self.output, made, outcome.there, outcome.pixels, left_out
+        return FramesMade(*done, **facts, text=text, failed=failed or None)
 
 
 @dataclass(frozen=True)

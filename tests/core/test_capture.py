@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_input import NAN, SPHERE, gets_one_clear_sentence, loop, with_pixel
+from numpy.typing import ArrayLike
 from synthetic import Sphere, write_file
 
 from mpsnet_core import read_mask
@@ -17,6 +18,8 @@ from mpsnet_core.io import image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import published_rig
+
+STRIPES = np.float32([[0.5, 1.0, 0.7, 0.9]] * 4)
 
 
 @pytest.fixture
@@ -94,11 +97,12 @@ def test_the_camera_is_kept(photo_file: Path) -> None:
         ([1.0, 0.5, 0.7], "100% of the object's pixels are saturated"),
         ([0.5, 0.6, 0.0], "the blue channel is black: was its light on? [black-channel]"),
         ([0.2, 0.5, 0.6], "one channel is 3.0 times as bright"),
+        (np.dstack([STRIPES, STRIPES, STRIPES.T]) / 2, "the red and the green channel show nearly the same light"),
         ([0.5, 0.6, 0.7], None),
     ],
 )
 def test_a_photo_that_gives_hardly_right_normals_is_reported_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, pixels: list[float], words: str | None
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, pixels: ArrayLike, words: str | None
 ) -> None:
     write_image(tmp_path / "photo.png", np.broadcast_to(pixels, (4, 4, 3)))
     with caplog.at_level("INFO", "mpsnet_core"):

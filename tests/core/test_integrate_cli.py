@@ -178,7 +178,7 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height h.png --method slow", "method 'slow' is not known; choose fast or bilateral"),
     ("n.png --height h.png --convention up", "convention 'up' is not known"),
     ("n.png --height h.png --camera gone.json", "gone.json does not exist"),
-    ("n.png --height h.png --camera small.json", "camera small.json is 8 x 8 but n.png is 72 x 64"),
+    ("n.png --height h.png --camera small.json", "n.png: the camera is 8 x 8 but the photo is 72 x 64"),
     ("n.png --height h.png --camera camera.json --focal 50", "--camera and --focal define the same camera; give one"),
     ("n.png --height h.png --focal 50 --pixel-size 1", "--focal and --pixel-size define the same camera; give one"),
     ("n.png --height h.png --focal -50", "focal -50 is out of range; choose 1 to 10000"),

@@ -269,7 +269,7 @@ class TestCommand:
             (["--mask", "background:"], "names a photo of the scene without the object: background:FILE"),
             (["--mask", "background:no.png"], "no.png does not exist"),
             (["--mask", "background:small.png"], "the background is 8 x 8 but the photo is 200 x 200"),
-            (["--mask", "small.png"], "small.png is 8 x 8 but"),
+            (["--mask", "small.png"], "the mask is 8 x 8 but"),
             (["--mask", "alpha"], "no alpha channel"),
             (["--overlay", "photo.exr"], "would overwrite"),
             (["--overlay", "mask.png"], "would overwrite"),

@@ -4,6 +4,7 @@ import io
 import struct
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,33 @@ def test_hostile_structures_end(tmp_path: Path) -> None:
     assert len(list(tiff_directories(io.BytesIO(b"MM\0*" + b"\xff" * 60)))) <= 1
     (tmp_path / "p.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"\xff\xff\xff\xfftEXt")
     assert list(png_chunks(tmp_path / "p.png")) == [b"tEXt"]
+
+
+def palette(folder: Path, suffix: str) -> Path:
+    from PIL import Image
+
+    Image.fromarray(np.rint(255 * PIXELS).astype(np.uint8)).convert("P").save(folder / f"photo{suffix}")
+    return folder / f"photo{suffix}"
+
+
+def multiplied(folder: Path, suffix: str) -> Path:
+    y, x = np.mgrid[-40:40, -40:40]
+    alpha = np.clip((30 - np.hypot(x, y)) / 10 + 0.5, 0, 1)[..., None]
+    colours = 0.8 * np.ones((80, 80, 3)) * (alpha if suffix == ".png" else 1)
+    return write_file(folder / "photo.png", np.dstack([colours, alpha]), "uint8", oiio__UnassociatedAlpha=1)
+
+
+@pytest.mark.parametrize(
+    ("write", "suffix", "words"),
+    [
+        *((palette, suffix, "has a palette") for suffix in (".png", ".bmp", ".tga", ".tif")),
+        (multiplied, ".png", "look multiplied by its alpha"),
+        (multiplied, "straight", ""),
+    ],
+)
+def test_what_makes_a_files_values_doubtful_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, write: Callable[[Path, str], Path], suffix: str, words: str
+) -> None:
+    read_image(write(tmp_path, suffix))
+    told = [record.getMessage() for record in caplog.records]
+    assert len(told) == bool(words) and all(words in line for line in told)

@@ -64,6 +64,11 @@ def test_what_the_sum_does_not_show_any_more_gets_a_warning(tmp_path: Path, caps
     assert f"{files[2]} was exposed for 0.2 s, {files[0]} for 0.1 s" in told and told.count("exposed for") == 1
 
 
+def test_one_photo_given_twice_is_reported(photos: list[str], caplog: pytest.LogCaptureFixture) -> None:
+    as_channels([photos[0], photos[1], photos[0]])
+    assert caplog.text.count("shows the same as") == 1 and photos[0] in caplog.text
+
+
 def test_two_photos_are_too_few(photos: list[str]) -> None:
     with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
         as_channels(photos[:2])

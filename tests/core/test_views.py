@@ -683,13 +683,24 @@ def test_saturated_photos_get_a_warning_where_they_become_floats(
     assert re.search(r"[\d.]+% of \S+side1\.png is saturated.*\[clipped-photo\]", said) and "side0" not in said
 
 
-def test_cameras_of_photos_that_were_scaled_since_are_refused_before_any_is_written(table: Table) -> None:
+def test_the_camera_of_a_photo_that_was_scaled_since_is_scaled(table: Table) -> None:
+    """And that is said; of one that was cropped it is refused, before any is written."""
     colmap(table, "PINHOLE 96 96 {f} {f} 48 48")
-    write_file(table / "photos" / "side2.exr", np.ones((48, 48, 3)), "float")
+    photos = {name: read_image(table / "photos" / name) for name in ("side1.exr", "side2.exr")}
+    for name, image in photos.items():
+        small = image.pixels.reshape(48, 2, 48, 2, 3).mean(axis=(1, 3))
+        write_file(table / "photos" / name, small, "float")
+    told = table.notes("--cameras", table / "colmap")
+    assert "the camera is for 96 x 96 pixels and the photo has 48 x 48" in told and error_of(table) < 4.5
     write = WriteCameras(cameras=str(table / "colmap"), photos=str(table / "photos"), output=str(table / "ours"))
-    with pytest.raises(InputError, match=r"side2.exr: the camera is 96 x 96 but the photo is 48 x 48; .*scaled"):
+    write_file(table / "photos" / "side2.exr", photos["side2.exr"].pixels[:, 3:], "float")
+    with pytest.raises(InputError, match=r"view side2: the camera is 96 x 96 but the photo is 93 x 96; .*cropped"):
         write.run()
     assert not (table / "ours").exists()
+    write_file(table / "photos" / "side2.exr", photos["side2.exr"].pixels, "float")
+    write.run()
+    sizes = [read_camera(table / "ours" / f"side{number}.camera.json").width for number in range(4)]
+    assert sizes == [96, 48, 96, 96]
 
 
 def test_cameras_whose_photo_is_missing_are_left_out(table: Table) -> None:
