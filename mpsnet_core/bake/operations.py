@@ -600,9 +600,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     def _files(self, target: "TextureTarget") -> tuple[list[Path], list[str]]:
         """The files that are read, except photos, and those that are written. Raises InputError if one would overwrite
         another, or its folder cannot be written."""
-        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_no_overwrite, writable_path
-        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.scene.view_photos import camera_files
 
@@ -611,9 +609,8 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         if self.json:
             writable_path(self.json)
         outputs = [file for file in (target.output, self.report, self.json) if file]
-        mask = None if self.mask == "mesh" else mask_source(self.mask)
-        given = (self.rig, *self.mesh, self.onto, mask, self.dark, self.flat)
-        inputs = [*camera_files(self.cameras), *expand_file_options(given)]
+        mask = None if self.mask == "mesh" else self.mask
+        inputs = [*camera_files(self.cameras), *self.inputs(self.rig, *self.mesh, self.onto, mask=mask)]
         check_no_overwrite(inputs, outputs)
         return inputs, outputs
 

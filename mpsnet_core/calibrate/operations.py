@@ -60,16 +60,14 @@ class UsesBall(ReadsPhotos, HasLens):
 
     def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
         """The photos, after checking that the results can be written and overwrite no input."""
-        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_no_overwrite, checked_bits, writable_path
-        from mpsnet_core.io.frames import expand_file_options, expand_images
+        from mpsnet_core.io.frames import expand_images
 
         if self.radius is not None and not 0 < self.radius < math.inf:
             raise SettingsError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
         files = _without_masks(expand_images(given))
         outputs = [file for file in (output, self.overlay, self.json) if file]
-        mask = self.mask and mask_source(self.mask)
-        others = expand_file_options((mask, self.dark, self.flat, self.camera))
+        others = self.inputs(self.camera, mask=self.mask)
         for number, one in enumerate(outputs):
             writable_path(one)
             # The rig is read completely before it is written again; no other output may replace it.
@@ -481,24 +479,21 @@ def _without_masks(files: list[Path]) -> list[Path]:
     return photos
 
 
-def _numbers(text: str, option: str) -> list[float]:
-    try:
+def _numbers(text: str, option: str, wanted: str = "three numbers, such as 250,148,119") -> list[float]:
+    """The three numbers, separated by commas, that an option gives."""
+    with contextlib.suppress(ValueError):
         numbers = [float(number) for number in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3:
-        raise SettingsError(f"{option} {text} is not three numbers separated by commas, such as 250,148,119")
-    return numbers
+        if len(numbers) == 3:
+            return numbers
+    raise SettingsError(f"{option} {text} is not {wanted}")
 
 
 def _three_of(text: str, count: int) -> list[int]:
-    try:
-        numbers = [int(number) for number in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(set(numbers)) != 3 or len(numbers) != 3 or not all(1 <= number <= count for number in numbers):
-        raise SettingsError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
-    return [number - 1 for number in numbers]
+    wanted = f"three different lights, numbers from 1 to {count}: 1,5,9 for one"
+    numbers = _numbers(text, "--lights", wanted)
+    if len({*numbers} & {*range(1, count + 1)}) != 3:
+        raise SettingsError(f"--lights {text} is not {wanted}")
+    return [int(number) - 1 for number in numbers]
 
 
 def _numbered(files: Iterable[Path]) -> str:

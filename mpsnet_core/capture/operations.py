@@ -46,6 +46,13 @@ class ReadsPhotos(ReadsPictures):
         default=0, metavar="PIXELS", help="smooth out the card's grain where it is finer than this many pixels"
     )
 
+    def inputs(self, *given: str | None, mask: str | None = None) -> list[Path]:
+        """The files that are read, which no result may overwrite: those given, dark frame, flat field and a mask's."""
+        from mpsnet_core.capture.masks import mask_source
+        from mpsnet_core.io.frames import expand_file_options
+
+        return expand_file_options((*given, self.dark, self.flat, mask and mask_source(mask)))
+
     def read_options(self) -> "PhotoReadOptions":
         """How photos are read, with dark frame and flat field if given.
 
@@ -238,16 +245,14 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
-        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
-        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.io.image_writing import write_mask, write_picture
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
         for output in outputs:
             writable_image(output)
-        check_no_overwrite(expand_file_options((self.image, mask_source(self.mask), self.dark, self.flat)), outputs)
+        check_no_overwrite(self.inputs(self.image, mask=self.mask), outputs)
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask, _ = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.8, f"writing {Path(self.output).name}")
@@ -306,17 +311,13 @@ class Check(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Check the photo, and write the findings if requested."""
-        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.capture.photo_check import check_photo, worst
         from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
-        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.scene.rig import has_mixing, read_rig
 
         if self.json:
             writable_path(self.json)
-            check_no_overwrite(
-                expand_file_options((self.image, self.rig, mask_source(self.mask), self.dark, self.flat)), [self.json]
-            )
+            check_no_overwrite(self.inputs(self.image, self.rig, mask=self.mask), [self.json])
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask, doubt = self.photo_and_mask(self.image, self.mask, progress, rig)

@@ -54,24 +54,17 @@ def other_than(assumed: Assumed) -> Assumed:
 
 def warn_of_curve(name: str, assumed: Assumed, *, decided: bool) -> None:
     """Warn of a file without a stated encoding: that it was `decided` to have the other one, or may have it."""
-    usual, other = (WORDS[one] for one in (assumed, other_than(assumed)))
+    other = other_than(assumed)
+    usual, shown = WORDS[assumed], "sRGB" if other == "srgb" else "LINEAR"
     if decided:
-        log.warning(
-            "%s does not state its colour encoding and was READ AS %s, because read as %s its normals would fit no "
-            "single surface; if it is %s, set the encoding to %s (--encoding %s) [transfer-curve]",
-            name,
-            other if other == WORDS["srgb"] else other.upper(),
-            *(usual, usual, assumed, assumed),
+        told = (
+            f"was READ AS {shown}, because read as {usual} its normals would fit no single surface; if it is {usual}, "
         )
+        told += f"set the encoding to {assumed} (--encoding {assumed})"
     else:
-        log.warning(
-            "%s does not state its colour encoding and was read as %s, but MAY BE %s; if so, set the encoding to %s "
-            "(--encoding %s): the wrong curve turns normals by ten degrees and more [transfer-curve]",
-            name,
-            usual,
-            other if other == WORDS["srgb"] else other.upper(),
-            *(other_than(assumed),) * 2,
-        )
+        told = f"was read as {usual}, but MAY BE {shown}; if so, set the encoding to {other} (--encoding {other}): the "
+        told += "wrong curve turns normals by ten degrees and more"
+    log.warning("%s does not state its colour encoding and %s [transfer-curve]", name, told)
 
 
 def evidence_for_linear(

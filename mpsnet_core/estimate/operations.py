@@ -190,16 +190,14 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
         from mpsnet_core.io.files import check_no_overwrite, writable_image
         from mpsnet_core.io.frames import (
-            expand_file_options,
             expand_images,
             is_folder_or_pattern,
             is_video,
             output_files,
         )
 
-        white_light, other_files = self._white_light(), self._beside_photos()
-        photos = expand_images(self.image)
-        inputs = [*photos, *expand_file_options(other_files)]
+        white_light, photos = self._white_light(), expand_images(self.image)
+        inputs = [*photos, *self.inputs(self.rig, self.camera, self.mesh, *self.white, mask=self.mask)]
         # A folder with one frame is a sequence, too, unless its confidence is requested: sequences have none.
         if (
             len(photos) > 1
@@ -258,12 +256,6 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
 
         return direction_from_angles(*slant_and_tilt("--white-light", self.white_light))
-
-    def _beside_photos(self) -> list[str | None]:
-        """Inputs other than the photos: files, folders and patterns."""
-        from mpsnet_core.capture.masks import mask_source
-
-        return [self.rig, self.camera, self.mesh, self.dark, self.flat, mask_source(self.mask), *self.white]
 
     def _frames(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.io.frames import is_video

@@ -15,6 +15,7 @@ unmixing are tried, and the one with the smaller distances from its plane is use
 lie off the plane and count as outliers; on grey ones they lie in it.
 """
 
+import logging
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 
+log = logging.getLogger(__name__)
+
 Floats = NDArray[np.floating[Any]]
 
 # Lower limit of the white photo's values, as a share of their channel's mean: below, they are mostly noise.
@@ -36,6 +39,8 @@ MIN_WHITE = 0.02
 EVEN_SHARES = 1.0
 ROUNDS = 10  # of the robust fit
 MIN_SPREAD = 0.005  # of the distances from the plane
+# Distances of white photos of the same pose are within 0.06, of another pose or under another lamp 0.18 to 0.56.
+OTHER_SCENE = 0.12
 MAX_GAIN_FACTOR = 20.0  # largest factor between the gains and those for which all shares have one mean
 MIN_PIXELS = 16
 HIGHEST = 95  # percentile; above it are highlights, and pixels that the white lamp hardly reaches
@@ -50,7 +55,7 @@ class WhitePhoto(NamedTuple):
 
     gains: (3,) g. lower_limits: (3,) of the white photo's channels. unmixing_before, unmixing_after: (3, 3) matrices
     that multiply both photos, or their ratio; one is the inverse of the mixing, the other the identity.
-    mean_factors: (3,) factors that turn the photo grey on average.
+    mean_factors: (3,) factors that turn the photo grey on average. spread: of the pixels about the plane.
     """
 
     gains: NDArray[np.float64]
@@ -58,6 +63,7 @@ class WhitePhoto(NamedTuple):
     unmixing_before: NDArray[np.float64]
     unmixing_after: NDArray[np.float64]
     mean_factors: NDArray[np.float64]
+    spread: float
 
     @classmethod
     def fit(
@@ -81,7 +87,7 @@ class WhitePhoto(NamedTuple):
                 bright = (white_values > lower_limits).all(axis=-1)
                 known = strengths if strengths.ndim == 1 else strengths[bright]
                 gains, spread = _gains(photo_values[bright], white_values[bright], unmixing_after, known)
-                found.append((spread, cls(gains, lower_limits, unmixing_before, unmixing_after, np.ones(3))))
+                found.append((spread, cls(gains, lower_limits, unmixing_before, unmixing_after, np.ones(3), spread)))
         spread, best = min(found, key=lambda one: one[0], default=(np.inf, None))
         if best is None or not np.isfinite(spread):
             return None
@@ -113,6 +119,11 @@ def normalise_by_white_photo(capture: Capture) -> Capture:
     fit = fit_white_photo(capture)
     if fit is None:
         return replace(capture, white=None, white_clipped=None)
+    if fit.spread > OTHER_SCENE and capture.white_light is None:
+        log.warning(
+            "the white photo does not fit the photo: is it of the same pose, and under the rig's three lights turned "
+            "white? if one lamp lit it, say where that was (--white-light)"
+        )
     image = np.zeros_like(capture.image)
     for rows in bands(len(image)):
         photo, white = capture.image[rows].astype(np.float32, copy=False), capture.white[rows]

@@ -517,7 +517,6 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
         from mpsnet_core.io.files import check_no_overwrite, creatable_folder
-        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.relief.material.material import check_material, flat_material
         from mpsnet_core.relief.material.material_files import material_files, write_material
         from mpsnet_core.relief.material.scale import parse_crop
@@ -527,7 +526,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         length_mm, pixels = self._scale()
         name = self._checked_name()
         folder = creatable_folder(self.output, "material")
-        inputs = expand_file_options((self.image, self.rig, self.camera, self.mesh, self.dark, self.flat))
+        inputs = self.inputs(self.image, self.rig, self.camera, self.mesh)
         check_no_overwrite(inputs, material_files(folder, name).values())
         estimator = self.estimator()
         progress(0.0, f"reading {Path(self.image).name}")

@@ -24,6 +24,19 @@ def test_of_a_matt_object_it_is_the_photo_of_a_grey_one(narrow: bool) -> None:
     assert painted.off(replace(painted.capture, white=None), painted.lit).mean() > 10
 
 
+@pytest.mark.parametrize("other", ["pose", "lamp", "none"])
+def test_a_white_photo_of_something_else_is_reported(caplog: pytest.LogCaptureFixture, other: str) -> None:
+    painted = Painted()
+    lit = np.maximum(painted.sphere.normals @ direction_from_angles(25, 70), 0)[..., None]
+    white = {
+        "pose": np.rot90(painted.capture.white).copy(),
+        "lamp": painted.albedo * lit,
+        "none": painted.capture.white,
+    }
+    normalise_by_white_photo(replace(painted.capture, white=white[other]))
+    assert ("does not fit the photo" in caplog.text) == (other != "none")
+
+
 def test_another_lamp_may_have_lit_the_white_photo() -> None:
     painted, lamp = Painted(), direction_from_angles(25, 70)
     cosine = np.maximum(painted.sphere.normals @ lamp, 0)

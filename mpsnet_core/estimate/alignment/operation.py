@@ -135,11 +135,9 @@ class Align(RunsModel, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay if requested."""
-        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.pairs import read_pairs
         from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path
-        from mpsnet_core.io.frames import expand_file_options
         from mpsnet_core.scene.mesh import read_mesh
 
         if self.points and self.start:
@@ -147,9 +145,8 @@ class Align(RunsModel, ReadsPhotos):
         if self.lens and self.focal is not None:
             raise SettingsError("--lens and --focal both define the lens; give one of them")
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
-        mask = mask_source(self.mask)
-        inputs = (self.image, self.rig, self.mesh, mask, self.dark, self.flat, self.points, self.lens)
-        check_no_overwrite(expand_file_options(inputs), outputs)  # the start may be overwritten, to refine it in place
+        inputs = self.inputs(self.image, self.rig, self.mesh, self.points, self.lens, mask=self.mask)
+        check_no_overwrite(inputs, outputs)  # the start may be overwritten, to refine it in place
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
