@@ -93,20 +93,6 @@ class Photography:
         )
 
 
-def check_white_photos(views: Sequence[ViewPhoto], photography: Photography) -> None:
-    """Raise InputError, which names the view, if a white photo is no image or its size differs from the camera's.
-
-    Only the files' headers are read.
-    """
-    for view in views:
-        camera = view.camera.height, view.camera.width
-        with prefix_errors(f"view {view.name}"):
-            for file in photography.white_of(view):
-                size = read_size(file, layer_in(file, photography.options.layer))
-                if size is not None:
-                    check_same_size("the camera", camera, f"white photo {file}", size)
-
-
 def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
     """The view's image in a folder: the one at the photo's relative path, else the one with the view's or the photo's
     name, with or without the suffix _`ending`. Raises FileError if there is none, or several match."""
@@ -179,8 +165,8 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
     The mesh is included if masks or depth come from it. recipe: fingerprint of the settings that all views share: the
     model, how photos are read, dark frame and flat field.
 
-    Raises InputError, which names the view, if a mask is missing, two views would share one from a folder, or a light
-    is behind the object.
+    Raises InputError, which names the view, if a mask is missing, two views would share one from a folder, a light is
+    behind the object, or a white photo is no image or, by its header, has another size than its camera.
     """
     shape, whose, sources = _shape(mesh), dict[str, str](), []
     for view in views:
@@ -195,6 +181,11 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
 def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, recipe: str) -> str:
     rig = photography.rig_of(view.camera)
     needs_mesh = photography.mask == MESH or rig.near is not None
+    white = photography.white_of(view)
+    for file in white:
+        size = read_size(file, layer_in(file, photography.options.layer))
+        camera = view.camera.height, view.camera.width
+        check_same_size("the camera", camera, f"white photo {file}", size or camera)
     return provenance_line(
         "normals",
         recipe,
@@ -204,7 +195,7 @@ def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, re
         json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)]),
         photography.mask if photography.mask == MESH else mask_identity(mask),
         shape if needs_mesh else "",
-        *map(identity, photography.white_of(view)),
+        *map(identity, white),
     )
 
 

@@ -540,7 +540,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.inputs import ViewReader
-        from mpsnet_core.bake.multi_view import KeptView, KeptViews, check_white_photos, estimate_views, sources_of
+        from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, warn_of_doubts
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.provenance import operation_facts
@@ -553,7 +553,6 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         inputs, outputs = self._files(target)
         photography = self._photography()
         views = posed_photos(self.cameras, self.photos, layer=self.layer)
-        check_white_photos(views, photography)
         photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
         check_no_overwrite(photos, outputs)
         kept_files = self._kept_files(views)

@@ -236,10 +236,8 @@ def depth_within(
     if not inside:
         raise GeometryError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
     if inside < MIN_KNOWN * mask.sum():
-        log.info(
-            "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
-            100 * inside / mask.sum(),
-        )
+        share = 100 * inside / mask.sum()
+        log.info("the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?", share)
     _log_assumed_unit(float(np.median(depth[known & mask])), rig.near)
     # Close to the mesh use the depth of its nearest pixel, far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]
@@ -250,11 +248,8 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
     """Report an object far from the lights' target: its distance is probably in another unit."""
     expected = -float(near.target[2])
     if not expected / MAX_OFF < distance < expected * MAX_OFF:
-        log.info(
-            "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?",
-            distance,
-            expected,
-        )
+        words = "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?"
+        log.info(words, distance, expected)
 
 
 def channel_angles(

@@ -79,10 +79,5 @@ def warn_of_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Se
     first = images[0].exposure_time
     for photo, image in zip(photos, images, strict=True):
         if exposed_otherwise(image.exposure_time, first):
-            log.warning(
-                "%s was exposed for %.3g s, %s for %.3g s: use the same for all lights",
-                photo,
-                image.exposure_time,
-                photos[0],
-                first,
-            )
+            times = photo, image.exposure_time, photos[0], first
+            log.warning("%s was exposed for %.3g s, %s for %.3g s: use the same for all lights", *times)

@@ -105,7 +105,9 @@ def mask_of(
     if words == "none" or (words == ALPHA_OR_NONE and image.alpha is None):
         return _whole(image)
     if words in ("alpha", ALPHA_OR_NONE) or (words == "alpha-or-auto" and image.alpha is not None):
-        return _alpha_mask(image)
+        if image.alpha is None:
+            raise SettingsError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
+        return image.alpha > 0.5
     if words == "alpha-or-auto":
         try:
             return auto_mask(image.pixels, notes, clearly=True)
@@ -129,12 +131,6 @@ def mask_of(
             f"mask {words} does not exist, and is none of {known}, threshold:T and background:FILE; check it"
         )
     return read_mask(words)
-
-
-def _alpha_mask(image: Image) -> NDArray[np.bool_]:
-    if image.alpha is None:
-        raise SettingsError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
-    return image.alpha > 0.5
 
 
 def _read_background(file: str, photo: Image, options: PhotoReadOptions) -> Image:

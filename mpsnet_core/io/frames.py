@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import (
+    HEIF_SUFFIXES,
     IMAGE_SUFFIXES,
     PHOTO_SUFFIXES,
     RAW_SUFFIXES,
@@ -244,7 +245,8 @@ def _without_results(photos: Sequence[Path], given: Path) -> list[Path]:
 def _photos(files: Iterable[Path]) -> list[Path]:
     found = sorted(filter(_is_image, files), key=natural_order)
     raw = {file.with_suffix("") for file in found if file.suffix.lower() in RAW_SUFFIXES}
-    return [file for file in found if file.suffix.lower() not in (".jpg", ".jpeg") or file.with_suffix("") not in raw]
+    beside = (".jpg", ".jpeg", *HEIF_SUFFIXES)
+    return [file for file in found if file.suffix.lower() not in beside or file.with_suffix("") not in raw]
 
 
 def _is_image(file: Path) -> bool:

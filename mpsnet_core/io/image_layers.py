@@ -91,7 +91,7 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
 def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
     """The layers of an open file by name. Raises FormatError if it claims to exceed a limit."""
     layers: dict[str, _Layer] = {}
-    sizes: list[int] = []
+    sizes: list[tuple[int, int]] = []  # pixels and channels of each part
     subimage = 0
     while source.seek_subimage(subimage, 0):
         spec = source.spec()
@@ -115,16 +115,21 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
             found = layers.setdefault(layer, _Layer(subimage, {}))
             if found.subimage == subimage:
                 found.channels.setdefault(_short(name, spec.nchannels), number)
-            elif source.format_name() == "tiff" and spec.width * spec.height > sizes[found.subimage]:
+            elif _is_larger_page(source, spec, sizes[found.subimage]):
                 # Of a TIFF's pages, all unnamed, the largest is read: others are previews.
                 log.info("%s has several pages; the largest is read, %d x %d", path, spec.width, spec.height)
                 layers[layer] = _Layer(subimage, {_short(name, spec.nchannels): number})
-        sizes.append(spec.width * spec.height)
+        sizes.append((spec.width * spec.height, spec.nchannels))
         subimage += 1
         if source.format_name() == "webp":  # its reader does not come back from the end of an animation
             break
     pending_error(source)  # clears that of seeking past the last part
     return layers
+
+
+def _is_larger_page(source: Any, spec: Any, first: tuple[int, int]) -> bool:
+    """Whether a page of a TIFF is the picture of which the first is a preview. first: its pixels and channels."""
+    return bool(source.format_name() == "tiff" and spec.width * spec.height > first[0] and spec.nchannels >= first[1])
 
 
 def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:

@@ -187,7 +187,7 @@ def test_the_exposure_time_is_read(tmp_path: Path) -> None:
 
 
 def test_folders_and_patterns_mean_raw_files_and_not_their_jpegs(tmp_path: Path) -> None:
-    for name in ("b.CR3", "b.JPG", "a.nef", "c.jpg", "d.png", "d.dng", "e.xmp"):
+    for name in ("b.CR3", "b.JPG", "a.nef", "a.HEIC", "c.jpg", "d.png", "d.dng", "e.xmp"):
         (tmp_path / name).touch()
     assert [file.name for file in expand_images([tmp_path])] == ["a.nef", "b.CR3", "c.jpg", "d.dng", "d.png"]
     assert [file.name for file in expand_images([tmp_path / "b.*"])] == ["b.CR3"]
