@@ -58,7 +58,7 @@ class PhotoReadOptions:
         return otherwise_encoded(image) if other else image
 
 
-AS_STATED = PhotoReadOptions()  # the encoding that the files state
+AS_STATED: PhotoReadOptions = PhotoReadOptions()  # the encoding that the files state
 
 
 def straightened(image: Image, camera: Camera, lens: Lens | None) -> Image:

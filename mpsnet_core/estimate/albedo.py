@@ -25,7 +25,7 @@ from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.io.provenance import made
+from mpsnet_core.io.marks import made
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.

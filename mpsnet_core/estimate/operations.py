@@ -220,7 +220,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
         from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
-        from mpsnet_core.io.provenance import made
+        from mpsnet_core.io.marks import made
         from mpsnet_core.scene.normal_map import write_normals
 
         estimator = self.estimator(self.passes)

@@ -17,12 +17,14 @@ from mpsnet_core.io.files import (
     PHOTO_SUFFIXES,
     RAW_SUFFIXES,
     VIDEO_SUFFIXES,
+    WRITABLE_BITS,
     check_ending,
     checked_bits,
     creatable_folder,
     file_suffix,
     writable_image,
 )
+from mpsnet_core.io.marks import says_made
 
 log = logging.getLogger(__name__)
 
@@ -232,14 +234,18 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
 
 def _without_results(photos: Sequence[Path], given: Path) -> list[Path]:
     """The photos of a folder or pattern, without what earlier runs of this program made of others in it."""
-    from mpsnet_core.io.provenance import is_made
-
-    results = [file for file in photos if file.stem.endswith(RESULT) or is_made(file)]
+    results = [file for file in photos if file.stem.endswith(RESULT) or _says_made(file)]
     others = [file.name for file in results if not file.stem.endswith(RESULT)]
     if others:
         named = ", ".join(others[:NAMED_GAPS] + ["..."] * (len(others) > NAMED_GAPS))
         log.info("%d file(s) of %s are results of this program, no photos, and left out: %s", len(others), given, named)
     return [file for file in photos if file not in set(results)]
+
+
+def _says_made(file: Path) -> bool:
+    from mpsnet_core.io.image_reading import image_description
+
+    return file.suffix.lower() in WRITABLE_BITS and says_made(image_description(file))
 
 
 def _photos(files: Iterable[Path]) -> list[Path]:

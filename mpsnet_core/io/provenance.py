@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core import __version__
-from mpsnet_core.io.files import WRITABLE_BITS, existing_file
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.marks import BY, made
 from mpsnet_core.operation import Operation, Provenance, settings
 
 
@@ -15,19 +15,6 @@ def provenance_line(what: str, *facts: str) -> str:
     """The description of an image: what it is, and a hash of the facts that it was computed from."""
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"{made(what)}, {digest[:32]}"
-
-
-def made(what: str) -> str:
-    """The description of an image that is no photo: what it is, and that this program made it."""
-    return f"{what} by mpsnet {__version__}"
-
-
-def is_made(picture: Path) -> bool:
-    """Whether an image's description says that this program made it, and so that it is no photo."""
-    from mpsnet_core.io.image_reading import image_description
-
-    told = image_description(picture) if picture.suffix.lower() in WRITABLE_BITS else ""
-    return " by mpsnet " in told or '"mpsnet-' in told  # of heights, as JSON
 
 
 def is_up_to_date(picture: Path, line: str) -> bool:
@@ -42,7 +29,7 @@ def is_result(picture: Path, what: str) -> bool:
     """Whether an image's description says that this program made it, from any facts."""
     from mpsnet_core.io.image_reading import image_description
 
-    return image_description(picture).startswith(f"{what} by mpsnet ")
+    return image_description(picture).startswith(f"{what}{BY}")
 
 
 def identity(given: str | os.PathLike[str]) -> str:

@@ -30,7 +30,7 @@ from mpsnet_core.io.files import (
 )
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.io.provenance import made
+from mpsnet_core.io.marks import made
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
 from mpsnet_core.relief.integration.gradients import pixels_per_unit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import writable_image
 from mpsnet_core.io.image_writing import write_image, write_picture
-from mpsnet_core.io.provenance import made
+from mpsnet_core.io.marks import made
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height

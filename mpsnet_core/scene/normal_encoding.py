@@ -20,7 +20,7 @@ from mpsnet_core.errors import Choices
 from mpsnet_core.io.files import stored_levels
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.io.image_writing import write_bands
-from mpsnet_core.io.provenance import made
+from mpsnet_core.io.marks import made
 
 log = logging.getLogger(__name__)
 
