@@ -10,7 +10,7 @@ from typing import IO, Any, TypeVar
 
 import OpenImageIO as oiio
 
-from mpsnet_core.errors import FileError, FormatError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.file_kinds import AVIF, HEAD, HEIC, file_head, is_readable, kind_of
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.heif import HeifReader
@@ -66,7 +66,9 @@ def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[A
             _check_jpeg(file, path)
         with silence_libraries():
             source = oiio.ImageInput.open(os.fspath(path), *config)
-    except (OSError, UnicodeEncodeError):
+    except InputError:
+        raise
+    except (OSError, ValueError):  # a name with a null character, or in no encoding
         return None, ""
     except TypeError:  # OpenImageIO's
         raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
