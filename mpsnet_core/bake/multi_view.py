@@ -87,11 +87,14 @@ class Photography:
             return self.mask
         return os.fspath(_beside(view, self.masks, "mask", "mask"))
 
-    def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        """The view's photo without lens distortion. Raises InputError, which names the view, if it cannot be read."""
+    def capture(self, view: ViewPhoto, scene: RayScene, *, rig_checked: bool = False) -> Capture:
+        """The view's photo without lens distortion. rig_checked: see :func:`warn_of_doubts`.
+
+        Raises InputError, which names the view, if it cannot be read.
+        """
         with prefix_errors(f"view {view.name}"):
             capture = self._capture(view, scene)
-        warn_of_doubts(capture, f"view {view.name}")
+        warn_of_doubts(capture, f"view {view.name}", rig_checked=rig_checked)
         return capture
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
@@ -324,7 +327,7 @@ def estimate_views(
         if kept.is_of(source):
             known += 1
         else:
-            capture = photography.capture(view, stored.scene)
+            capture = photography.capture(view, stored.scene, rig_checked=number > known)
             kept.write(capture, estimator(capture, part(step, 0.1, 0.8, named)), source)
         agreed.add(view.name, *stored.both(number))
     return known

@@ -62,14 +62,15 @@ class RigFit:
     Parameters
     ----------
     probability : float
-        Of the rig and those like it, among all orders and orientations of its lights; 1 if the photo does not tell.
+        Of the rig and those like it, among all orders and orientations of its lights; 0.5 if the photo is not enough to
+        tell.
     better : str
         What is wrong with the rig, as in "the red and green lights are swapped"; empty unless that is sure.
     directions : (3, 3) array
         The light directions that fit better, one light per row; None unless that is sure.
     """
 
-    probability: float = 1.0
+    probability: float = 0.5
     better: str = ""
     directions: NDArray[np.float64] | None = None
 
