@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
-from mpsnet_core.arrays.mask_regions import eroded
+from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.unit_vectors import dot
 
 # (8, 2, 2) what x and y may be turned by: nothing, mirrored in x, in y, turned by 180°, by 90° counter-clockwise and
@@ -31,8 +32,9 @@ TURNS = np.array(
     np.float64,
 )
 SAME, HALF_TURN = 0, 3
-# The object is divided into blocks: number along the side of a square of its area, and least number in all.
-BLOCKS, MIN_BLOCKS = 72, 1200
+# The object is divided into blocks: number along the side of a square of its area, pixels to use along a block's side,
+# and least number of blocks in all.
+BLOCKS, BLOCK_PIXELS, MIN_BLOCKS = 72, 6, 1200
 # Least number of cells of four blocks whose curl is measured.
 MIN_CELLS = 300
 # Blocks at the outline whose normals are compared with it: depth, softness of the outline in blocks, least steepness of
@@ -47,6 +49,7 @@ ROUND = (0.5, 0.25)
 # Weights of the measures, by the maximum likelihood of the right lights of 1,305 photos of 440 rendered samples.
 WEIGHTS = np.array([33.5, -8.9, -5.8, 7.7])
 TINY = 1e-9
+WHOLE = 0.999  # least share of a block inside the object
 
 
 class Outline(NamedTuple):
@@ -57,6 +60,33 @@ class Outline(NamedTuple):
 
     rim: NDArray[np.bool_]
     outwards: NDArray[np.float64]
+
+
+class Blocks(NamedTuple):
+    """An object in an image, reduced to blocks. values: (h, w, C) means. whole: (h, w) blocks inside the object."""
+
+    values: NDArray[np.float64]
+    whole: NDArray[np.bool_]
+    outline: Outline
+
+
+def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blocks | None:
+    """The object of an image (H, W, C) and its mask (H, W) in blocks; None if it is too small."""
+    side = np.sqrt(np.count_nonzero(mask)) / BLOCKS
+    thin = max(1, int(side / BLOCK_PIXELS))
+    mask = mask[::thin, ::thin]
+    if np.count_nonzero(mask) < MIN_BLOCKS:
+        return None
+    box = bounding_box(mask)
+    border = [(part.start == 0, part.stop >= size) for part, size in zip(box, mask.shape, strict=True)]
+    inside = mask[box][..., None]
+    pixels = np.where(inside, values[::thin, ::thin][box], 0).astype(np.float32)
+    means = block_means(np.concatenate([pixels, inside], axis=-1, dtype=np.float32), max(1, round(side / thin)))
+    covered = means[..., -1]
+    whole = covered > WHOLE
+    if np.count_nonzero(whole) < MIN_BLOCKS:
+        return None
+    return Blocks(means[..., :-1].astype(np.float64), whole, outline_of(covered, border))
 
 
 def outline_of(covered: NDArray[np.floating[Any]], border: Sequence[tuple[bool, bool]]) -> Outline:
@@ -76,7 +106,7 @@ def outline_of(covered: NDArray[np.floating[Any]], border: Sequence[tuple[bool, 
     down, right = np.gradient(gaussian(around, SOFT, (0, 1)))
     outwards = np.stack([-right, down], axis=-1)[inner]
     steep = np.linalg.norm(outwards, axis=-1)
-    rim = (covered > 0.999) & ~eroded(around > 0.5, RIM)[inner] & (steep > STEEP)
+    rim = (covered > WHOLE) & ~eroded(around > 0.5, RIM)[inner] & (steep > STEEP)
     return Outline(rim, outwards / np.maximum(steep, TINY)[..., None])
 
 

@@ -17,6 +17,7 @@ from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_directions import check_directions
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
@@ -82,7 +83,8 @@ class ViewReader:
 
         known: these shares, if they have been estimated before.
 
-        Raises InputError, which names the view, if one cannot be read, or its files differ in size.
+        Raises InputError, which names the view, if one cannot be read, is not in camera space, or its files differ in
+        size.
         """
         whole = join_meshes(meshes)
         scene = RayScene.of(whole) if self.level or self.base_maps else None
@@ -91,6 +93,7 @@ class ViewReader:
             progress(number / len(inputs), f"reading {one.normals.name}")
             with prefix_errors(f"view {one.camera}={one.normals}"):
                 normals = read_normals(one.normals, convention=self.convention, confidence=one.confidence)
+                check_directions(normals, one.normals.name, warned=known is not None)
                 view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
                 if scene is not None:
                     _, view, _, found = self.prepared(view, whole, scene, known[number] if known else None)

@@ -12,17 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.orientation import (
-    BLOCKS,
-    MIN_BLOCKS,
     MIN_CELLS,
     TURNS,
     Outline,
+    blocks_of,
     is_round,
     orientation_measures,
-    outline_of,
     probabilities,
 )
 from mpsnet_core.arrays.unit_vectors import normalised
@@ -32,8 +28,6 @@ from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)
 
-# Pixels to use along a block's side.
-BLOCK_PIXELS = 6
 # Lights up to this share of their channel's 95th percentile are shadow.
 SHADOW = 0.05
 # Rigs are alike if no light is farther than this from its counterpart, in degrees: such errors cost little.
@@ -53,6 +47,8 @@ TURN_WORDS = (
     "the lights' x and y are exchanged",
     "the lights' x and y are exchanged and reversed",
 )
+# How many things must have gone wrong: exchanged axes are turned and mirrored.
+TURN_CHANGES = (0, 1, 1, 1, 1, 1, 2, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,20 +85,12 @@ class _Candidate(NamedTuple):
     @property
     def changes(self) -> int:
         """How many things are wrong with the rig, if this candidate is right."""
-        return (self.order != (0, 1, 2)) + (self.turn != 0)
+        return (self.order != (0, 1, 2)) + TURN_CHANGES[self.turn]
 
     @property
     def words(self) -> str:
         """What is wrong with the rig, if this candidate is right."""
         return " and ".join(words for words in (_order_words(self.order), TURN_WORDS[self.turn]) if words)
-
-
-class _Blocks(NamedTuple):
-    """A reduced photo. light: (H, W, 3) unmixed, not below 0. lit: (H, W) whole blocks that all lights reach."""
-
-    light: NDArray[np.float64]
-    lit: NDArray[np.bool_]
-    outline: Outline
 
 
 def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig) -> RigFit:
@@ -122,10 +110,13 @@ def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: L
     RigFit
         It says what is wrong only where that is sure. Flat things, and those that fill the photo, often do not tell.
     """
-    blocks = _blocks(pixels, mask, rig)
+    blocks = blocks_of(pixels, mask)
     if blocks is None:
         return RigFit()
-    return _fit_of([one for order in permutations(range(3)) for one in _candidates(blocks, rig, order)])
+    light = np.maximum(rig.unmixed(blocks.values), 0).astype(np.float64)
+    lit = blocks.whole & (light > SHADOW * np.percentile(light[blocks.whole], 95, axis=0)).all(axis=-1)
+    orders = permutations(range(3))
+    return _fit_of([one for order in orders for one in _candidates(light, lit, blocks.outline, rig, order)])
 
 
 def _fit_of(candidates: list[_Candidate]) -> RigFit:
@@ -183,32 +174,17 @@ def _order_words(order: tuple[int, ...]) -> str:
     return f"the red, green and blue channels show the rig's {first}, {second} and {third} lights"
 
 
-def _blocks(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig) -> _Blocks | None:
-    """The photo in blocks, or None if the object is too small."""
-    side = np.sqrt(np.count_nonzero(mask)) / BLOCKS
-    thin = max(1, int(side / BLOCK_PIXELS))
-    mask = mask[::thin, ::thin]
-    if np.count_nonzero(mask) < MIN_BLOCKS:
-        return None
-    box = bounding_box(mask)
-    border = [(part.start == 0, part.stop >= size) for part, size in zip(box, mask.shape, strict=True)]
-    inside = mask[box]
-    light = rig.unmixed(np.where(inside[..., None], pixels[::thin, ::thin][box], 0).astype(np.float32))
-    planes = np.concatenate([light, inside[..., None].astype(np.float32)], axis=-1)
-    *channels, covered = np.moveaxis(block_means(planes, max(1, round(side / thin))).astype(np.float64), -1, 0)
-    values, whole = np.maximum(np.stack(channels, axis=-1), 0), covered > 0.999
-    if np.count_nonzero(whole) < MIN_BLOCKS:
-        return None
-    lit = whole & (values > SHADOW * np.percentile(values[whole], 95, axis=0)).all(axis=-1)
-    return _Blocks(values, lit, outline_of(covered, border))
+def _candidates(
+    light: NDArray[np.float64], lit: NDArray[np.bool_], outline: Outline, rig: LightRig, order: tuple[int, ...]
+) -> list[_Candidate]:
+    """The candidates of one order. Their normals are the same, turned.
 
-
-def _candidates(blocks: _Blocks, rig: LightRig, order: tuple[int, ...]) -> list[_Candidate]:
-    """The candidates of one order. Their normals are the same, turned."""
+    light: (H, W, 3) unmixed means of blocks, not below 0. lit: (H, W) those that all lights reach.
+    """
     lights = rig.directions[list(order)]
-    bright = blocks.light[blocks.lit]
+    bright = light[lit]
     strengths = equal_albedo(bright[::3], lights) if len(bright) >= MIN_CELLS else np.ones(3)
-    normals = normalised(blocks.light * strengths @ np.linalg.inv(lights).T)
-    measures = orientation_measures(normals, blocks.lit, blocks.outline)
+    normals = normalised(light * strengths @ np.linalg.inv(lights).T)
+    measures = orientation_measures(normals, lit, outline)
     turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in TURNS]
     return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
