@@ -11,7 +11,7 @@ log = logging.getLogger(__name__)
 
 # A map is wrong if its probability is below WRONG, and another one and the same turned by 180° have one above SURE.
 WRONG, SURE = 0.005, 0.8
-GREEN = "its green channel points the other way: give the other convention, opengl or directx"
+GREEN = "its green channel points the other way: set the convention of these normals, opengl or directx"
 # What is wrong with a map that fits when turned by each of `mpsnet_core.arrays.orientation.TURNS`.
 WORDS = (
     "",
