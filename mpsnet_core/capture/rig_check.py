@@ -127,7 +127,7 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
 
     def apart(directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) degrees from the light of each candidate that differs most."""
-        return np.degrees(np.arccos(np.clip((lights * directions).sum(axis=2).min(axis=1), -1, 1)))
+        return np.asarray(np.degrees(np.arccos(np.clip((lights * directions).sum(axis=2).min(axis=1), -1, 1))))
 
     from_stated, from_best, from_turned = (
         apart(one) for one in (lights[0], lights[best], lights[best] * HALF_TURN_OF_LIGHTS)
