@@ -1,6 +1,7 @@
 """The operations ``bake`` and ``views``: from normal maps, or posed photos, to textures on a mesh's UVs."""
 
 import contextlib
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,8 +43,11 @@ class MakesTextures(Operation):
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several meshes occlude one another",
         provenance="none",  # recorded per texture
     )
-    size: int = option(
-        default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
+    size: str = option(
+        default=f"{TEXTURE_SIZE}",
+        metavar="SIDE|WIDTHxHEIGHT",
+        help="size of the texture in pixels",
+        numbers=True,
     )
     space: Literal["tangent", "object"] = option(
         default="tangent",
@@ -106,7 +110,15 @@ class MakesTextures(Operation):
 
     def texture_words(self, target: "TextureTarget") -> str:
         """The properties that all textures share, as text for the report."""
-        return f"{self.size} x {self.size}, {self.space} space, {target.convention}"
+        width, height = self.texture_size()
+        return f"{width} x {height}, {self.space} space, {target.convention}"
+
+    def texture_size(self) -> tuple[int, int]:
+        """Width and height of the texture. Raises SettingsError if they are not whole numbers."""
+        found = re.fullmatch(r"(\d{1,9})(?:[x,](\d{1,9}))?", self.size.replace(" ", "").lower())
+        if found is None:
+            raise SettingsError(f"--size {self.size} is not a size in pixels; give a whole number, or WIDTHxHEIGHT")
+        return int(found[1]), int(found[2] or found[1])
 
 
 @dataclass(frozen=True)
@@ -190,7 +202,7 @@ class BakesDetail(MakesTextures):
         if self.margin is not None and self.padding in ("push-pull", "none"):
             raise SettingsError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
         return Baking(
-            size=self.size,
+            size=self.texture_size(),
             space=self.space,
             margin=MARGIN if self.margin is None else self.margin,
             padding=self.padding,

@@ -141,6 +141,23 @@ class Mesh:
         return areas
 
     @cached_property
+    def outwards(self) -> NDArray[np.float32]:
+        """(T, 3) unit normals of the triangles' outsides in world space: what a camera sees of them depends on these.
+
+        Shading normals only tell the outside of the whole mesh: they may point anywhere, as on foliage.
+        """
+        normals = triangle_normals(self.world_vertices[self.triangles])
+        if self.is_mirrored != self.is_inside_out:
+            normals = -normals
+        return normalised(normals).astype(np.float32)
+
+    @cached_property
+    def is_inside_out(self) -> bool:
+        """Whether most triangles are clockwise, seen from where their shading normals point."""
+        outwards = np.einsum("ti,tci->t", triangle_normals(self.vertices[self.triangles]), self.corner_normals)
+        return bool(np.count_nonzero(outwards < 0) > len(outwards) / 2)
+
+    @cached_property
     def normals_to_world(self) -> NDArray[np.float64]:
         """(3, 3) matrix to multiply row normals in object space by for world space. It does not keep unit length.
 
@@ -211,7 +228,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
         if up != "z" or unit != 1:
             turned = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
             mesh = replace(mesh, world_from_object=turned @ mesh.world_from_object)
-    if not shape_only and _is_inside_out(mesh):
+    if not shape_only and mesh.is_inside_out:
         log.warning(
             "mesh file %s: most of its faces point the opposite way from its normals, as in a PLY of a "
             "mirrored object, which would bake an inverted green channel; apply the object's scale or flip the "
@@ -219,11 +236,6 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
             path,
         )
     return mesh
-
-
-def _is_inside_out(mesh: Mesh) -> bool:
-    outwards = np.einsum("ti,tci->t", triangle_normals(mesh.vertices[mesh.triangles]), mesh.corner_normals)
-    return np.count_nonzero(outwards < 0) > len(outwards) / 2
 
 
 # The .npz arrays of labels: the names, and each triangle's index into them.
@@ -339,13 +351,14 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
 
     def joined(name: str, width: int) -> NDArray[np.float64]:
         values = [getattr(part, name) for part in placed]
-        rows: NDArray[np.float64] = np.concatenate(
+        rows = np.concatenate(
             [
                 np.full((len(part.vertices), width), np.nan) if value is None else value
                 for part, value in zip(placed, values, strict=True)
             ]
         )
-        return rows.take(corners, axis=0)
+        found: NDArray[np.float64] = rows[corners]
+        return found
 
     found = Polygons(
         np.concatenate([part.vertices for part in placed]),
