@@ -253,14 +253,7 @@ class _Bake:
             return None
         inside = ((corners > -1) & (corners < fine_size)).all(axis=(1, 2))
         if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
-            mend = (
-                ""
-                if len(surfaces) == 1
-                else "; pack the objects' UVs together, or give each object a texture of its own"
-            )
-            log.info(
-                "UVs overlap: where they do, the texture shows the surface that a view sees%s [overlapping-uvs]", mend
-            )
+            _say_that_uvs_overlap(self.meshes, texture_set)
         return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
 
     def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
@@ -375,6 +368,22 @@ class _Under:
         for number, surface in enumerate(self.surfaces):
             mine = np.flatnonzero(owner == number)
             yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
+
+
+def _say_that_uvs_overlap(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
+    level, mend = logging.INFO, ""
+    if texture_set.material is None and any(mesh.materials and len(mesh.materials.names) > 1 for mesh in meshes):
+        # As of photogrammetry: each has a texture of its own.
+        level = logging.WARNING
+        mend = "; if each material has its own texture, put <MATERIAL> into the output's name"
+    elif len(meshes) > 1:
+        mend = "; pack the objects' UVs together, or give each object a texture of its own"
+    log.log(
+        level,
+        "UVs overlap: where they do, the texture shows only one of the surfaces, of those that a view sees if there "
+        "are any%s [overlapping-uvs]",
+        mend,
+    )
 
 
 def _averaged(points: Texture, samples: int) -> Texture:

@@ -12,8 +12,9 @@ from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
     from mpsnet_core.bake.inputs import BakeInputs
@@ -34,7 +35,7 @@ LEVEL = (
 
 
 @dataclass(frozen=True)
-class MakesTextures(Operation):
+class MakesTextures(TakesMesh):
     """The meshes to bake onto, and the textures."""
 
     heading: ClassVar[str] = "the textures"
@@ -220,6 +221,7 @@ class BakesDetail(MakesTextures):
             target,
             self.mesh,
             taken,
+            self.read_mesh,
             onto=self.onto,
             onto_convention=self.onto_convention,
             onto_shown=self.onto_shown,
@@ -406,6 +408,7 @@ class Bake(BakesDetail):
             ViewReader(level, base_maps, self.normals_convention),
             baking,
             target,
+            read_mesh=self.read_mesh,
             recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
             progress=progress,
         )

@@ -226,8 +226,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
         mesh = reader(path, shape_only)
         if up != "z" or unit != 1:
-            turned = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
-            mesh = replace(mesh, world_from_object=turned @ mesh.world_from_object)
+            mesh = replace(mesh, world_from_object=world_from_file(up, unit) @ mesh.world_from_object)
     if not shape_only and mesh.is_inside_out:
         log.warning(
             "mesh file %s: most of its faces point the opposite way from its normals, as in a PLY of a "
@@ -236,6 +235,12 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
             path,
         )
     return mesh
+
+
+def world_from_file(up: Up, unit: float) -> NDArray[np.float64]:
+    """(4, 4) transform to world space from that of a file with this axis up, whose unit has this length."""
+    turned: NDArray[np.float64] = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
+    return turned
 
 
 # The .npz arrays of labels: the names, and each triangle's index into them.
