@@ -289,36 +289,29 @@ def _mesh_of(read: Callable[[Path], Polygons]) -> Callable[[Path, bool], Mesh]:
 
 def _of_polygons(found: Polygons, shape_only: bool, world_from_object: NDArray[np.float64] | None = None) -> Mesh:
     """Triangulate and shade what a file says. Polygons of fewer than three corners are left out."""
-    vertices, sizes = found.vertices, found.sizes
-    is_face = sizes > 2
-    if not is_face.any():
+    found = _faces_of(found)
+    if not len(found.sizes):
         raise GeometryError("it has no faces; choose a mesh with a surface")
-    if sizes.max() > MAX_CORNERS:
-        raise FormatError(f"it has a face of {sizes.max()} corners, more than {MAX_CORNERS}; triangulate it")
-    _check_finite("vertices", vertices)
-    kept = np.flatnonzero(np.repeat(is_face, sizes))
-    sizes = sizes[is_face]
-    order = kept[triangulated(vertices[found.corners[kept]], sizes)]
-    triangles = found.corners[order]
-    polygons = np.repeat(np.arange(len(sizes)), sizes - 2)
-    uvs = _no_uvs(len(order))
+    if found.sizes.max() > MAX_CORNERS:
+        raise FormatError(f"it has a face of {found.sizes.max()} corners, more than {MAX_CORNERS}; triangulate it")
+    _check_finite("vertices", found.vertices)
+    order = triangulated(found.vertices[found.corners], found.sizes)
+    uvs: NDArray[Any] = _no_uvs(len(order))
     if not shape_only:
-        without = np.ones(len(order), bool) if found.uvs is None else np.isnan(found.uvs[order]).any(axis=(1, 2))
+        without = np.array(True) if found.uvs is None else np.isnan(found.uvs).any(axis=1)
         if found.uvs is None or without.any():
             who = "it has" if without.all() else "some of its faces have"
             raise GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
         uvs = found.uvs[order]
-    smoothing = np.zeros(len(is_face), np.int64) if found.smoothing is None else found.smoothing
-    normals = np.full((*order.shape, 3), np.nan) if found.normals is None else found.normals[order]
     mesh = Mesh(
-        vertices,
-        triangles,
-        _shaded(normals, vertices, triangles, polygons, smoothing[is_face][polygons]),
+        found.vertices,
+        found.corners[order].astype(np.int32),
+        _shaded(found)[order],
         uvs,
         world_from_object=np.eye(4) if world_from_object is None else world_from_object,
-        materials=_labels(found.materials, is_face, polygons),
-        objects=_labels(found.objects, is_face, polygons),
-        polygons=polygons,
+        materials=_labels(found.materials, found.sizes - 2),
+        objects=_labels(found.objects, found.sizes - 2),
+        polygons=np.repeat(np.arange(len(found.sizes)), found.sizes - 2),
     )
     if found.tangents is None or shape_only:
         return mesh
@@ -326,15 +319,32 @@ def _of_polygons(found: Polygons, shape_only: bool, world_from_object: NDArray[n
     return replace(mesh, given_tangents=np.where(np.isnan(given), mesh.tangents, given))
 
 
-def _labels(
-    runs: Sequence[tuple[str, int]] | None, is_face: NDArray[np.bool_], polygons: NDArray[np.int64]
-) -> Labels | None:
-    """Labels of triangles from names with the number of polygons of each, and (T,) the polygon of each triangle."""
-    if runs is None:
-        return None
-    run = np.repeat(np.arange(len(runs)), [count for _, count in runs])[is_face][polygons]
-    counts = np.bincount(run, minlength=len(runs))
-    return labels_of_runs((name, int(count)) for (name, _), count in zip(runs, counts, strict=True))
+def _faces_of(found: Polygons) -> Polygons:
+    """The polygons of three corners and more."""
+    is_face = found.sizes > 2
+    if is_face.all():
+        return found
+    of_corners, of_faces = np.repeat(is_face, found.sizes), ("sizes", "smoothing")
+    kept: dict[str, Any] = {}
+    for name in ("corners", "uvs", "normals", "tangents", *of_faces):
+        values = getattr(found, name)
+        kept[name] = None if values is None else values[is_face if name in of_faces else of_corners]
+    for name in ("materials", "objects"):
+        runs = getattr(found, name)
+        kept[name] = None if runs is None else _counted(runs, is_face)
+    return replace(found, **kept)
+
+
+def _counted(runs: Sequence[tuple[str, int]], numbers: NDArray[Any]) -> list[tuple[str, int]]:
+    """Runs of polygons as sums of a number of each, (F,)."""
+    ends = np.cumsum([count for _, count in runs])
+    summed = np.concatenate([[0], np.cumsum(numbers)])[np.concatenate([[0], ends])]
+    return [(name, int(count)) for (name, _), count in zip(runs, np.diff(summed), strict=True)]
+
+
+def _labels(runs: Sequence[tuple[str, int]] | None, triangles: NDArray[np.int64]) -> Labels | None:
+    """Labels of triangles from names with the number of polygons of each. triangles: (F,) how many each polygon has."""
+    return None if runs is None else labels_of_runs(_counted(runs, triangles))
 
 
 def _read_glb(path: Path, shape_only: bool) -> Mesh:
@@ -378,7 +388,21 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
         else None,
         list(zip([part.name for part in placed], counts, strict=True)),
     )
+    if found.tangents is not None and found.uvs is not None and _are_mirrored(found.tangents, found.uvs):
+        log.warning(
+            "mesh file %s: the handedness of most of its tangents contradicts its UVs; the texture fits these tangents "
+            "and not those that programs such as Blender compute",
+            path,
+        )
     return _of_polygons(found, shape_only, frame)
+
+
+def _are_mirrored(tangents: NDArray[np.float64], uvs: NDArray[np.float64]) -> bool:
+    """Whether the signs of most tangents of triangles, one for each corner, contradict the UVs'."""
+    a, b, c = np.moveaxis(uvs.reshape(-1, 3, 2), 1, 0)
+    (u1, v1), (u2, v2) = (b - a).T, (c - a).T
+    signs = np.sign(u1 * v2 - v1 * u2) * tangents[::3, 3]
+    return bool(np.count_nonzero(signs < 0) > np.count_nonzero(signs > 0))
 
 
 def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -419,19 +443,15 @@ def _no_uvs(count: int) -> NDArray[np.float32]:
     return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
 
 
-def _shaded(
-    normals: NDArray[np.float64],
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    polygons: NDArray[np.int64],
-    smoothing: NDArray[np.int64],
-) -> NDArray[np.float32]:
-    """(T, 3, 3) unit normals: those of the file or, where it has none (NaN) or a zero one, by (T,) smoothing groups."""
+def _shaded(found: Polygons) -> NDArray[np.float32]:
+    """(C, 3) unit normals: those of the file or, where it has none or a zero one, by its smoothing groups."""
+    normals = np.full((len(found.corners), 3), np.nan) if found.normals is None else found.normals
     given = np.linalg.norm(normals, axis=-1, keepdims=True) > SHORTEST
     if not given.all():
-        smooth = smoothing[:, None] * len(vertices) + triangles
-        shared = np.where(smoothing[:, None] > 0, smooth, -1 - polygons[:, None])
-        normals = np.where(given, normals, shared_normals(vertices[triangles], shared, polygons))
+        polygon = np.repeat(np.arange(len(found.sizes)), found.sizes)
+        group = 0 * polygon if found.smoothing is None else found.smoothing[polygon]
+        shared = np.where(group > 0, group * len(found.vertices) + found.corners, -1 - polygon)
+        normals = np.where(given, normals, shared_normals(found.vertices[found.corners], shared, found.sizes))
     return normalised(normals).astype(np.float32)
 
 
@@ -442,28 +462,32 @@ def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
 
 
 def shared_normals(
-    corners: NDArray[np.float64], shared: NDArray[np.integer[Any]], polygons: NDArray[np.int64] | None = None
+    corners: NDArray[np.float64], shared: NDArray[np.integer[Any]], sizes: NDArray[np.int64] | None = None
 ) -> NDArray[np.float64]:
-    """(T, 3, 3) normals like Blender's: the mean of the polygons' normals, weighted by the corners' angles.
+    """(..., 3) normals like Blender's: the mean of the polygons' normals, weighted by the corners' angles.
 
     Parameters
     ----------
-    corners : (T, 3, 3) array
-        The triangles' corners.
-    shared : (T, 3) array of int
+    corners : (..., 3) array
+        The corners of polygons, one after the other.
+    shared : (...) array of int
         Corners of the same number share one normal: those at one vertex for smooth shading, of one polygon for flat.
-    polygons : (T,) array of int, optional
-        The polygon of each triangle, those of one polygon in a row; by default all are triangles.
+    sizes : (F,) array of int, optional
+        Number of corners of each polygon; by default all are triangles.
     """
-    polygons = np.arange(len(corners)) if polygons is None else polygons
-    starts, number = np.unique(polygons, return_index=True, return_inverse=True)[1:]
-    faces = normalised(np.add.reduceat(triangle_normals(corners), starts))[number]
-    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    places, number = corners.reshape(-1, 3), np.unique(shared, return_inverse=True)[1].reshape(-1)
+    sizes = np.full(len(places) // 3, 3) if sizes is None else sizes
+    ends = np.cumsum(sizes)
+    starts = ends - sizes
+    next_one, last_one = np.arange(len(places)) + 1, np.arange(len(places)) - 1
+    next_one[ends - 1], last_one[starts] = starts, ends - 1
+    around = places - np.repeat(places[starts], sizes, axis=0)
+    faces = normalised(np.add.reduceat(np.cross(around, around[next_one]), starts))
+    ahead, behind = places[next_one] - places, places[last_one] - places
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=-1), dot(ahead, behind))
-    weighted = (faces[:, None] * angles[..., None]).reshape(-1, 3)
-    place = np.unique(shared, return_inverse=True)[1].reshape(-1)
-    summed = np.stack([np.bincount(place, weighted[:, axis]) for axis in range(3)], axis=-1)
-    normals: NDArray[np.float64] = normalised(summed)[place].reshape(corners.shape)
+    weighted = np.repeat(faces, sizes, axis=0) * angles[:, None]
+    summed = np.stack([np.bincount(number, weighted[:, axis]) for axis in range(3)], axis=-1)
+    normals: NDArray[np.float64] = normalised(summed)[number].reshape(corners.shape)
     return normals
 
 

@@ -638,12 +638,14 @@ def tangents_of(values: list[list[float]]) -> Callable[[dict[str, Any], bytes], 
 def test_tangents_of_a_glb_are_used(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Those of the other square, and wrong ones, are MikkTSpace's."""
     plain = read_mesh(glb(tmp_path / "plain.glb", normals=True))
-    turned, right = [0.6, 0.8, 0, -1], [0.6, 0.8, 0, -1]
+    turned = right = [0.6, 0.8, 0, 1]
     mesh = read_mesh(edited(glb(tmp_path / "a.glb", normals=True), tangents_of([turned] * 4)))
     assert mesh.tangents[:2] == pytest.approx(np.broadcast_to(turned, (2, 3, 4)))
     assert mesh.tangents[2:] == pytest.approx(plain.tangents[2:])
     assert not caplog.records
-    for wrong in ([1.2, 1.6, 0, -1], [0.6, 0.8, 0, 0], [0, 0, 0, 1], [NAN, 0, 0, 1]):
+    mirrored = read_mesh(edited(glb(tmp_path / "m.glb", normals=True), tangents_of([[0.6, 0.8, 0, -1]] * 4)))
+    assert "handedness of most of its tangents" in caplog.text and (mirrored.tangents[:2, :, 3] == -1).all()
+    for wrong in ([1.2, 1.6, 0, 1], [0.6, 0.8, 0, 0], [0, 0, 0, 1], [NAN, 0, 0, 1]):
         caplog.clear()
         mesh = read_mesh(edited(glb(tmp_path / "b.glb", normals=True), tangents_of([right, wrong, right, right])))
         assert "1 of its 4 tangents" in caplog.text
