@@ -92,7 +92,7 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
         return
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
-        "(median): %s [view-apart]",
+        "(median): %s [misfit-view]",
         name,
         f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
         found.degrees,
