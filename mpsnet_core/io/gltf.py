@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 # Components per element, and NumPy's types.
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+# Components of attributes of vertices, and of instances.
+_WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4, "TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 # Modes of a primitive; lower ones are points and lines.
 TRIANGLES, STRIP, FAN = 4, 5, 6
 INSTANCES = "EXT_mesh_gpu_instancing"
@@ -179,7 +181,7 @@ class _Document:
         attributes = node.get("extensions", {}).get(INSTANCES, {}).get("attributes")
         if not attributes:
             return [np.eye(4)]
-        given = {name.lower(): self.values(number) for name, number in attributes.items() if not name.startswith("_")}
+        given = {name.lower(): self.values(attributes[name], _WIDTHS[name]) for name in attributes if name in _WIDTHS}
         (count,) = {len(values) for values in given.values()}
         if count > MAX_PARTS:
             raise FormatError(f"it has {count} instances of a mesh, more than {MAX_PARTS}; reduce it first")
@@ -195,9 +197,9 @@ class _Document:
                 self.morphed(one, name, weights) for name in ("POSITION", "NORMAL", "TANGENT")
             )
             assert vertices is not None
-            uvs = self.values(attributes["TEXCOORD_0"]) if "TEXCOORD_0" in attributes else None
+            uvs = self.values(attributes["TEXCOORD_0"], 2) if "TEXCOORD_0" in attributes else None
             indices = one.get("indices")
-            order = np.arange(len(vertices)) if indices is None else self.values(indices).astype(np.int64).ravel()
+            order = np.arange(len(vertices)) if indices is None else self.values(indices, 1).astype(np.int64).ravel()
             for what in (normals, tangents, uvs):
                 if what is not None and len(what) != len(vertices):
                     raise ValueError("attributes of different counts")
@@ -219,10 +221,10 @@ class _Document:
         """An attribute plus the weighted offsets of its morph targets, None if there is no such attribute."""
         if name not in primitive["attributes"]:
             return None
-        values = self.values(primitive["attributes"][name])
+        values = self.values(primitive["attributes"][name], _WIDTHS[name])
         for weight, target in zip(weights, primitive.get("targets", ()), strict=False):
             if weight and name in target:
-                values[:, :3] += weight * self.values(target[name])
+                values[:, :3] += weight * self.values(target[name], 3)
         return values
 
     def checked(self, tangents: Floats) -> Floats:
@@ -238,9 +240,11 @@ class _Document:
             )
         return np.where(right[:, None], tangents, np.nan)
 
-    def values(self, number: int) -> Floats:
-        """(N, K) the values of an accessor; of normalised integers, the numbers that they stand for."""
+    def values(self, number: int, components: int) -> Floats:
+        """(N, K) the values of an accessor of K components; of normalised integers, the numbers that they stand for."""
         accessor = self.json["accessors"][number]
+        if _NUMBERS[accessor["type"]] != components:
+            raise ValueError(f"a {accessor['type']} for {components} components")
         count, width, kind = accessor["count"], _NUMBERS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
         self.unpacked += 8 * abs(count) * width
         if not self.unpacked <= self.limit:
@@ -284,7 +288,7 @@ class _Document:
         """
         joints = np.array([places.get(joint, np.eye(4)) for joint in skin["joints"]])
         if "inverseBindMatrices" in skin:  # which are stored column by column
-            bound = self.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+            bound = self.values(skin["inverseBindMatrices"], 16).reshape(-1, 4, 4).transpose(0, 2, 1)
             joints = joints @ bound[: len(joints)]
         first: Floats = joints[0].copy()
         first[3] = (0, 0, 0, 1)

@@ -111,7 +111,7 @@ def _uvs(
 ) -> NDArray[np.float64] | None:
     """(C, 2) UVs of the corners: those of the faces, else of the vertices, else none."""
     values, lengths = face.list(_FACE_UVS)
-    if lengths.any():
+    if lengths.any() and len(lengths) + strips == len(sizes):
         lengths = np.concatenate([lengths, np.zeros(strips, np.int64)])
         has_them = lengths == 2 * sizes
         uvs = np.full((len(corners), 2), np.nan)

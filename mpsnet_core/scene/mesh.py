@@ -102,7 +102,8 @@ class Mesh:
         kinds = {"triangles": np.int32, "polygons": np.int32, "vertices": np.float64, "world_from_object": np.float64}
         for name, shape in shapes.items():
             try:
-                value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
+                with np.errstate(over="ignore"):  # what is too large is not finite
+                    value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
             except (TypeError, ValueError, OverflowError):
                 raise GeometryError(f"the mesh's {name} are not numbers; export it again") from None
             if value.shape != shape:
@@ -359,7 +360,8 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
             "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again",
             path,
         )
-    placed = [_placed(part, pose) for part, pose in zip(parts, poses, strict=True)]
+    with np.errstate(all="ignore"):  # what is not finite is refused later
+        placed = [_placed(part, pose) for part, pose in zip(parts, poses, strict=True)]
     starts = np.cumsum([0] + [len(part.vertices) for part in placed[:-1]])
     corners = np.concatenate([part.triangles.ravel() + start for part, start in zip(placed, starts, strict=True)])
     counts = [len(part.triangles) for part in placed]
@@ -446,7 +448,9 @@ def _no_uvs(count: int) -> NDArray[np.float32]:
 def _shaded(found: Polygons) -> NDArray[np.float32]:
     """(C, 3) unit normals: those of the file or, where it has none or a zero one, by its smoothing groups."""
     normals = np.full((len(found.corners), 3), np.nan) if found.normals is None else found.normals
-    given = np.linalg.norm(normals, axis=-1, keepdims=True) > SHORTEST
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    given = (length > SHORTEST) & (length < np.inf)
     if not given.all():
         polygon = np.repeat(np.arange(len(found.sizes)), found.sizes)
         group = 0 * polygon if found.smoothing is None else found.smoothing[polygon]
