@@ -18,6 +18,7 @@ from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
+from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, warn_of_doubts, with_white
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.reading import AS_STATED, Reading
@@ -297,6 +298,8 @@ class KeptViews(Sequence[View]):
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as estimated, the same view levelled (unchanged without levelling), and the mean angle in degrees."""
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
+        if known is None:
+            warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
         estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
         return estimated, levelled, angle
