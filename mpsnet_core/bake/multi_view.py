@@ -16,6 +16,7 @@ from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
+from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
@@ -233,6 +234,8 @@ class KeptViews(Sequence[View]):
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as estimated, the same view levelled (unchanged without levelling), and the mean angle in degrees."""
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
+        if known is None:
+            warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
         estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
         return estimated, levelled, angle

@@ -16,6 +16,7 @@ from mpsnet_core.capture.capture import Capture, checked_white, depth_within, do
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, straightened
 from mpsnet_core.capture.masks import Notes, mask_of
+from mpsnet_core.capture.rig_check import warn_of_wrong_rig
 from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, other_than, warn_of_curve
 from mpsnet_core.defaults import MASK
@@ -138,9 +139,12 @@ class PhotoSet:
             capture = Capture(image.pixels, shot.mask, source.rig, shot.camera, image.clip, depth, image.clipped)
         if source.white:
             capture = self._with_white(capture, source, image)
+        which = "" if self._alone else f"{source}: "
         for level, kind, words in doubts(capture):
             if self._first(kind):
-                log.log(level, "%s%s", "" if self._alone else f"{source}: ", words)
+                log.log(level, "%s%s", which, words)
+        if self._first("rig"):
+            warn_of_wrong_rig(capture.image, capture.mask, capture.rig, which)
         return capture
 
     def masked(self, source: Source) -> Shot:
