@@ -154,8 +154,8 @@ def bake_texture_sets(
                 "mesh's normals. Check these, or bake in object space"
             )
         raise GeometryError(
-            "no view sees any of the mesh; check that the cameras and the mesh share one world, and that its normals "
-            "point outwards"
+            "no view sees any of the mesh; check that the cameras and the mesh share one world (axes and unit: --up, "
+            "--unit), and that its normals point outwards"
         )
     for texture_set in waiting:
         texture = bake.texture(texture_set, part(progress, 1.0, 1.0))
