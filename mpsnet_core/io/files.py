@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.operation import running
 from mpsnet_core.uninterrupted import uninterrupted
 
 # Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
@@ -120,6 +121,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         with write_transaction():
             assert _transaction.changes is not None
             _transaction.changes.append((path, unfinished))
+        if (task := running.get()) is not None:
+            task.written.add(os.path.abspath(path))  # noqa: PTH100 - as in check_own
     except BaseException:
         _remove(unfinished)
         raise
@@ -140,7 +143,11 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
-    """Remove a file if it exists; in a block of :func:`write_transaction`, at the block's end."""
+    """Remove a file if it exists; in a block of :func:`write_transaction`, at the block's end.
+
+    Raises FileError if it is not the running operation's to remove.
+    """
+    check_own(path)
     with write_transaction():
         assert _transaction.changes is not None
         _transaction.changes.append((Path(path), None))
@@ -239,18 +246,43 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if not is_utf8(path):
         raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
+    check_own(path)
     file = _behind_link(path)
+    if file.exists() and not file.is_file():
+        raise FileError(f"cannot write {path}: it is {_kind_of(file)}; give a file name")
     if not file.parent.is_dir():
         raise FileError(f"cannot write {path}: the folder {file.parent} does not exist; create it first")
     if len(os.fsencode(unfinished_path(file).name)) > MAX_NAME_BYTES:
         raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
-    if file.exists() and not file.is_file():
-        raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
     if not _can_be_created(file):
         raise FileError(f"cannot write {path}: the folder {file.parent} cannot be written to; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
     return path
+
+
+def check_own(path: str | os.PathLike[str]) -> None:
+    """Raise FileError if the running operation may not write a file, or remove it.
+
+    It may write what its user named. A name that it derives may neither be a link nor lie behind one, as folders from
+    other people may hold links to any file of the user's. If such a file exists, this program must have made it, or
+    its user must want it overwritten.
+    """
+    task, file = running.get(), Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are
+    if task is None or str(file) in task.named:
+        return
+    for place in (file, *file.parents):
+        if str(place) in task.places or place == Path(tempfile.gettempdir()):
+            break
+        check_no_link(place)
+    if file.is_file() and not (task.operation.overwrite or str(file) in task.written):
+        from mpsnet_core.io.provenance import is_ours  # needs OpenImageIO, which Blender's own process lacks
+
+        if not is_ours(file):
+            raise FileError(
+                f"the result would overwrite {path}, which this program did not make; move it, choose another "
+                "output, or give --overwrite"
+            )
 
 
 def check_no_link(path: Path) -> None:
@@ -260,6 +292,11 @@ def check_no_link(path: Path) -> None:
         raise FileError(
             f"{path} is a link to {path.readlink()}, and files are not written through links; remove the link"
         )
+
+
+def _kind_of(path: Path) -> str:
+    """What exists at a path that is not a file, in words."""
+    return "a folder" if path.is_dir() else "a pipe, a socket or a device"
 
 
 def _behind_link(path: Path) -> Path:
@@ -464,10 +501,10 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a Path. Raises FileError if it is missing or cannot be opened. what: the file's name in messages."""
     path = Path(path)
     try:
-        if path.is_dir():
-            raise FileError(f"{what} {path} is a folder, not a file; name a file in it")
-        if not path.is_file():
+        if not path.exists():
             raise FileError(f"{what} {path} does not exist; check the path")
+        if not path.is_file():  # opening a pipe would wait for ever, and a device has no end
+            raise FileError(f"{what} {path} is {_kind_of(path)}, not a file; name a file")
         path.open("rb").close()
     except OSError as error:
         raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None

@@ -11,7 +11,7 @@ from typing import IO, Any, TypeVar
 import OpenImageIO as oiio
 
 from mpsnet_core.errors import FileError, FormatError
-from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.files import existing_file, is_file
 from mpsnet_core.io.image import MAX_PIXELS
 
 _Kind = TypeVar("_Kind")
@@ -50,11 +50,14 @@ def image_input(path: str | os.PathLike[str]) -> Any:
 def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[Any, str]:
     """The reader, as :func:`image_input`, or None and OpenImageIO's reason, "" if it has none.
 
-    Files of OpenImageIO's other formats are not opened. Its error is cleared, or the next file would report it again.
+    Files of OpenImageIO's other formats are not opened, nor are pipes and devices. Its error is cleared, or the next
+    file would report it again.
 
     Raises FileError if the file's name is not valid UTF-8, FormatError if a JPEG claims more than the pixel limit: a
     progressive one is decoded on opening.
     """
+    if not is_file(path):
+        return None, ""
     try:
         with Path(path).open("rb") as file:
             if not file.read(8).startswith(_SIGNATURES):

@@ -11,11 +11,13 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.files import atomic_write, checked_bits, temporary_folder
+from mpsnet_core.errors import FileError, InputError, SettingsError
+from mpsnet_core.io.files import atomic_write, checked_bits, existing_file, temporary_folder
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 
+# Who made a file, as images state it.
+SOFTWARE = "mpsnet"
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
 
@@ -123,6 +125,7 @@ def _write(
     premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
     spec = _output_spec(path, shape, bits)
     spec.attribute("oiio:ColorSpace", color_space)
+    spec.attribute("Software", SOFTWARE)
     if description is not None:
         spec.attribute("ImageDescription", description)
     with place as file:
@@ -174,7 +177,7 @@ def is_complete_image(path: str | os.PathLike[str]) -> bool:
     """
     path = Path(path)
     if path.suffix.lower() == ".png":
-        with suppress(OSError), path.open("rb") as file:
+        with suppress(OSError, InputError), existing_file(path, "image").open("rb") as file:
             file.seek(-8, os.SEEK_END)
             return file.read(4) == b"IEND"
         return False

@@ -1,13 +1,15 @@
 """Provenance: hashes of a result's inputs, which let a resumed run skip results that are up to date."""
 
 import hashlib
+import json
 import os
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from mpsnet_core import __version__
-from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.files import MAX_TEXT_BYTES, existing_file
 from mpsnet_core.operation import Operation, Provenance, settings
 
 
@@ -30,6 +32,27 @@ def is_result(picture: Path, what: str) -> bool:
     from mpsnet_core.io.image_reading import image_description
 
     return image_description(picture).startswith(f"{what} by mpsnet ")
+
+
+def is_ours(file: Path) -> bool:
+    """Whether this program made a file: an image or a JSON file that says so. Files of other kinds do not tell."""
+    from mpsnet_core.io.image_input import image_attribute, image_input
+    from mpsnet_core.io.image_writing import SOFTWARE
+
+    if file.suffix.lower() == ".json":
+        try:
+            data = json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= MAX_TEXT_BYTES else None
+        except (OSError, ValueError, RecursionError):
+            data = None
+        return isinstance(data, dict) and str(data.get("format", "")).startswith(f"{SOFTWARE}-")
+    source = image_input(file)
+    if source is None:
+        return False
+    with closing(source):
+        spec = source.spec()
+        description = image_attribute(spec, "ImageDescription", str) or ""
+        made = image_attribute(spec, "Software", str) == SOFTWARE or f" by {SOFTWARE} " in description
+        return made or any(one.name.startswith(f"{SOFTWARE}:") for one in spec.extra_attribs)
 
 
 def identity(given: str | os.PathLike[str]) -> str:
