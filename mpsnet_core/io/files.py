@@ -261,24 +261,27 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def check_own(path: str | os.PathLike[str]) -> None:
-    """Raise FileError if the running operation may not write a file, or remove it.
+def check_own(path: str | os.PathLike[str], *, derived: bool = False, json_format: str = "") -> None:
+    """Raise FileError if a file may not be written or removed, because this program derived its name.
 
-    It may write what its user named. A name that it derives may neither be a link nor lie behind one, as folders from
-    other people may hold links to any file of the user's. If such a file exists, this program must have made it, or
-    its user must want it overwritten.
+    A derived name may neither be a link nor lie behind one, as folders from other people may hold links to any file of
+    the user's. If such a file exists, this program must have made it, or its user must want it overwritten. Within a
+    running operation, all names are derived that its options do not state.
+
+    derived: whether it is derived even where no operation runs. json_format: the "format" of a JSON file; by default any
+    of this program's.
     """
     task, file = running.get(), Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are
-    if task is None or str(file) in task.named:
+    if str(file) in task.named if task else not derived:
         return
     for place in (file, *file.parents):
-        if str(place) in task.places or place == Path(tempfile.gettempdir()):
+        if str(place) in (task.places if task else [str(file.parent)]) or place == Path(tempfile.gettempdir()):
             break
         check_no_link(place)
-    if file.is_file() and not (task.operation.overwrite or str(file) in task.written):
+    if file.is_file() and not (task and (task.operation.overwrite or str(file) in task.written)):
         from mpsnet_core.io.provenance import is_ours  # needs OpenImageIO, which Blender's own process lacks
 
-        if not is_ours(file):
+        if not is_ours(file, json_format):
             raise FileError(
                 f"the result would overwrite {path}, which this program did not make; move it, choose another "
                 "output, or give --overwrite"
@@ -547,5 +550,6 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
 
 def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
     """Write `data` atomically as indented JSON."""
+    check_own(path, json_format=str(data.get("format", "")))
     with atomic_write(path) as unfinished:
         unfinished.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

@@ -142,7 +142,22 @@ def pending_error(source: Any, lines: int | None = None) -> str:
         return "a text in it is not UTF-8"
 
 
+def channel_names(spec: Any, path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """The names of a file's channels. Raises FormatError if they are not UTF-8."""
+    try:
+        names: tuple[str, ...] = spec.channelnames
+        "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
+    except UnicodeError:
+        raise FormatError(
+            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
+        ) from None
+    return names
+
+
 def image_attribute(spec: Any, name: str, kind: type[_Kind]) -> _Kind | None:
-    """An attribute of a file, None if it is missing or of another type."""
-    value = spec.getattribute(name)
+    """An attribute of a file, None if it is missing, of another type, or a text that is not UTF-8."""
+    try:
+        value = spec.getattribute(name)
+    except UnicodeDecodeError:
+        return None
     return value if isinstance(value, kind) else None

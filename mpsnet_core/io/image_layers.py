@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image import MAX_PIXELS
-from mpsnet_core.io.image_input import image_attribute, open_image, pending_error, silence_libraries
+from mpsnet_core.io.image_input import channel_names, image_attribute, open_image, pending_error, silence_libraries
 
 T = TypeVar("T", bound=np.generic)
 
@@ -94,7 +94,7 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
                 f"{MAX_TILE // 10**6} megapixels)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
-        names = _channel_names(spec, path)
+        names = channel_names(spec, path)
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
             # Blender 5 writes a part per pass, and repeats its name in the channels only if the pass has a layer.
@@ -105,17 +105,6 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
         subimage += 1
     pending_error(source)  # clears that of seeking past the last part
     return layers
-
-
-def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:
-    try:
-        names: tuple[str, ...] = spec.channelnames
-        "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
-    except UnicodeError:
-        raise FormatError(
-            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
-        ) from None
-    return names
 
 
 def has_colours(names: Iterable[str]) -> bool:

@@ -72,11 +72,16 @@ class Trained:
 @dataclass(frozen=True)
 class TrainingPaths:
     """Files of a run. checkpoint: written regularly and at the end, None for nowhere. resume: a checkpoint to resume
-    from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard."""
+    from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard. cache: folder for the packed
+    samples, None for a temporary one. overwrite: whether the checkpoint may replace that of another run. skip_damaged:
+    whether damaged samples are left out."""
 
     checkpoint: Path | None = None
     resume: Path | None = None
     logs: Path | None = None
+    cache: Path | None = None
+    overwrite: bool = False
+    skip_damaged: bool = False
 
 
 def train(
@@ -130,7 +135,7 @@ def train(
         raise SettingsError("an anneal runs to its end; leave out --stop-after and --minutes, or --anneal")
     with _processes() as processes:
         _check_paths(paths, anneal)
-        run = _Run(recipe, samples, validation, processes, precision, progress)
+        run = _Run(recipe, samples, validation, paths, processes, precision, progress)
         run.begin(paths.resume)
         if 0 < stop_after <= run.step:
             raise SettingsError(
@@ -208,10 +213,12 @@ def _check_paths(paths: TrainingPaths, anneal: int) -> None:
         existing_file(resume, "model" if resume.suffix.lower() == ".onnx" else "checkpoint")
     if anneal and resume is None:
         raise SettingsError("there is nothing to anneal; name a checkpoint to resume from")
-    if anneal or checkpoint is None or not checkpoint.exists():
+    if anneal or checkpoint is None or not checkpoint.exists() or paths.overwrite:
         return
     if resume is None or not resume.exists() or not checkpoint.samefile(resume):
-        raise FileError(f"{checkpoint} is from an earlier run; continue it with --resume, or remove it to start again")
+        raise FileError(
+            f"{checkpoint} is from an earlier run; continue it with --resume, or start again with --overwrite"
+        )
 
 
 def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
@@ -249,6 +256,7 @@ class _Run:
         recipe: TrainingRecipe,
         samples: list[Path],
         validation: list[Path],
+        paths: TrainingPaths,
         processes: "_Processes",
         precision: Precision,
         progress: Progress,
@@ -265,11 +273,12 @@ class _Run:
         simulator = partial(
             PhotoSimulator.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
         )
-        packed = PackedSamples(samples, progress)
+        read = partial(PackedSamples, progress=progress, cache=paths.cache, skip_damaged=paths.skip_damaged)
+        packed = read(samples)
         self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
         self.held_out: PhotoSimulator | None = None
         if validation:
-            held_out = PackedSamples(validation, progress)
+            held_out = read(validation)
             self.held_out = simulator(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _resolved_precision(precision, device)
