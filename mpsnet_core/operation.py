@@ -20,8 +20,8 @@ from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args,
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, silent
 
-# What the provenance of a result records of an option: its value, a hash of the file that it names, the names, sizes
-# and times of the files that it names, or nothing. It applies to each value of an option that takes several.
+# What the provenance of a result records of an option: its value, a hash of the file that it names, the names and
+# hashes of the files that it names, or nothing. It applies to each value of an option that takes several.
 Provenance = Literal["value", "content", "files", "none"]
 # What Blender's file browser offers to select for the option; "" if it is not a path.
 PathKind = Literal["", "file", "folder"]

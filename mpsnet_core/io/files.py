@@ -268,8 +268,8 @@ def check_own(path: str | os.PathLike[str], *, derived: bool = False, json_forma
     the user's. If such a file exists, this program must have made it, or its user must want it overwritten. Within a
     running operation, all names are derived that its options do not state.
 
-    derived: whether it is derived even where no operation runs. json_format: the "format" of a JSON file; by default any
-    of this program's.
+    derived: whether it is derived even where no operation runs. json_format: the "format" of a JSON file; by default
+    any of this program's.
     """
     task, file = running.get(), Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are
     if str(file) in task.named if task else not derived:

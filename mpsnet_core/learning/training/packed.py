@@ -98,9 +98,11 @@ class PackedSamples:
             numbers = sorted(samples_there(folder))
             for place, number in enumerate(numbers):
                 path = sample_path(folder, number)
-                progress(place / len(numbers), f"packing sample {place + 1} of {len(numbers)}")
                 try:
-                    packed = self._pack(path)
+                    packed = self._packed_path(path)
+                    if not packed.is_file() or packed.is_symlink():
+                        progress(place / len(numbers), f"packing sample {place + 1} of {len(numbers)}")
+                        _pack(path, packed)
                 except (FormatError, NoObject) as error:
                     if isinstance(error, FormatError) and not skip_damaged:
                         raise FormatError(f"{error}, or leave such samples out with --skip-damaged") from None
@@ -126,22 +128,27 @@ class PackedSamples:
         except (EOFError, LookupError, MemoryError, OSError, SyntaxError, TypeError, ValueError):
             raise FormatError(f"{packed} is damaged; delete it, and the sample is packed again") from None
 
-    def _pack(self, path: Path) -> Path:
-        """The packed file of a sample, written if it is missing. Raises as :func:`_record`."""
+    def _packed_path(self, path: Path) -> Path:
+        """The packed file of a sample: of its path and version. Raises FileError if the sample cannot be opened."""
         sample = existing_file(path, "sample").stat()
-        name = f"{path.stem}-{zlib.crc32(os.fsencode(resolved(path))):08x}"
         # A sample that was made again, or replaced by one of the same size and time, is another version.
-        version = zlib.crc32(f"{sample.st_size} {sample.st_mtime_ns} {sample.st_ctime_ns}".encode())
-        packed = self._cache / f"{name}-{version:08x}.npy"
-        if packed.is_file() and not packed.is_symlink():
-            return packed
-        record = _record(path)
-        for outdated in self._cache.glob(f"{name}-*.npy"):
-            if outdated != packed:  # which another process may just have written
-                outdated.unlink(missing_ok=True)
+        version = f"{sample.st_size} {sample.st_mtime_ns} {sample.st_ctime_ns}".encode()
+        place, number = zlib.crc32(os.fsencode(resolved(path))), zlib.crc32(version)
+        return self._cache / f"{path.stem}-{place:08x}-{number:08x}.npy"
+
+
+def _pack(path: Path, packed: Path) -> None:
+    """Pack a sample, and remove its outdated versions. Raises as :func:`_record`."""
+    record = _record(path)
+    try:
         with atomic_write(packed) as unfinished, unfinished.open("wb") as file:
             np.save(file, record, allow_pickle=False)
-        return packed
+    except FileError:
+        if not packed.is_file() or packed.is_symlink():  # else another process has just written it
+            raise
+    for other in packed.parent.glob(f"{packed.stem.rpartition('-')[0]}-*.npy"):
+        if other != packed:
+            other.unlink(missing_ok=True)
 
 
 def _record(path: Path) -> NDArray[np.void]:
