@@ -72,10 +72,25 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
 
     description: a line of text to store in the file. Raises as :func:`write_image` does.
     """
+    height, width, channels = pixels.shape
+    write_picture_bands(path, (height, width, channels), lambda rows: pixels[rows], description=description)
+
+
+def write_picture_bands(
+    path: str | os.PathLike[str],
+    shape: tuple[int, int, int],
+    band: Callable[[slice], NDArray[Any]],
+    *,
+    description: str | None = None,
+) -> None:
+    """Write an image as :func:`write_picture` does, computed band by band as in :func:`write_bands`."""
     if Path(path).suffix.lower() == ".exr":
-        write_image(path, srgb_to_linear(pixels), color_space="lin_rec709_scene", description=description)
+        linear = "lin_rec709_scene"
+        write_bands(
+            path, shape, lambda rows: srgb_to_linear(band(rows)), color_space=linear, description=description
+        )
     else:
-        write_image(path, pixels, bits=8, color_space="sRGB", description=description)
+        write_bands(path, shape, band, bits=8, color_space="sRGB", description=description)
 
 
 def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:

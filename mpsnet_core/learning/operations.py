@@ -85,7 +85,7 @@ class Train(Operation):
         help="finish the training that --resume names: lower its learning rate to zero over this many steps; the "
         "checkpoint is kept",
     )
-    threads: int = option(default=0, low=0, help="CPU threads, 0 for all cores")
+    threads: int = option(default=0, low=0, high=1024, help="CPU threads, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
         default="auto",
         choices={"auto": "bfloat16 where the CPU or GPU supports it", "float32": "", "bfloat16": ""},
