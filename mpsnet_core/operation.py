@@ -5,6 +5,7 @@ API. The command line (:mod:`mpsnet_core.cli.operations`) and the add-on's setti
 (``blender_addon/settings/declared.py``) are generated from it.
 """
 
+import contextlib
 import dataclasses
 import functools
 import inspect
@@ -228,10 +229,13 @@ class Running:
         The operation.
     written
         The absolute paths of the files that it wrote so far.
+    folders
+        The folders that it made. If it fails, those that are still empty are removed.
     """
 
     operation: Operation
     written: set[str] = field(default_factory=set)
+    folders: list[str] = field(default_factory=list)
 
     @functools.cached_property
     def named(self) -> frozenset[str]:
@@ -251,9 +255,15 @@ running: ContextVar[Running | None] = ContextVar("running", default=None)
 def _as_running(run: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(run)
     def wrapped(self: Operation, *arguments: Any, **named: Any) -> Any:
-        token = running.set(Running(self))
+        task = Running(self)
+        token = running.set(task)
         try:
             return run(self, *arguments, **named)
+        except BaseException:
+            for folder in reversed(task.folders):
+                with contextlib.suppress(OSError):  # it is not empty
+                    os.rmdir(folder)  # noqa: PTH106
+            raise
         finally:
             running.reset(token)
 

@@ -428,8 +428,12 @@ def creatable_folder(path: str | os.PathLike[str], what: str) -> Path:
 def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a folder for `what`, created if it is missing. Raises FileError if that fails."""
     path = creatable_folder(path, what)
+    if path.is_dir():
+        return path
     try:
         path.mkdir(exist_ok=True)
+        if (task := running.get()) is not None:
+            task.folders.append(os.path.abspath(path))  # noqa: PTH100
     except OSError as error:
         raise FileError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
     with contextlib.suppress(OSError):

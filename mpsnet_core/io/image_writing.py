@@ -86,9 +86,7 @@ def write_picture_bands(
     """Write an image as :func:`write_picture` does, computed band by band as in :func:`write_bands`."""
     if Path(path).suffix.lower() == ".exr":
         linear = "lin_rec709_scene"
-        write_bands(
-            path, shape, lambda rows: srgb_to_linear(band(rows)), color_space=linear, description=description
-        )
+        write_bands(path, shape, lambda rows: srgb_to_linear(band(rows)), color_space=linear, description=description)
     else:
         write_bands(path, shape, band, bits=8, color_space="sRGB", description=description)
 

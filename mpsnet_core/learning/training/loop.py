@@ -46,6 +46,8 @@ VALIDATIONS = 8  # evenly spaced over the recipe's steps, plus one at the end
 VALIDATION_SEED = 1  # of the held-out samples' photographs
 VALIDATION_CROP = 128
 MUON_MAPS = 32  # Muon is used if both sides of a weight matrix have at least this length
+# What PyTorch raises if a checkpoint's states do not fit.
+_MISFIT = (AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 NORM_EXAMPLES = 64  # photographs to restore batch norms and the layer `lit` from, which exported files lack
 
 
@@ -286,6 +288,7 @@ class _Run:
         self.step, self.seconds = 0, 0.0
         self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
+        self.unproven: Path | None = None  # the resumed checkpoint, until a step was taken
         self.anneal: tuple[int, int] | None = None  # its first step, and number of steps
         self.optimisers = _optimisers(recipe, network, self.precision)
         self.mean_weights = self._weights()
@@ -298,7 +301,17 @@ class _Run:
         return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
 
     def advance(self, model: nn.Module, scales: list[Scale]) -> Loss:
-        """Take one step of the optimisers."""
+        """Take one step of the optimisers. Raises FormatError if their states in the resumed checkpoint do not fit."""
+        try:
+            loss = self._advanced(model, scales)
+        except _MISFIT as error:
+            if self.unproven is None or isinstance(error, InputError):
+                raise
+            raise self._misfit(self.unproven, error) from None
+        self.unproven = None
+        return loss
+
+    def _advanced(self, model: nn.Module, scales: list[Scale]) -> Loss:
         recipe, seed = self.recipe, _hashed_seed(self.recipe.seed, self.step, self.processes.rank)
         self.whole = False
         # Dropout depends on the step alone: a resumed run draws the same.
@@ -421,12 +434,17 @@ class _Run:
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.processes.device) for name, value in found.mean_weights.items()}
+            self.mean()
             for optimiser, state in zip(self.optimisers, found.optimisers, strict=True):
                 optimiser.load_state_dict(state)
-        except (RuntimeError, ValueError, KeyError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise FormatError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
+        except _MISFIT as error:
+            raise self._misfit(path, error) from None
+        self.unproven = path
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
+
+    def _misfit(self, path: Path, error: Exception) -> FormatError:
+        reason = " ".join(str(error).split())[:200]
+        return FormatError(f"checkpoint {path} does not fit the network: {reason}; resume from another")
 
     def fine_tune(self, path: Path) -> None:
         exported = read_exported(path)
