@@ -285,7 +285,7 @@ def _settings(kind: type[Operation]) -> tuple[Setting, ...]:
     hints = get_type_hints(kind)
     found = [
         Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA], _heading(kind, one.name))
-        for one in dataclasses.fields(kind)  # type: ignore[arg-type]  # every subclass is a dataclass
+        for one in dataclasses.fields(kind)
     ]
     common = {one.name for one in dataclasses.fields(Operation)}  # these come last
     return tuple(sorted(found, key=lambda setting: (not setting.option.positional, setting.name in common)))

@@ -27,11 +27,12 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.io.opening import MAX_TEXT_BYTES as MAX_TEXT_BYTES
+from mpsnet_core.io.opening import existing_file as existing_file
+from mpsnet_core.io.opening import is_file as is_file
+from mpsnet_core.io.opening import kind_of
 from mpsnet_core.operation import running
 from mpsnet_core.uninterrupted import uninterrupted
-
-# Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
-MAX_TEXT_BYTES = 1 << 20
 
 # Suffixes of photos; of camera raw, those that LibRaw reads.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
@@ -249,7 +250,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     check_own(path)
     file = _behind_link(path)
     if file.exists() and not file.is_file():
-        raise FileError(f"cannot write {path}: it is {_kind_of(file)}; give a file name")
+        raise FileError(f"cannot write {path}: it is {kind_of(file)}; give a file name")
     if not file.parent.is_dir():
         raise FileError(f"cannot write {path}: the folder {file.parent} does not exist; create it first")
     if len(os.fsencode(unfinished_path(file).name)) > MAX_NAME_BYTES:
@@ -279,7 +280,7 @@ def check_own(path: str | os.PathLike[str], *, derived: bool = False, json_forma
             break
         check_no_link(place)
     if file.is_file() and not (task and (task.operation.overwrite or str(file) in task.written)):
-        from mpsnet_core.io.provenance import is_ours  # needs OpenImageIO, which Blender's own process lacks
+        from mpsnet_core.io.ownership import is_ours  # needs OpenImageIO, which Blender's own process lacks
 
         if not is_ours(file, json_format):
             raise FileError(
@@ -295,11 +296,6 @@ def check_no_link(path: Path) -> None:
         raise FileError(
             f"{path} is a link to {path.readlink()}, and files are not written through links; remove the link"
         )
-
-
-def _kind_of(path: Path) -> str:
-    """What exists at a path that is not a file, in words."""
-    return "a folder" if path.is_dir() else "a pipe, a socket or a device"
 
 
 def _behind_link(path: Path) -> Path:
@@ -494,28 +490,6 @@ def _running(pid: int) -> bool:
     except PermissionError:
         return True
     return True
-
-
-def is_file(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a file; False for invalid paths."""
-    try:
-        return Path(path).is_file()
-    except (OSError, ValueError):  # a name that is too long, or has a null character
-        return False
-
-
-def existing_file(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a Path. Raises FileError if it is missing or cannot be opened. what: the file's name in messages."""
-    path = Path(path)
-    try:
-        if not path.exists():
-            raise FileError(f"{what} {path} does not exist; check the path")
-        if not path.is_file():  # opening a pipe would wait for ever, and a device has no end
-            raise FileError(f"{what} {path} is {_kind_of(path)}, not a file; name a file")
-        path.open("rb").close()
-    except OSError as error:
-        raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
-    return path
 
 
 def check_small(path: Path, what: str) -> None:

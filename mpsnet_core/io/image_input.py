@@ -11,8 +11,8 @@ from typing import IO, Any, TypeVar
 import OpenImageIO as oiio
 
 from mpsnet_core.errors import FileError, FormatError
-from mpsnet_core.io.files import existing_file, is_file
 from mpsnet_core.io.image import MAX_PIXELS
+from mpsnet_core.io.opening import existing_file, is_file
 
 _Kind = TypeVar("_Kind")
 

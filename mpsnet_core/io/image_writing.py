@@ -15,7 +15,7 @@ from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import atomic_write, checked_bits, existing_file, temporary_folder
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
-from mpsnet_core.io.provenance import SOFTWARE
+from mpsnet_core.io.ownership import SOFTWARE
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
