@@ -121,7 +121,7 @@ class LightPreview:
             self.mesh_of = mesh_of
         write_rig(files["rig"], rig)
         write_camera(files["camera"], camera)
-        self.process = CoreProcess(PreviewLights(**files, size=PIXELS), [Path(files["output"])])
+        self.process = CoreProcess(PreviewLights(**files, size=PIXELS, overwrite=False), [Path(files["output"])])
 
     def _show(self, picture: NDArray[np.float32]) -> None:
         """Show (H, 2 W, 4), two images side by side, as icons."""

@@ -253,7 +253,8 @@ class FindMask(ReadsPhotos):
         with write_transaction():
             write_mask(self.output, mask)
             if self.overlay:
-                write_picture_bands(self.overlay, image.pixels.shape, mask_bands(image.pixels, mask))
+                height, width = mask.shape
+                write_picture_bands(self.overlay, (height, width, 3), mask_bands(image.pixels, mask))
         progress(1.0, "done")
         share = float(mask.mean())
         text = f"{self.output}: the object covers {share:.1%} of the photo"

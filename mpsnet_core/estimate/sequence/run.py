@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, nullcontext
-from contextvars import copy_context
+from contextvars import Context, copy_context
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -255,12 +255,16 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
 def _prefetch(items: Generator[T, None, None]) -> Generator[T, None, None]:
     """The items, computed in a thread up to AHEAD in advance. Exceptions are raised when the item's turn comes."""
     end = object()
+
+    def advance(context: Context) -> object:
+        return context.run(lambda: next(items, end))
+
     reader = ThreadPoolExecutor(1, "mpsnet-read")
     pending: deque[Future[object]] = deque()
     try:
         while True:
             while len(pending) <= AHEAD:
-                pending.append(reader.submit(copy_context().run, next, items, end))
+                pending.append(reader.submit(advance, copy_context()))
             item = pending.popleft().result()
             if item is end:
                 return

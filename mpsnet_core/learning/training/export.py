@@ -121,7 +121,7 @@ def onnx_of(network: Network) -> onnx.ModelProto:
         torch.onnx.export(
             answer,
             inputs,
-            content,
+            content,  # type: ignore[arg-type]  # without dynamo, it may be a file in memory
             input_names=list(network.inputs),
             output_names=outputs,
             dynamic_axes=axes,

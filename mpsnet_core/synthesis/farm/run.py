@@ -96,7 +96,8 @@ def make_samples(
     """
     folder = resolved(folder)
     if cluster:
-        from mpsnet_core.synthesis.farm.cluster import check_address, results_from_cluster
+        from mpsnet_core.synthesis.farm.address import check_address
+        from mpsnet_core.synthesis.farm.cluster import results_from_cluster
 
         check_address(cluster, trusted=cluster_trusted)  # before a folder is made
     place_job(folder, job)
