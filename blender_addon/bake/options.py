@@ -12,7 +12,7 @@ class Detail(TypedDict, total=False):
 
 
 class Sampling(TypedDict):
-    size: int
+    size: str
     samples: int
     padding: Literal["nearest", "push-pull", "none"]
     margin: int | None
@@ -23,7 +23,7 @@ class Sampling(TypedDict):
 def sampling(settings: Any) -> Sampling:
     """The core's options for size, samples, padding, space and convention."""
     return {
-        "size": settings.size,
+        "size": str(settings.size),
         "samples": int(settings.samples),
         "padding": settings.padding.lower().replace("_", "-"),
         "margin": settings.margin if settings.padding == "NEAREST" else None,

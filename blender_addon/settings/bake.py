@@ -7,10 +7,19 @@ from bpy.props import CollectionProperty, PointerProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.defaults import MARGIN
+from mpsnet_core.defaults import MARGIN, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 
 from ..outputs import FORMAT_OF
-from .declared import OWN_SENSE, BoolSetting, EnumSetting, StringSetting, format_setting, from_option, items_of
+from .declared import (
+    OWN_SENSE,
+    BoolSetting,
+    EnumSetting,
+    IntSetting,
+    StringSetting,
+    format_setting,
+    from_option,
+    items_of,
+)
 from .detail import cut_off, detail_only
 
 # The bit depths of each format.
@@ -82,7 +91,13 @@ class BakeSettings:
         "of each",
         default=False,
     )
-    size: from_option(Bake, "size")
+    size: IntSetting(
+        name="Size",
+        description="Width and height of the texture in pixels",
+        default=TEXTURE_SIZE,
+        min=1,
+        max=MAX_TEXTURE_SIZE,
+    )
     space: from_option(Bake, "space", translation_context=OWN_SENSE)
     convention: from_option(Bake, "convention")
     animated: BoolSetting(

@@ -1,4 +1,4 @@
-"""Triangulation of polygons: fans, and ear clipping for concave ones."""
+"""Triangulation of polygons: fans, and ear clipping for concave ones; triangle strips."""
 
 from itertools import pairwise
 
@@ -9,6 +9,24 @@ from mpsnet_core.arrays.unit_vectors import dot
 
 # Pairs of corners that ear clipping tests at once: few enough to stay in a CPU core's cache.
 CORNERS_AT_ONCE = 1 << 15
+
+
+def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(T, 3) the triangles of a strip of vertices (N,), all of one orientation. A negative number ends a strip.
+
+    Triangles with a repeated vertex, which only lead from one part of a strip to the next, are left out.
+
+    >>> strip_triangles(np.array([0, 1, 2, 3, -1, 4, 5, 6])).tolist()
+    [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
+    """
+    place = np.arange(len(strip))
+    begun = np.maximum.accumulate(np.where(strip < 0, place + 1, 0))
+    first = place[: max(len(strip) - 2, 0)]
+    odd = (first - begun[first]) % 2
+    triangles = strip[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
+    a, b, c = triangles.T
+    kept: NDArray[np.bool_] = (triangles >= 0).all(axis=1) & (a != b) & (b != c) & (c != a)
+    return np.compress(kept, triangles, axis=0)
 
 
 def triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:

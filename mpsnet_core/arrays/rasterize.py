@@ -13,10 +13,19 @@ NO_AREA = 1e-9
 AT_ONCE = 1 << 20
 
 
-def texel_coordinates(uvs: NDArray[np.floating[Any]], size: int) -> NDArray[np.float64]:
+# Width and height of a texture, or the side of a square one.
+TextureSize = int | tuple[int, int]
+
+
+def width_and_height(size: TextureSize) -> tuple[int, int]:
+    return (size, size) if isinstance(size, int) else size
+
+
+def texel_coordinates(uvs: NDArray[np.floating[Any]], size: TextureSize) -> NDArray[np.float64]:
     """UVs (..., 2) as texel coordinates: x right, y down, whole numbers at texel centres, row 0 at v = 1."""
+    width, height = width_and_height(size)
     u, v = uvs[..., 0].astype(np.float64), uvs[..., 1].astype(np.float64)
-    return np.stack([u * size - 0.5, (1 - v) * size - 0.5], axis=-1)
+    return np.stack([u * width - 0.5, (1 - v) * height - 0.5], axis=-1)
 
 
 def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
@@ -26,42 +35,42 @@ def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     return doubled / 2
 
 
-def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int32]:
-    """(size, size) index of the triangle that covers each texel's centre, -1 where none does.
+def triangle_of_texel(corners: NDArray[np.float64], size: TextureSize) -> NDArray[np.int32]:
+    """(H, W) index of the triangle that covers each texel's centre, -1 where none does.
 
     corners: (T, 3, 2) texel coordinates. Where triangles overlap, the highest index wins. Degenerate ones cover
     nothing. Memory is bounded, however many overlap.
     """
-    return Raster(corners, size).rows(slice(0, size))
+    return Raster(corners, size).rows(slice(0, width_and_height(size)[1]))
 
 
 class Raster:
     """The result of :func:`triangle_of_texel`, a few rows at a time."""
 
-    def __init__(self, corners: NDArray[np.float64], size: int) -> None:
-        self.size = size
+    def __init__(self, corners: NDArray[np.float64], size: TextureSize) -> None:
+        self.width, height = width_and_height(size)
         y = corners[..., 1]
-        self.top = np.clip(np.ceil(y.min(axis=1)), 0, size).astype(np.int32)
-        self.bottom = np.clip(np.floor(y.max(axis=1)) + 1, self.top, size).astype(np.int32)
+        self.top = np.clip(np.ceil(y.min(axis=1)), 0, height).astype(np.int32)
+        self.bottom = np.clip(np.floor(y.max(axis=1)) + 1, self.top, height).astype(np.int32)
         self.bottom[texel_areas(corners) <= NO_AREA] = 0
         # (2, 3, T): x and y of each corner, with consecutive triangles contiguous in memory.
         self.x, self.y = np.ascontiguousarray(corners.T)
 
     def rows(self, rows: slice) -> NDArray[np.int32]:
-        """(R, size) index of the triangle that covers each texel's centre in these rows."""
+        """(R, W) index of the triangle that covers each texel's centre in these rows."""
         near = np.flatnonzero((self.bottom > rows.start) & (self.top < rows.stop))
         top = np.maximum(self.top[near], rows.start).astype(np.int64)
         height = np.minimum(self.bottom[near], rows.stop) - top
-        owner = np.full((rows.stop - rows.start) * self.size, -1, np.int32)
+        owner = np.full((rows.stop - rows.start) * self.width, -1, np.int32)
         end = len(near)
         while end and (owner < 0).any():
             begin = _last_few(height[:end])
             triangle = np.repeat(near[begin:end], height[begin:end])
             row = _counted(top[begin:end], height[begin:end])
             start, stop = self._span(triangle, row)
-            _fill(owner, triangle, (row - rows.start) * self.size + start, stop - start)
+            _fill(owner, triangle, (row - rows.start) * self.width + start, stop - start)
             end = begin
-        return owner.reshape(rows.stop - rows.start, self.size)
+        return owner.reshape(rows.stop - rows.start, self.width)
 
     def _span(self, triangle: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """For triangles in rows, each (N,): the first covered column, by texel centres, and the one after the last."""
@@ -76,8 +85,8 @@ class Raster:
             crossing = x0 + along * (x1 - x0)
             np.minimum(left, np.where(level, np.minimum(x0, x1), crossing), out=left, where=reaches)
             np.maximum(right, np.where(level, np.maximum(x0, x1), crossing), out=right, where=reaches)
-        start = np.clip(np.ceil(left), 0, self.size).astype(np.int64)
-        return start, np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, self.size).astype(np.int64)
+        start = np.clip(np.ceil(left), 0, self.width).astype(np.int64)
+        return start, np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, self.width).astype(np.int64)
 
 
 def _fill(

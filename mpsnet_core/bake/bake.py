@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rasterize import Raster, texel_areas
+from mpsnet_core.arrays.rasterize import Raster, TextureSize, texel_areas, width_and_height
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.fill import fill_unseen
@@ -44,7 +44,7 @@ def bake_normals(
     mesh: Mesh,
     views: Sequence[View],
     *,
-    size: int = TEXTURE_SIZE,
+    size: TextureSize = TEXTURE_SIZE,
     space: Space = "tangent",
     margin: int = MARGIN,
     padding: Padding = "nearest",
@@ -140,19 +140,22 @@ def bake_texture_sets(
         yield texture_set, _finished(texture, baking)
         step(1.0, "baked")
     if not any_covered:
-        size = baking.size
-        if not any(texel_areas(mesh.uvs).any() for mesh in meshes):
-            raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
-        raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
+        width, height = width_and_height(baking.size)
+        raise GeometryError(f"no texel of a {width} x {height} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
         if not mesh_seen and masks_hide_all(meshes, bake.projectors):
             raise GeometryError(
                 "no view sees any of the mesh within its mask, although the cameras see it; check that the masks (the "
                 "normal maps' alpha) show the object, and that each camera is that of its photo"
             )
+        if mesh_seen:
+            raise GeometryError(
+                "none of what the views see lands in the texture: in tangent space, it may not point away from the "
+                "mesh's normals. Check these, or bake in object space"
+            )
         raise GeometryError(
-            "no view sees any of the mesh; check that the cameras and the mesh share one world, and that its normals "
-            "point outwards"
+            "no view sees any of the mesh; check that the cameras and the mesh share one world (axes and unit: --up, "
+            "--unit), and that its normals point outwards"
         )
     for texture_set in waiting:
         texture = bake.texture(texture_set, part(progress, 1.0, 1.0))
@@ -202,24 +205,25 @@ class _Bake:
 
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
         """The texture set's texture, without padding, or None if no texel lies on its UVs."""
-        size, samples = self.baking.size, self.baking.samples
+        (width, height), samples = width_and_height(self.baking.size), self.baking.samples
+        fine_size = width * samples, height * samples
         surfaces, seen = [], []
         for mesh, triangles, seen_of in zip(self.meshes, texture_set.parts, self.seen, strict=True):
             if triangles is None or len(triangles):
-                surfaces.append(UnderTexels(mesh, triangles, texture_set.corner, self.middle, size * samples))
+                surfaces.append(UnderTexels(mesh, triangles, texture_set.corner, self.middle, fine_size))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
         # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
-        under = _Under(surfaces, order, Raster(corners[order], size * samples))
-        texture = _blank((size, size), self.baking.space, colours=self.projectors.values > 4)
+        under = _Under(surfaces, order, Raster(corners[order], fine_size))
+        texture = _blank((height, width), self.baking.space, colours=self.projectors.values > 4)
         island_of = self._islands(texture_set)
-        filled = (0, 0) if island_of is None else (size, size)
+        filled = (0, 0) if island_of is None else (height, width)
         islands, known = np.full(filled, -1, np.int32), np.zeros(filled, bool)
         # With supersampling, a few rows at once. Views that do not fit into memory are read again for each group of
         # rows; then a group has at least as many points as the texture has texels.
-        points_in_memory = POINTS_HELD if self.projectors.all else max(POINTS_HELD, size**2)
-        groups = [slice(0, size)] if samples == 1 else bands(size, max(1, points_in_memory // (size * samples**2)))
+        points_in_memory = POINTS_HELD if self.projectors.all else max(POINTS_HELD, width * height)
+        groups = [slice(0, height)] if samples == 1 else bands(height, max(1, points_in_memory // (width * samples**2)))
         sampled = 0.9 if island_of is None else 0.6  # fraction of the work
         for number, rows in enumerate(groups):
             step = part(progress, sampled * number / len(groups), sampled * (number + 1) / len(groups))
@@ -227,7 +231,7 @@ class _Bake:
             points = texture
             if samples > 1:
                 points = _blank(
-                    (fine.stop - fine.start, size * samples), self.baking.space, colours=texture.colours is not None
+                    (fine.stop - fine.start, fine_size[0]), self.baking.space, colours=texture.colours is not None
                 )
             self._sample(points, under, fine, step)
             if samples > 1:
@@ -239,7 +243,7 @@ class _Bake:
                 for band in bands(rows.stop - rows.start):
                     fine_band = slice(band.start * samples, band.stop * samples)
                     laid = under.raster.rows(slice(fine.start + fine_band.start, fine.start + fine_band.stop))
-                    shape = band.stop - band.start, samples, size, samples
+                    shape = band.stop - band.start, samples, width, samples
                     own = np.where(laid >= 0, island_of[order[laid]], np.int32(-1))
                     place = slice(rows.start + band.start, rows.start + band.stop)
                     islands[place] = own.reshape(shape).max(axis=(1, 3))
@@ -247,16 +251,9 @@ class _Bake:
             del points
         if not texture.covered.any():
             return None
-        inside = ((corners > -1) & (corners < size * samples)).all(axis=(1, 2))
+        inside = ((corners > -1) & (corners < fine_size)).all(axis=(1, 2))
         if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
-            mend = (
-                ""
-                if len(surfaces) == 1
-                else "; pack the objects' UVs together, or give each object a texture of its own"
-            )
-            log.info(
-                "UVs overlap: where they do, the texture shows the surface that a view sees%s [overlapping-uvs]", mend
-            )
+            _say_that_uvs_overlap(self.meshes, texture_set)
         return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
 
     def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
@@ -291,11 +288,11 @@ class _Bake:
                         sums = ViewAccumulator.none(len(texels), self.projectors.values)
                     else:
                         sums = ViewAccumulator.kept(here, texels)
-                    position, normal = surface.points(place)
+                    at = surface.points(place)
                     for projector in batch:
-                        sums.add(*projector.sample_points(position, normal))
+                        sums.add(*projector.sample_points(at))
                     if last:
-                        self._finish(here, texels, surface, place, normal, sums)
+                        self._finish(here, texels, surface, place, at.normals, sums)
                     else:
                         sums.keep(here, texels)
                 if last:
@@ -331,7 +328,12 @@ class _Bake:
         fade = np.float32(FADE * (self.projectors.feather > 0))
         mean = np.stack([sums.sums[:, axis].take(some) + normal[axis].take(some) * fade for axis in range(3)])
         vectors, first = points.vectors.reshape(-1), 3 * texels.take(some)
-        for axis, values in enumerate(surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)):
+        encoded = surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)
+        if self.baking.space == "tangent":  # which cannot hold what points behind the shading normal's plane
+            behind = np.flatnonzero(encoded[2] <= 0)
+            encoded[:, behind] = np.array([[0], [0], [1]], np.float32)
+            points.views.ravel()[texels.take(some.take(behind))] = 0
+        for axis, values in enumerate(encoded):
             vectors[first + axis] = values
         if len(self.projectors.views) > 1:
             points.spread.ravel()[texels.take(some)] = sums.spread().take(some)
@@ -366,6 +368,22 @@ class _Under:
         for number, surface in enumerate(self.surfaces):
             mine = np.flatnonzero(owner == number)
             yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
+
+
+def _say_that_uvs_overlap(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
+    level, mend = logging.INFO, ""
+    if texture_set.material is None and any(mesh.materials and len(mesh.materials.names) > 1 for mesh in meshes):
+        # As of photogrammetry: each has a texture of its own.
+        level = logging.WARNING
+        mend = "; if each material has its own texture, put <MATERIAL> into the output's name"
+    elif len(meshes) > 1:
+        mend = "; pack the objects' UVs together, or give each object a texture of its own"
+    log.log(
+        level,
+        "UVs overlap: where they do, the texture shows only one of the surfaces, of those that a view sees if there "
+        "are any%s [overlapping-uvs]",
+        mend,
+    )
 
 
 def _averaged(points: Texture, samples: int) -> Texture:

@@ -195,7 +195,7 @@ def _shading_normals(
         place = row[seen.hit], column[seen.hit]
         without_map[place] = seen.in_camera(normal)
         with_map[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
-        visible[place] = _map_applies(seen, base_map) & seen.from_front(without_map[place])
+        visible[place] = _map_applies(seen, base_map) & seen.from_front
     return without_map, with_map, visible
 
 

@@ -36,10 +36,10 @@ def fill_unseen(
     ----------
     texture : Texture
         A tangent-space texture without padding.
-    islands : (S, S) int32 array
+    islands : (H, W) int32 array
         Number of the UV island under each texel, from 0; -1 where there is none. Nothing is carried from one island to
         another, because their tangents differ.
-    known : (S, S) bool array
+    known : (H, W) bool array
         Fully seen texels. Partly seen ones are averaged with the mesh's own normal: they are replaced as well, although
         they count as seen.
     progress : Progress
@@ -64,21 +64,21 @@ def fill_unseen(
 def _membrane(
     xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(S, S, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (S, S) which of these were reached.
+    """(H, W, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (H, W) which of these were reached.
 
     A large texture is solved at half the size first. That is exact enough where the solution is smooth; only bands
     along the rim and the islands' borders are solved again.
     """
     xy, settled = xy.copy(), np.zeros_like(known)
-    if len(islands) > FINEST:
+    if max(islands.shape) > FINEST:
         coarse, blocks, even = _half_size_membrane(xy, islands, known, progress)
         near = dilated(known, BAND)
-        size = len(islands)
-        for rows in bands(size):
-            over = np.arange(size)[rows] // 2
-            from_coarse = np.repeat(even[over], 2, axis=1)[:, :size] & ~near[rows]
-            from_coarse &= np.repeat(blocks[over], 2, axis=1)[:, :size] == islands[rows]
-            doubled = upsampled(coarse, (2 * len(coarse), 2 * len(coarse)), rows)[:, :size]
+        height, width = islands.shape
+        for rows in bands(height):
+            over = np.arange(height)[rows] // 2
+            from_coarse = np.repeat(even[over], 2, axis=1)[:, :width] & ~near[rows]
+            from_coarse &= np.repeat(blocks[over], 2, axis=1)[:, :width] == islands[rows]
+            doubled = upsampled(coarse, (2 * len(coarse), 2 * coarse.shape[1]), rows)[:, :width]
             xy[rows][from_coarse], settled[rows] = doubled[from_coarse], from_coarse
     reached = _solve(xy, islands, known | settled, part(progress, 0.5, 1.0))
     return xy, reached | settled
@@ -89,14 +89,14 @@ def _half_size_membrane(
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
     """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and
     lies in one island."""
-    half = -(-len(islands) // 2)
+    height, width = (-(-length // 2) for length in islands.shape)
     quarters = [np.s_[down::2, right::2] for down, right in np.ndindex(2, 2)]
-    blocks = np.full((half, half), -1, np.int32)
+    blocks = np.full((height, width), -1, np.int32)
     for quarter in quarters:
         part_of = islands[quarter]
         inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
         blocks[inside] = np.maximum(blocks[inside], part_of)
-    total, count = np.zeros((half, half, 2), np.float32), np.zeros((half, half), np.uint8)
+    total, count = np.zeros((height, width, 2), np.float32), np.zeros((height, width), np.uint8)
     for quarter in quarters:
         part_of = islands[quarter]
         inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
@@ -109,22 +109,22 @@ def _half_size_membrane(
     padded = np.pad(valued, 1, constant_values=-1)
     even = valued >= 0
     for down, right in np.ndindex(3, 3):
-        even &= padded[down : down + half, right : right + half] == valued
+        even &= padded[down : down + height, right : right + width] == valued
     return coarse, blocks, even
 
 
 def _solve(
     xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
 ) -> NDArray[np.bool_]:
-    """Solve for the unknown values in place. Returns (S, S) which of them were reached."""
-    size = len(islands)
+    """Solve for the unknown values in place. Returns (H, W) which of them were reached."""
+    height, width = islands.shape
     none = np.empty((0, 2), np.int32)
     graph = graph_of(np.where(known, np.int32(-1), islands), none, np.empty(0, np.float32))
     row, column = graph.cells.T
     # (N,) how many of a texel's neighbours are known, and (N, 2) the sums of their values.
     rim, sums = np.zeros(len(row), np.float32), np.zeros((len(row), 2), np.float32)
     for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-        y, x = np.clip(row + down, 0, size - 1), np.clip(column + right, 0, size - 1)
+        y, x = np.clip(row + down, 0, height - 1), np.clip(column + right, 0, width - 1)
         next_to_known = known[y, x] & (islands[y, x] == graph.islands)
         rim += next_to_known
         sums[next_to_known] += xy[y[next_to_known], x[next_to_known]]

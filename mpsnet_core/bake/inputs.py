@@ -8,6 +8,7 @@ from pathlib import Path
 from mpsnet_core.bake.base_detail_removal import BaseMap, log_shares, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import apply_levelling, find_levelling
 from mpsnet_core.bake.projection import View
+from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.files import prefix_errors
@@ -17,6 +18,7 @@ from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_directions import check_directions
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
@@ -80,21 +82,24 @@ class ViewReader:
     ) -> tuple[list[View], list[Sequence[float]]]:
         """The prepared views, and for each the shares of the base maps' relief that were removed from it.
 
-        known: these shares, if they have been estimated before.
+        known: these shares, if they have been estimated before. Otherwise, views that do not fit the mesh are logged.
 
-        Raises InputError, which names the view, if one cannot be read, or its files differ in size.
+        Raises InputError, which names the view, if one cannot be read, is not in camera space, or its files differ in
+        size.
         """
         whole = join_meshes(meshes)
-        scene = RayScene.of(whole) if self.level or self.base_maps else None
+        scene = RayScene.of(whole)
         views, shares = list[View](), list[Sequence[float]]()
         for number, one in enumerate(inputs):
             progress(number / len(inputs), f"reading {one.normals.name}")
             with prefix_errors(f"view {one.camera}={one.normals}"):
                 normals = read_normals(one.normals, convention=self.convention, confidence=one.confidence)
+                check_directions(normals, one.normals.name, warned=known is not None)
                 view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
-                if scene is not None:
-                    _, view, _, found = self.prepared(view, whole, scene, known[number] if known else None)
-                    shares.append(found)
+                if known is None:
+                    warn_of_misfit(f"{one.camera}={one.normals}", view, whole, scene)
+                _, view, _, found = self.prepared(view, whole, scene, known[number] if known else None)
+                shares.append(found)
                 views.append(view)
         if known is None:
             log_shares(shares)

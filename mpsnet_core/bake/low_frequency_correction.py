@@ -125,7 +125,7 @@ def find_levelling(
     row, column = np.nonzero(known)
     seen = mesh_seen(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
     own = seen.in_camera(seen.at(mesh.corner_normals))
-    front = seen.from_front(own)
+    front = seen.from_front
     row, column = row[seen.hit[front]], column[seen.hit[front]]
     known = np.zeros_like(known)
     known[row, column] = True

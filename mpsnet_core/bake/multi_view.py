@@ -18,6 +18,7 @@ from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
+from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, warn_of_doubts, with_white
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.reading import AS_STATED, Reading
@@ -87,11 +88,14 @@ class Photography:
             return self.mask
         return os.fspath(_beside(view, self.masks, "mask", "mask"))
 
-    def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
-        """The view's photo without lens distortion. Raises InputError, which names the view, if it cannot be read."""
+    def capture(self, view: ViewPhoto, scene: RayScene, *, rig_checked: bool = False) -> Capture:
+        """The view's photo without lens distortion. rig_checked: see :func:`warn_of_doubts`.
+
+        Raises InputError, which names the view, if it cannot be read.
+        """
         with prefix_errors(f"view {view.name}"):
             capture = self._capture(view, scene)
-        warn_of_doubts(capture, f"view {view.name}")
+        warn_of_doubts(capture, f"view {view.name}", rig_checked=rig_checked)
         return capture
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
@@ -285,6 +289,8 @@ class KeptViews(Sequence[View]):
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as estimated, the same view levelled (unchanged without levelling), and the mean angle in degrees."""
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
+        if known is None:
+            warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
         estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
         return estimated, levelled, angle
@@ -315,7 +321,7 @@ def estimate_views(
         if kept.is_of(source):
             known += 1
         else:
-            capture = photography.capture(view, stored.scene)
+            capture = photography.capture(view, stored.scene, rig_checked=number > known)
             kept.write(capture, estimator(capture, part(step, 0.1, 0.8, named)), source)
         agreed.add(view.name, *stored.both(number))
     return known

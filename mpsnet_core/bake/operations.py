@@ -1,6 +1,7 @@
 """The operations ``bake`` and ``views``: from normal maps, or posed photos, to textures on a mesh's UVs."""
 
 import contextlib
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,9 @@ from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
     from mpsnet_core.bake.inputs import BakeInputs
@@ -33,7 +35,7 @@ LEVEL = (
 
 
 @dataclass(frozen=True)
-class MakesTextures(Operation):
+class MakesTextures(TakesMesh):
     """The meshes to bake onto, and the textures."""
 
     heading: ClassVar[str] = "the textures"
@@ -42,8 +44,11 @@ class MakesTextures(Operation):
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several meshes occlude one another",
         provenance="none",  # recorded per texture
     )
-    size: int = option(
-        default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
+    size: str = option(
+        default=f"{TEXTURE_SIZE}",
+        metavar="SIDE|WIDTHxHEIGHT",
+        help="size of the texture in pixels",
+        numbers=True,
     )
     space: Literal["tangent", "object"] = option(
         default="tangent",
@@ -106,7 +111,15 @@ class MakesTextures(Operation):
 
     def texture_words(self, target: "TextureTarget") -> str:
         """The properties that all textures share, as text for the report."""
-        return f"{self.size} x {self.size}, {self.space} space, {target.convention}"
+        width, height = self.texture_size()
+        return f"{width} x {height}, {self.space} space, {target.convention}"
+
+    def texture_size(self) -> tuple[int, int]:
+        """Width and height of the texture. Raises SettingsError if they are not whole numbers."""
+        found = re.fullmatch(r"(\d{1,9})(?:[x,](\d{1,9}))?", self.size.replace(" ", "").lower())
+        if found is None:
+            raise SettingsError(f"--size {self.size} is not a size in pixels; give a whole number, or WIDTHxHEIGHT")
+        return int(found[1]), int(found[2] or found[1])
 
 
 @dataclass(frozen=True)
@@ -190,7 +203,7 @@ class BakesDetail(MakesTextures):
         if self.margin is not None and self.padding in ("push-pull", "none"):
             raise SettingsError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
         return Baking(
-            size=self.size,
+            size=self.texture_size(),
             space=self.space,
             margin=MARGIN if self.margin is None else self.margin,
             padding=self.padding,
@@ -208,6 +221,7 @@ class BakesDetail(MakesTextures):
             target,
             self.mesh,
             taken,
+            self.read_mesh,
             onto=self.onto,
             onto_convention=self.onto_convention,
             onto_shown=self.onto_shown,
@@ -394,6 +408,7 @@ class Bake(BakesDetail):
             ViewReader(level, base_maps, self.normals_convention),
             baking,
             target,
+            read_mesh=self.read_mesh,
             recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
             progress=progress,
         )

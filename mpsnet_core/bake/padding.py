@@ -17,7 +17,7 @@ PADDINGS: tuple[Padding, ...] = ("nearest", "push-pull", "none")
 def padded(
     vectors: NDArray[np.float32], covered: NDArray[np.bool_], padding: Padding, margin: int
 ) -> NDArray[np.float32]:
-    """Unit vectors (S, S, 3) with the texels outside the covered ones filled. Covered texels are unchanged.
+    """Unit vectors (H, W, 3) with the texels outside the covered ones filled. Covered texels are unchanged.
 
     It may fill and return the given array itself: a copy of a large texture takes much memory.
 

@@ -11,6 +11,7 @@ from mpsnet_core.arrays.sizes import SAME_SIZE, check_same_size, size
 from mpsnet_core.arrays.unit_vectors import transformed
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
+from mpsnet_core.bake.texel_surface import SurfacePoints
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -19,7 +20,7 @@ from mpsnet_core.scene.visibility import Visibility
 
 # Surfaces turned further from the camera than this (cosine) show too few pixels to be trusted.
 MIN_FACING = 0.1
-# A view's weight is the cosine between surface normal and camera to this power: frontal views win over glancing ones.
+# A view's weight is the cosine between shading normal and camera to this power: frontal views win over glancing ones.
 FACING_POWER = 4
 
 
@@ -103,43 +104,36 @@ class Projector:
 
         on_all_cores(fill, bands(shape[0]))
 
-    def sample_points(
-        self, points: NDArray[np.float32], normals: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """(M,) indices of the surface points (3, N) with unit normals (3, N) that the view sees, and its samples there.
+    def sample_points(self, points: SurfacePoints) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """(M,) indices of the N surface points that the view sees, and its samples there.
 
         A sample, (M, 4), is the weighted normal in world space and the weight; of views with colours, (M, 8), the
-        weighted colour and its weight follow. Points are relative to the scene's centre, normals in world space.
+        weighted colour and its weight follow. Positions are relative to the scene's centre. The triangles decide what
+        is seen; the weight changes smoothly, with the shading normals.
         """
-        seen, facing, x, y = self.facing_points(points, normals)
+        seen, facing, x, y = self.facing_points(points)
         sampled = self._interpolate(x, y)
         kept = _unless_all(sampled[:, 3] > 0)
         if kept is not None:
             seen, sampled = seen.take(kept), sampled.take(kept, axis=0)
-        facing = facing.take(seen)
+        facing = np.maximum(facing.take(seen), np.float32(MIN_FACING))
         for _ in range(2):  # squared twice: FACING_POWER
             facing *= facing
         sampled *= _repeated(facing, sampled.shape[1])
         return seen, sampled
 
     def facing_points(
-        self, points: NDArray[np.float32], normals: NDArray[np.float32]
+        self, surface: SurfacePoints
     ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """(M,) indices of the points that the camera sees, regardless of the view's mask.
 
-        The parameters are those of :meth:`sample_points`.
-
-        Also (N,) the cosine between normal and viewing direction of all points, and (M,) x and (M,) y of the pixels.
+        Also (N,) the cosine between shading normal and viewing direction of all points, and (M,) x and (M,) y of the
+        pixels.
         """
         flat = self.camera.projection == "orthographic"
-        if flat:
-            (facing,) = transformed(self.turn[2:], normals)
-        else:
-            towards = self.eye[:, None] - points
-            facing = np.einsum("in,in->n", normals, towards)
-            facing /= np.sqrt(np.einsum("in,in->n", towards, towards))
-        seen = np.flatnonzero(facing > MIN_FACING)
-        points = points.take(seen, axis=1)
+        facing, outwards = (self._facing(surface.positions, one) for one in (surface.normals, surface.outwards))
+        seen = np.flatnonzero((outwards > 0) & (np.maximum(facing, outwards) > MIN_FACING))
+        points = surface.positions.take(seen, axis=1)
         x, y, z = transformed(self.turn, points)
         x += self.middle[0]
         y += self.middle[1]
@@ -162,6 +156,16 @@ class Projector:
         if kept is not None:
             seen, x, y = _some(kept, seen, x, y)
         return seen, facing, x, y
+
+    def _facing(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N,) the cosine between normals and viewing directions at points, each (3, N)."""
+        if self.camera.projection == "orthographic":
+            facing: NDArray[np.float32] = transformed(self.turn[2:], normals)[0]
+            return facing
+        towards = self.eye[:, None] - points
+        facing = np.einsum("in,in->n", normals, towards)
+        facing /= np.sqrt(np.einsum("in,in->n", towards, towards))
+        return facing
 
     def _interpolate(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
         """Bilinear samples between pixel centres. Pixels outside the mask have no weight."""

@@ -1,6 +1,6 @@
 """Sequences: a texture for each frame. Existing textures of the same files and settings are kept."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from mpsnet_core.batch import Batch
 from mpsnet_core.io.files import check_own
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
-from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core.scene.mesh import Mesh
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ def bake_sequence(
     baking: Baking,
     target: TextureTarget,
     *,
+    read_mesh: Callable[[Path], Mesh],
     recipe: str,
     progress: Progress,
 ) -> Outcome:

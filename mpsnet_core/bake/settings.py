@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
 from mpsnet_core.bake.fill import check_filling
 from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.bake.texture import SPACES, Space
@@ -18,8 +19,8 @@ class Baking:
 
     Parameters
     ----------
-    size : int
-        Side of the texture in texels, 1 to 16384.
+    size : int or (int, int)
+        Side of the texture in texels, 1 to 16384, or its width and height.
     space : {"tangent", "object"}
         "tangent" is MikkTSpace, "object" the mesh's own axes.
     margin : int
@@ -43,7 +44,7 @@ class Baking:
         If one of them is out of range.
     """
 
-    size: int = TEXTURE_SIZE
+    size: TextureSize = TEXTURE_SIZE
     space: Space = "tangent"
     margin: int = MARGIN
     padding: Padding = "nearest"
@@ -65,10 +66,13 @@ class Baking:
             check_filling(self.space)
 
 
-def check_texture(size: int, space: str, margin: int) -> None:
+def check_texture(size: TextureSize, space: str, margin: int) -> None:
     """Raise SettingsError if the size, space or margin of a texture is invalid."""
-    if not 1 <= size <= MAX_TEXTURE_SIZE:
-        raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}")
+    for side in width_and_height(size):
+        if not 1 <= side <= MAX_TEXTURE_SIZE:
+            raise SettingsError(
+                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
+            )
     if not 0 <= margin <= MAX_TEXTURE_SIZE:
         raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
     check_choice("space", space, SPACES)

@@ -23,11 +23,20 @@ class Place(NamedTuple):
         return Place(self.triangle.take(which), self.x.take(which), self.y.take(which))
 
 
+class SurfacePoints(NamedTuple):
+    """Points of a surface in world space, each (3, N): positions, unit shading normals, and the unit normals of the
+    triangles, which decide what a camera sees."""
+
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    outwards: NDArray[np.float32]
+
+
 class UnderTexels:
     """T triangles of a mesh under a texture. A layer is a value at the first corner and its steps per column and row.
 
     triangles: indices of the mesh's triangles, None for all. corner: lower left corner of the texture's unit square in
-    UV space. size: of the texture, in sample points on a side. middle: origin of positions, because far from the
+    UV space. size: of the texture, in sample points across and down. middle: origin of positions, because far from the
     world's origin float32 would be too coarse.
 
     corners: (T, 3, 2) coordinates in sample points. normal, tangent, position: (9, T), see :meth:`linear`; positions in
@@ -40,7 +49,7 @@ class UnderTexels:
         triangles: NDArray[np.int64] | None,
         corner: tuple[int, int],
         middle: NDArray[np.float64],
-        size: int,
+        size: tuple[int, int],
     ) -> None:
         chosen = slice(None) if triangles is None else triangles
         uvs = mesh.uvs[chosen]
@@ -58,6 +67,7 @@ class UnderTexels:
         self.tangent = self.linear(tangents[..., :3])
         self.position = self.linear(mesh.world_vertices[mesh.triangles[chosen]] - middle)
         self.sign = tangents[:, 0, 3]
+        self.outwards = np.ascontiguousarray(mesh.outwards[chosen].T)
         # The inverse transpose maps normals to world space, the transpose maps them back.
         self.object_from_world_normals = mesh.world_from_object[:3, :3].T.astype(np.float32)
         self.world_from_object_normals = mesh.normals_to_world.T.astype(np.float32)
@@ -85,10 +95,11 @@ class UnderTexels:
         values[:3] += values[6:]
         return values[:3]
 
-    def points(self, place: Place) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(3, N) positions relative to `middle`, and (3, N) unit shading normals, in world space."""
+    def points(self, place: Place) -> "SurfacePoints":
+        """The surface under sample points. Positions are relative to `middle`."""
         normal = transformed(self.world_from_object_normals, self.at(place, self.normal))
-        return self.at(place, self.position), _scaled_to_unit(normal)
+        outwards = self.outwards.take(place.triangle, axis=1)
+        return SurfacePoints(self.at(place, self.position), _scaled_to_unit(normal), outwards)
 
     def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.

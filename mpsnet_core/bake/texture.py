@@ -19,22 +19,22 @@ class Texture:
 
     Attributes
     ----------
-    vectors : (S, S, 3) float32 array
+    vectors : (H, W, 3) float32 array
         Unit vectors in `space`, row 0 at v = 1; +z where there is no surface.
-    seen : (S, S) bool array
+    seen : (H, W) bool array
         Texels that at least one view sees.
-    covered : (S, S) bool array
+    covered : (H, W) bool array
         Texels with surface under them.
     space : {"tangent", "object"}
         "tangent" is MikkTSpace.
-    views : (S, S) uint16 array, optional
+    views : (H, W) uint16 array, optional
         Number of views that see each texel.
-    spread : (S, S) float32 array, optional
+    spread : (H, W) float32 array, optional
         Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine between each and
         their mean; 0 where fewer than two views see the texel.
-    colours : (S, S, 4) float32 array, optional
+    colours : (H, W, 4) float32 array, optional
         If the views have colours: linear RGB, and 1 where some view has a colour, else 0.
-    filled : (S, S) bool array, optional
+    filled : (H, W) bool array, optional
         Unseen texels that were filled from the seen ones around them; None without filling.
     """
 

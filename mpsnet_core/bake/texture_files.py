@@ -1,6 +1,6 @@
 """Texture files: where and how they are written, the meshes of each, and a record of what was written."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder, file_suffix, writable_path
 from mpsnet_core.io.image_writing import write_mask
-from mpsnet_core.scene.mesh import Mesh, read_mesh
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_encoding import Convention
 
@@ -129,6 +129,7 @@ def planned(
     target: TextureTarget,
     mesh_files: Sequence[str],
     taken: Sequence[Path],
+    read_mesh: Callable[[str], Mesh],
     *,
     onto: str | None = None,
     onto_convention: Convention = "opengl",
@@ -138,9 +139,9 @@ def planned(
 ) -> Plan:
     """Read the meshes, and plan the textures of the target.
 
-    taken: files that no texture may overwrite. onto, onto_convention: as for :func:`base_map_files`. onto_shown:
-    whether the photos show that map. albedo: whether the views' colours are baked as well. coverage: see
-    :class:`Plan`.
+    taken: files that no texture may overwrite. read_mesh: reads a mesh file. onto, onto_convention: as for
+    :func:`base_map_files`. onto_shown: whether the photos show that map. albedo: whether the views' colours are baked
+    as well. coverage: see :class:`Plan`.
 
     Raises InputError if a mesh cannot be read, no texture has a base map, or a texture cannot be written.
     """

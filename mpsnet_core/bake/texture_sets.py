@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rasterize import texel_areas
 from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
@@ -72,8 +73,11 @@ def texture_sets(
     Materials with the same name are merged across meshes. Objects of different meshes are not: equal names are
     numbered.
 
-    Raises GeometryError if no UV lies in any texture's unit square, or UVs lie in more than `MAX_TILES` tiles.
+    Raises GeometryError if the UVs have no area, none lies in any texture's unit square, or they lie in more than
+    `MAX_TILES` tiles.
     """
+    if not any(texel_areas(mesh.uvs).any() for mesh in meshes):
+        raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
     if not (tiles or materials or objects):
         _log_uvs_outside_tiles(meshes, "0 to 1", 1, 1)
         return [TextureSet((None,) * len(meshes))]

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.projection import Projector, View
+from mpsnet_core.bake.texel_surface import SurfacePoints
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
-from mpsnet_core.scene.mesh import Mesh, triangle_normals
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
 # Bytes of views held in memory at once, approximately. If there are more, they are read again in each pass.
@@ -123,12 +123,12 @@ def seen_triangles(
     meshes: Sequence[Mesh], projectors: Projectors, scene: RayScene, progress: Progress
 ) -> list[NDArray[np.bool_]]:
     """For each mesh, (T,) whether any view sees the triangle's centre."""
-    middles, outwards = _all_faces(meshes, scene)
-    seen = np.zeros(middles.shape[1], bool)
+    faces = _all_faces(meshes, scene)
+    seen = np.zeros(faces.positions.shape[1], bool)
     for batch in projectors.batches():
         progress(0.0, "laying out the UVs")
         for projector in batch:
-            seen[projector.sample_points(middles, outwards)[0]] = True
+            seen[projector.sample_points(faces)[0]] = True
             del projector
     return np.split(seen, np.cumsum([len(mesh.triangles) for mesh in meshes])[:-1])
 
@@ -136,19 +136,11 @@ def seen_triangles(
 def masks_hide_all(meshes: Sequence[Mesh], projectors: Projectors) -> bool:
     """Whether some camera sees a triangle's centre, ignoring the masks."""
     faces = _all_faces(meshes, projectors.scene)
-    return any(len(projector.facing_points(*faces)[0]) for batch in projectors.batches() for projector in batch)
+    return any(len(projector.facing_points(faces)[0]) for batch in projectors.batches() for projector in batch)
 
 
-def _all_faces(meshes: Sequence[Mesh], scene: RayScene) -> list[NDArray[np.float32]]:
-    """:func:`_faces` of all meshes."""
-    parts = [_faces(mesh, scene.middle) for mesh in meshes]
-    return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
-
-
-def _faces(mesh: Mesh, middle: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(3, T) the triangles' centres in world space, relative to `middle`, and (3, T) their unit normals."""
-    corners = mesh.world_vertices[mesh.triangles] - middle
-    outwards = triangle_normals(corners)
-    if mesh.is_mirrored:
-        outwards = -outwards
-    return corners.mean(axis=1).T.astype(np.float32, order="C"), normalised(outwards).T.astype(np.float32, order="C")
+def _all_faces(meshes: Sequence[Mesh], scene: RayScene) -> SurfacePoints:
+    """The centres of all triangles, with the triangles' own normals."""
+    middles = np.concatenate([mesh.world_vertices[mesh.triangles].mean(axis=1) for mesh in meshes]) - scene.middle
+    outwards = np.concatenate([mesh.outwards for mesh in meshes]).T.copy()
+    return SurfacePoints(middles.T.astype(np.float32, order="C"), outwards, outwards)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.bake.projection import Projector, View
+from mpsnet_core.bake.texel_surface import SurfacePoints
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
@@ -47,14 +48,13 @@ class ViewAgreement:
 class Agreement:
     """The views' samples at points of the surface.
 
-    points: (N, 3) relative to the scene's centre. normals: (N, 3) unit, in world space. feather: as in the bake.
+    points: N of them, relative to the scene's centre. feather: as in the bake.
     colours: for each view (N, 4) its colour times its weight, and the weight; (N, 0) for views without.
     """
 
     scene: RayScene
     feather: float
-    points: NDArray[np.float32]
-    normals: NDArray[np.float32]
+    points: SurfacePoints
     colours: list[NDArray[np.float32]] = field(default_factory=list)
     _views: list[tuple[str, float]] = field(default_factory=list)
     _samples: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
@@ -68,8 +68,8 @@ class Agreement:
 
     def _sample(self, view: View) -> NDArray[np.float32]:
         projector = Projector(view, self.scene, self.feather)
-        sampled = np.zeros((len(self.points), projector.samples.shape[2]), np.float32)
-        seen, samples = projector.sample_points(self.points.T.copy(), self.normals.T.copy())
+        sampled = np.zeros((self.points.positions.shape[1], projector.samples.shape[2]), np.float32)
+        seen, samples = projector.sample_points(self.points)
         sampled[seen] = samples
         return sampled
 
@@ -99,7 +99,8 @@ def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = PO
     weights = np.stack([1 - u - v, u, v], axis=1)[..., None]
     points = (mesh.world_vertices[mesh.triangles[triangle]] * weights).sum(axis=1) - scene.middle
     normals = (mesh.corner_normals[triangle] * weights).sum(axis=1) @ mesh.normals_to_world
-    return Agreement(scene, feather, points.astype(np.float32), normalised(normals).astype(np.float32))
+    own = (points, normalised(normals), mesh.outwards[triangle])
+    return Agreement(scene, feather, SurfacePoints(*(one.T.astype(np.float32, order="C") for one in own)))
 
 
 def _angles_to_the_others(samples: Sequence[NDArray[np.float32]]) -> list[float]:

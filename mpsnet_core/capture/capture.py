@@ -16,6 +16,7 @@ from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.reading import AS_STATED, Reading
+from mpsnet_core.capture.rig_check import warn_of_wrong_rig
 from mpsnet_core.capture.transfer_curve import is_taken_as_linear, warn_of_doubtful_curve
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
@@ -426,8 +427,11 @@ def channel_angles(
     return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
 
 
-def warn_of_doubts(capture: Capture, name: str = "") -> None:
-    """Report photos whose normals are probably wrong. name: of the photo, if there are several."""
+def warn_of_doubts(capture: Capture, name: str = "", *, rig_checked: bool = False) -> None:
+    """Report photos whose normals are probably wrong.
+
+    name: of the photo, if there are several. rig_checked: whether another photo showed whether the rig fits.
+    """
     which = f"{name}: " if name else ""
     spoilt = 0
     total, products = np.zeros(3), np.zeros((3, 3))
@@ -466,6 +470,8 @@ def warn_of_doubts(capture: Capture, name: str = "") -> None:
                 which,
                 100 * spoilt / pixels,
             )
+    if not rig_checked:
+        warn_of_wrong_rig(capture.image, capture.mask, capture.rig, which)
     # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():

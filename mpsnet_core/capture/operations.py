@@ -8,7 +8,7 @@ from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.scene.operations import ReadsPictures
+from mpsnet_core.scene.operations import ReadsPictures, TakesMesh
 
 if TYPE_CHECKING:
     import numpy as np
@@ -117,7 +117,7 @@ class HasLens(Operation):
 
 
 @dataclass(frozen=True)
-class HasViewpoint(HasLens):
+class HasViewpoint(TakesMesh, HasLens):
     """The viewpoint of a photo: camera or lens, and the distance of the object."""
 
     heading: ClassVar[str] = "the photo's camera"
@@ -139,7 +139,6 @@ class HasViewpoint(HasLens):
         """
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera
-        from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
         from mpsnet_core.scene.rays import RayScene
 
@@ -150,7 +149,7 @@ class HasViewpoint(HasLens):
             return lens, self.distance
         if not isinstance(lens, Camera):
             raise SettingsError("--mesh needs --camera, which states where the mesh was seen from; give it")
-        mesh = read_mesh(self.mesh, shape_only=True)
+        mesh = self.read_mesh(self.mesh, shape_only=True)
         with prefix_errors(f"camera {self.camera}"):
             return lens, depth_of_mesh(lens, RayScene.of(mesh))
 
@@ -273,8 +272,8 @@ class PhotoChecked(Result):
 class Check(ReadsPhotos):
     """Check a photo and its lights, and say how to improve them.
 
-    It checks the exposure, clipping, whether the channels show different lights, the lights' directions, how much of
-    the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no error.
+    It checks the exposure, clipping, whether the channels show different lights, the lights' directions and order, how
+    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no error.
 
     Examples
     --------

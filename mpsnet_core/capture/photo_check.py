@@ -12,6 +12,7 @@ from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
+from mpsnet_core.capture.rig_check import check_rig, misfit_words
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
@@ -36,6 +37,8 @@ CLOSE_LIGHTS, LOW_LIGHTS, IN_LINE = (20.0, 10.0), (70.0, 80.0), (6.0, 12.0)
 # A light does not reach a pixel below this share of its channel's 95th percentile, or this multiple of the noise. If
 # the latter is above the second share of that percentile, shadows cannot be detected.
 SHADOW, SHADOW_NOISE, UNSEEN = 0.03, 4.0, 0.25
+# Probability of the rig, among other orders and orientations of its lights, above which the photo proves it.
+LIKELY = 0.95
 # Standard deviation of the blur in pixels, for an object with the area of a square of side FOCUS_SIDE.
 BLURRED, FOCUS_SIDE = (1.6, 4.0), 400
 # Least height of an edge that shows the blur: as a share of the object's 95th percentile, and as a multiple of the
@@ -57,7 +60,7 @@ class Finding:
     Parameters
     ----------
     item : str
-        "encoding", "exposure", "clipping", "channels", "lights", "mixing", "reach" or "focus".
+        "encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach" or "focus".
     level : {"good", "watch", "bad"}
     sentence : str
         The finding and, unless it is good, what to do about it.
@@ -112,7 +115,7 @@ def check_photo(
         _exposure(values, noise, full_scale),
         _clipping(values, clipped[inside]),
         _channels(values, rig),
-        *([] if rig is None else [_lights(rig)]),
+        *([] if rig is None else [_lights(rig), _rig(whole, mask, rig)]),
         *([] if rig is None or mixing_stated else [_mixing()]),
         _reach(values, noise, rig),
         _focus(whole, mask, noise),
@@ -239,6 +242,18 @@ def _lights(rig: LightRig) -> Finding:
         words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and throws long "
         words += "shadows; move it towards the camera"
     return Finding("lights", level, words, figures)
+
+
+def _rig(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> Finding:
+    fit = check_rig(pixels, mask, rig)
+    figures: Figures = {"probability": round(fit.probability, 4)}
+    if fit.better:
+        return Finding("rig", "bad", misfit_words(fit.better), figures)
+    if fit.probability > LIKELY:
+        return Finding(
+            "rig", "good", "by its shading, the photo was taken under the rig's lights, in its order", figures
+        )
+    return Finding("rig", "good", "the photo does not tell whether the lights are in the rig's order", figures)
 
 
 def _mixing() -> Finding:

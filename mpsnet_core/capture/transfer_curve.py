@@ -104,7 +104,7 @@ def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, ri
     if np.count_nonzero(whole) < MIN_BLOCKS:
         return 0.0
     colours = block_means(np.where(usable[..., None], pixels, 0), block).astype(np.float64)
-    scaled = colours * _strengths(colours[whole], rig)
+    scaled = colours * equal_albedo(colours[whole], rig.directions)
     normals = scaled @ np.linalg.inv(rig.directions).T
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
     along_x, along_y = gradient_derivatives(normals, whole, MIN_FACING)
@@ -115,13 +115,14 @@ def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, ri
     return float(np.mean(curl / (all_of_it + 0.1 * np.median(all_of_it) + 1e-12)))
 
 
-def _strengths(colours: NDArray[np.float64], rig: LightRig) -> NDArray[np.float64]:
+def equal_albedo(colours: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
     """(3,) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
 
-    They compensate for the unknown strengths of the lights, which would distort the normals.
+    directions: (3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which would
+    distort the normals.
     """
     means = np.median(colours, axis=0)
-    square = np.linalg.inv(rig.directions @ rig.directions.T)
+    square = np.linalg.inv(directions @ directions.T)
     strengths = np.zeros(3)
     for _ in range(ROUNDS):
         lights = colours / means * np.exp(strengths)

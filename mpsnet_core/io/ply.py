@@ -1,14 +1,23 @@
-"""PLY files: values of their vertices, and polygons with any number of corners."""
+"""PLY files.
 
+trimesh cannot read binary files with faces of different sizes, and knows neither texture pages nor triangle strips.
+"""
+
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.polygon_triangulation import strip_triangles
 from mpsnet_core.errors import FormatError
+from mpsnet_core.io.polygons import Polygons, checked_indices
+
+log = logging.getLogger(__name__)
 
 # By the type names of both versions of the format.
 _TYPES = {
@@ -46,20 +55,98 @@ class Values:
             return None
         return np.stack([self.numbers[name] for name in names], axis=-1)
 
+    def list(self, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The values of the first list that exists of these names, concatenated, and (N,) their lengths, else none."""
+        name = next((name for name in names if name in self.lengths), "")
+        return self.numbers.get(name, np.empty(0)), self.lengths.get(name, NO_LENGTHS)
+
 
 NOTHING = Values({}, {})
 NO_LENGTHS = np.empty(0, np.int64)
+# The names of vertices' UVs by MeshLab, others and Blender. The last pair that exists applies.
+UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+# Elements that are read, or of which nothing is missed.
+KNOWN = {"vertex", "face", "tristrips", "edge", "camera", "range_grid", "material"}
+_INDICES, _FACE_UVS = ("vertex_indices", "vertex_index"), ("texcoord", "texcoords", "texture_uvs")
+# Numbers of the texture images of faces (MeshLab's, and others').
+_PAGES = ("texnumber", "texture_index", "material_index")
 
 
-def read_ply(path: Path) -> dict[str, Values]:
-    """The values of a file's elements, such as "vertex" and "face". Raises FormatError if it is damaged."""
+def read_ply(path: Path) -> Polygons:
+    """The polygons of a file, with a material for each texture page.
+
+    Without normals they are flat, as Blender imports PLY. Elements that are not known are logged.
+
+    Raises FormatError, without the file's name, if it is damaged.
+    """
+    found, textures = _values_of(path)
+    vertex, face = (found.get(name, NOTHING) for name in ("vertex", "face"))
+    vertices = vertex.columns("xyz")
+    if vertices is None:
+        raise FormatError("it has no vertices with x, y and z; export it again")
+    if unknown := sorted(found.keys() - KNOWN):
+        log.warning(
+            "mesh file %s: its elements %s are not read; export UVs and texture numbers with its faces",
+            path,
+            ", ".join(unknown)[:99],
+        )
+    lists, sizes = face.list(_INDICES)
+    corners = checked_indices(lists, len(vertices))
+    strips = _strips(found.get("tristrips", NOTHING), len(vertices))
+    corners, sizes = np.concatenate([corners, strips.ravel()]), np.concatenate([sizes, np.full(len(strips), 3)])
+    normals = vertex.columns(("nx", "ny", "nz"))
+    return Polygons(
+        vertices,
+        corners,
+        sizes,
+        _uvs(vertex, face, corners, sizes, len(strips)),
+        None if normals is None else normals[corners],
+        smoothing=None if normals is None else np.ones(len(sizes), np.int64),
+        materials=_pages(face, textures, len(sizes)),
+    )
+
+
+def _uvs(
+    vertex: Values, face: Values, corners: NDArray[np.int64], sizes: NDArray[np.int64], strips: int
+) -> NDArray[np.float64] | None:
+    """(C, 2) UVs of the corners: those of the faces, else of the vertices, else none."""
+    values, lengths = face.list(_FACE_UVS)
+    if lengths.any() and len(lengths) + strips == len(sizes):
+        lengths = np.concatenate([lengths, np.zeros(strips, np.int64)])
+        has_them = lengths == 2 * sizes
+        uvs = np.full((len(corners), 2), np.nan)
+        uvs[np.repeat(has_them, sizes)] = values[np.repeat(has_them, lengths)].reshape(-1, 2)
+        return uvs
+    pairs = [pair for names in UVS if (pair := vertex.columns(names)) is not None]
+    return pairs[-1][corners] if pairs else None
+
+
+def _pages(face: Values, textures: Sequence[str], count: int) -> list[tuple[str, int]] | None:
+    """Runs of faces with a texture page, named like its file; None if all have the same."""
+    numbers = next((face.numbers[name] for name in _PAGES if name in face.numbers and name not in face.lengths), None)
+    if numbers is None or (numbers == numbers[:1]).all():
+        return None
+    names = {number: Path(name.replace("\\", "/")).stem for number, name in enumerate(textures)}
+    runs = [(names.get(page, f"page_{page:g}"), len(list(same))) for page, same in groupby(numbers.tolist())]
+    return [*runs, ("", count - len(numbers))]
+
+
+def _strips(element: Values, count: int) -> NDArray[np.int64]:
+    """(T, 3) the triangles of triangle strips."""
+    numbers, lengths = element.list(_INDICES)
+    checked_indices(numbers[numbers != -1], count)
+    return strip_triangles(np.insert(numbers, np.cumsum(lengths), -1).astype(np.int64))
+
+
+def _values_of(path: Path) -> tuple[dict[str, Values], list[str]]:
+    """The values of a file's elements, such as "vertex" and "face", and the names of its texture files."""
     data = path.read_bytes()
     head, end, _ = data[:MAX_HEAD].partition(b"end_header")
     line_end = data.find(b"\n", len(head))
     if not (data.startswith(b"ply") and end and line_end >= 0):
         raise FormatError(BROKEN.format("it has no header"))
     try:
-        order, elements = _header(head.decode("latin-1"))
+        order, elements, textures = _header(head.decode("latin-1"))
         at = line_end + 1
         if not order:
             data, at, order = np.array([float(word) for word in data[at:].split()]).tobytes(), 0, "="
@@ -71,12 +158,12 @@ def read_ply(path: Path) -> dict[str, Values]:
             found[name] = _values(parts, element)
     except (ValueError, OverflowError, KeyError, IndexError) as error:
         raise FormatError(BROKEN.format(str(error)[:99])) from None
-    return found
+    return found, textures
 
 
-def _header(text: str) -> tuple[str, dict[str, _Element]]:
-    """The byte order, "" for text, and the elements by name."""
-    order, elements, last = None, dict[str, _Element](), _Element(0)
+def _header(text: str) -> tuple[str, dict[str, _Element], list[str]]:
+    """The byte order, "" for text, the elements by name, and the names of texture files."""
+    order, elements, last, textures = None, dict[str, _Element](), _Element(0), list[str]()
     for line in text.splitlines()[1:]:
         match line.split():
             case ["format", kind, _]:
@@ -87,13 +174,15 @@ def _header(text: str) -> tuple[str, dict[str, _Element]]:
                 last.columns.append((name, _TYPES[kind], _TYPES[length]))
             case ["property", kind, name]:
                 last.columns.append((name, _TYPES[kind], ""))
+            case ["comment", "TextureFile", *_]:
+                textures.append(line.split(maxsplit=2)[-1])
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
                 raise ValueError(f"the line {line[:50]!r}")
     if order is None:
         raise ValueError("no format")
-    return order, elements
+    return order, elements, textures
 
 
 def _of_text(element: _Element) -> _Element:

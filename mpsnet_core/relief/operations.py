@@ -345,14 +345,11 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _read_normals(self) -> "NormalMap":
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.relief.surface_mesh import check_has_faces
-        from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, read_normals
+        from mpsnet_core.scene.normal_directions import check_directions
+        from mpsnet_core.scene.normal_map import read_normals
 
         normals = read_normals(self.normals, convention=self.convention)
-        if (normals.vectors[normals.mask, 2] >= 0).mean() < OUTWARDS_SHARE:
-            raise GeometryError(
-                f"{self.normals} is not in camera space: many of its normals point away from the camera; give a "
-                "photo's normals, or for a texture its mesh with --uvs"
-            )
+        check_directions(normals, self.normals)
         if self.mesh:
             with prefix_errors(self.normals):
                 check_has_faces(normals.mask)

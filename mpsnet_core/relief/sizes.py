@@ -16,8 +16,8 @@ def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
 
 
 def check_square(height: int, width: int) -> None:
-    """Raise GeometryError if a texture is not square, and so was not baked onto UVs."""
+    """Raise GeometryError if a texture on UVs is not square."""
     if height != width:
         raise GeometryError(
-            f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked"
+            f"heights on UVs need a square texture, not one of {width} x {height} texels; bake it square"
         )

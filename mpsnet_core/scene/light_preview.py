@@ -13,7 +13,7 @@ from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, triangle_normals
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
@@ -106,8 +106,7 @@ def _surface(
     weights = hits.weights.astype(np.float64)
     corners = mesh.world_vertices[mesh.triangles[hits.triangle]]
     at_corners = normalised(mesh.corner_normals[hits.triangle] @ mesh.normals_to_world)
-    outwards = dot(triangle_normals(corners), view) * (-1 if mesh.is_mirrored else 1)
-    at_corners[outwards < 0] *= -1
+    at_corners[dot(mesh.outwards[hits.triangle], view) < 0] *= -1
     normals = normalised((weights * at_corners).sum(axis=1))
     lift = offset * normals
     lift_to_curve(lift, points, *(part.swapaxes(0, 1) for part in (weights, corners, at_corners)))

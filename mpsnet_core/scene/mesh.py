@@ -2,13 +2,11 @@
 
 import logging
 import os
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import compress, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +15,12 @@ from mpsnet_core.arrays.polygon_triangulation import triangulated
 from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, prefix_errors
-from mpsnet_core.io.mesh_import import read_scene
+from mpsnet_core.io.gltf import Part, read_gltf
+from mpsnet_core.io.mesh_import import SUFFIXES, read_shape
 from mpsnet_core.io.npz import read_arrays
-from mpsnet_core.io.ply import NO_LENGTHS, NOTHING, read_ply
+from mpsnet_core.io.obj import MAX_CORNERS, read_obj
+from mpsnet_core.io.ply import read_ply
+from mpsnet_core.io.polygons import Polygons, checked_indices
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 from mpsnet_core.scene.mikktspace import mikktspace_tangents
 
@@ -30,12 +31,11 @@ MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
 # Largest coordinate, in any unit: products of three such lengths stay finite.
 MAX_VALUE = 1e12
-# Faces made by people have fewer corners; ear clipping takes quadratic time.
-MAX_CORNERS = 4096
 # Relative tolerance within which the scales of a pose count as equal.
 SAME_SCALE = 1e-4
-# The names of UVs in PLY files by MeshLab, others and Blender. The last pair that exists applies.
-PLY_UVS = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+Up = Literal["z", "y"]
+# The rotation of Blender's OBJ and glTF importers for files with y up.
+_FROM_Y_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +102,15 @@ class Mesh:
         kinds = {"triangles": np.int32, "polygons": np.int32, "vertices": np.float64, "world_from_object": np.float64}
         for name, shape in shapes.items():
             try:
-                value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
+                with np.errstate(over="ignore"):  # what is too large is not finite
+                    value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
             except (TypeError, ValueError, OverflowError):
                 raise GeometryError(f"the mesh's {name} are not numbers; export it again") from None
             if value.shape != shape:
                 raise GeometryError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
             _check_finite(name, value)
             object.__setattr__(self, name, value)
-        _check_numbers(self.triangles, points)
+        checked_indices(self.triangles, points)
         used = np.zeros(points, bool)
         used[self.triangles] = True
         if not used.all():
@@ -139,6 +140,23 @@ class Mesh:
         """(T,) areas of the triangles in world space."""
         areas: NDArray[np.float64] = np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
         return areas
+
+    @cached_property
+    def outwards(self) -> NDArray[np.float32]:
+        """(T, 3) unit normals of the triangles' outsides in world space: what a camera sees of them depends on these.
+
+        Shading normals only tell the outside of the whole mesh: they may point anywhere, as on foliage.
+        """
+        normals = triangle_normals(self.world_vertices[self.triangles])
+        if self.is_mirrored != self.is_inside_out:
+            normals = -normals
+        return normalised(normals).astype(np.float32)
+
+    @cached_property
+    def is_inside_out(self) -> bool:
+        """Whether most triangles are clockwise, seen from where their shading normals point."""
+        outwards = np.einsum("ti,tci->t", triangle_normals(self.vertices[self.triangles]), self.corner_normals)
+        return bool(np.count_nonzero(outwards < 0) > len(outwards) / 2)
 
     @cached_property
     def normals_to_world(self) -> NDArray[np.float64]:
@@ -173,23 +191,23 @@ def _check_pose(world_from_object: NDArray[np.float64]) -> None:
         raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
 
 
-def _check_numbers(triangles: NDArray[Any], count: int) -> None:
-    if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
-        raise GeometryError("the mesh's triangles name vertices that it does not have; export it again")
-
-
-def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
+def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up = "z", unit: float = 1.0) -> Mesh:
     """Read a mesh with UVs: OBJ, PLY, GLB, or the ``.npz`` that the add-on writes.
 
     Polygons are triangulated. All objects and materials of the file become one mesh, labelled with their names. Shading
-    normals are those of the file or, if it has none, smooth, even across UV seams. The axes are the file's: cameras
-    must be in the same world space.
+    normals are those of the file. Where it has none, they are as in Blender after its import: faces are flat, except
+    those of an OBJ file's smoothing groups.
 
     Parameters
     ----------
     path : path-like
     shape_only : bool, optional
-        Ignore UVs, which are then not required.
+        Ignore UVs, which are then not required. STL and OFF are read, too.
+    up : {"z", "y"}, optional
+        Which axis of the file points up. Files with y up are turned to z up in world space, as Blender's importers do.
+        By default the axes are the file's: cameras must be in the same world space.
+    unit : float, optional
+        Length of the file's unit in world space.
 
     Raises
     ------
@@ -203,13 +221,14 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:
         raise FormatError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
-    readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_ply, ".glb": _read_glb}
     with prefix_errors(f"mesh file {path}"):
-        reader = readers.get(path.suffix.lower())
+        reader = _READERS.get(path.suffix.lower())
         if reader is None:
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
         mesh = reader(path, shape_only)
-    if not shape_only and _is_inside_out(mesh):
+        if up != "z" or unit != 1:
+            mesh = replace(mesh, world_from_object=world_from_file(up, unit) @ mesh.world_from_object)
+    if not shape_only and mesh.is_inside_out:
         log.warning(
             "mesh file %s: most of its faces point the opposite way from its normals, as in a PLY of a "
             "mirrored object, which would bake an inverted green channel; apply the object's scale or flip the "
@@ -219,9 +238,10 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     return mesh
 
 
-def _is_inside_out(mesh: Mesh) -> bool:
-    outwards = np.einsum("ti,tci->t", triangle_normals(mesh.vertices[mesh.triangles]), mesh.corner_normals)
-    return np.count_nonzero(outwards < 0) > len(outwards) / 2
+def world_from_file(up: Up, unit: float) -> NDArray[np.float64]:
+    """(4, 4) transform to world space from that of a file with this axis up, whose unit has this length."""
+    turned: NDArray[np.float64] = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
+    return turned
 
 
 # The .npz arrays of labels: the names, and each triangle's index into them.
@@ -263,170 +283,128 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
     )
 
 
-def _read_obj(path: Path, shape_only: bool) -> Mesh:
-    """Read OBJ without trimesh, which splits vertices at seams and loses UVs of files with quads or many materials."""
-    values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
-    width = {"v": 3, "vt": 2, "vn": 3}
-    corners: list[tuple[int, ...]] = []
-    sizes: list[int] = []
-    # By OBJ keyword, the names with the first face that each applies to.
-    named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
-    # A backslash continues a line, except a comment, which may end with a Windows path.
-    joined = re.sub(r"^([^#\n]*)\\\n", r"\1 ", _text_of(path), flags=re.MULTILINE)
-    for number, line in enumerate(joined.split("\n"), 1):
-        key, *words = line.partition("#")[0].split() or [""]
-        try:
-            if key in values:
-                row = [float(word) for word in words[: width[key]]]
-                if len(row) < width[key]:
-                    raise ValueError
-                values[key].append(row)
-            elif key == "f":
-                if len(words) > MAX_CORNERS:
-                    raise FormatError(
-                        f"line {number} is a face of {len(words)} corners, more than {MAX_CORNERS}; triangulate it"
-                    )
-                counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
-                face = [_obj_corner(word, counts) for word in words]
-                if len(face) > 2:
-                    corners += face
-                    sizes.append(len(face))
-            elif key in named:  # names may contain a #, as those of 3ds Max do
-                named[key].append((len(sizes), line.strip().removeprefix(key).strip()))
-        except FormatError:
-            raise
-        except ValueError:
-            raise FormatError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
-    if not corners:
+def _mesh_of(read: Callable[[Path], Polygons]) -> Callable[[Path, bool], Mesh]:
+    """The reader of a format, of a path and whether UVs are ignored, from the reader of its polygons."""
+    return lambda path, shape_only: _of_polygons(read(path), shape_only)
+
+
+def _of_polygons(found: Polygons, shape_only: bool, world_from_object: NDArray[np.float64] | None = None) -> Mesh:
+    """Triangulate and shade what a file says. Polygons of fewer than three corners are left out."""
+    found = _faces_of(found)
+    if not len(found.sizes):
         raise GeometryError("it has no faces; choose a mesh with a surface")
-    vertices = np.array(values["v"])
-    _check_finite("vertices", vertices)
-    of_corners, counts_of = np.array(corners), np.array(sizes)
-    v, vt, vn = np.moveaxis(of_corners[triangulated(vertices[of_corners[:, 0]], counts_of)], 2, 0)
-    if (vt < 0).any() and not shape_only:
-        raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
-    normals = np.full((*v.shape, 3), np.nan)
-    normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
-    return Mesh(
-        vertices,
-        v,
-        _else_smooth(normals, vertices, v),
-        _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt],
-        materials=_labels_from(named["usemtl"], counts_of - 2),
-        objects=_labels_from(named["o"], counts_of - 2),
-        polygons=np.repeat(np.arange(len(sizes)), counts_of - 2),
+    if found.sizes.max() > MAX_CORNERS:
+        raise FormatError(f"it has a face of {found.sizes.max()} corners, more than {MAX_CORNERS}; triangulate it")
+    _check_finite("vertices", found.vertices)
+    order = triangulated(found.vertices[found.corners], found.sizes)
+    uvs: NDArray[Any] = _no_uvs(len(order))
+    if not shape_only:
+        without = np.array(True) if found.uvs is None else np.isnan(found.uvs).any(axis=1)
+        if found.uvs is None or without.any():
+            who = "it has" if without.all() else "some of its faces have"
+            raise GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
+        uvs = found.uvs[order]
+    mesh = Mesh(
+        found.vertices,
+        found.corners[order].astype(np.int32),
+        _shaded(found)[order],
+        uvs,
+        world_from_object=np.eye(4) if world_from_object is None else world_from_object,
+        materials=_labels(found.materials, found.sizes - 2),
+        objects=_labels(found.objects, found.sizes - 2),
+        polygons=np.repeat(np.arange(len(found.sizes)), found.sizes - 2),
     )
+    if found.tangents is None or shape_only:
+        return mesh
+    given = found.tangents[order]
+    return replace(mesh, given_tangents=np.where(np.isnan(given), mesh.tangents, given))
 
 
-def _text_of(path: Path) -> str:
-    """The text of an OBJ file: UTF-8, with or without a byte order mark, or the encoding of older programs."""
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        return path.read_text(encoding="latin-1")
+def _faces_of(found: Polygons) -> Polygons:
+    """The polygons of three corners and more."""
+    is_face = found.sizes > 2
+    if is_face.all():
+        return found
+    of_corners, of_faces = np.repeat(is_face, found.sizes), ("sizes", "smoothing")
+    kept: dict[str, Any] = {}
+    for name in ("corners", "uvs", "normals", "tangents", *of_faces):
+        values = getattr(found, name)
+        kept[name] = None if values is None else values[is_face if name in of_faces else of_corners]
+    for name in ("materials", "objects"):
+        runs = getattr(found, name)
+        kept[name] = None if runs is None else _counted(runs, is_face)
+    return replace(found, **kept)
 
 
-def _labels_from(starts: list[tuple[int, str]], triangles: NDArray[np.int64]) -> Labels | None:
-    """Labels from the first face of each name and (F,) the faces' triangle counts; None if there are no names."""
-    if not starts:
-        return None
-    runs = pairwise([(0, ""), *starts, (len(triangles), "")])
-    return labels_of_runs((name, int(triangles[start:stop].sum())) for (start, name), (stop, _) in runs)
+def _counted(runs: Sequence[tuple[str, int]], numbers: NDArray[Any]) -> list[tuple[str, int]]:
+    """Runs of polygons as sums of a number of each, (F,)."""
+    ends = np.cumsum([count for _, count in runs])
+    summed = np.concatenate([[0], np.cumsum(numbers)])[np.concatenate([[0], ends])]
+    return [(name, int(count)) for (name, _), count in zip(runs, np.diff(summed), strict=True)]
 
 
-def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
-    """Zero-based indices of vertex, UV and normal in "5/7/2", -1 if not given. Negative ones count from the end."""
-    given = [int(part) if part else 0 for part in word.split("/")]
-    numbers = [-1, -1, -1]
-    for place, (number, count) in enumerate(zip(given, counts, strict=False)):
-        if not -count <= number <= count:
-            raise ValueError
-        if number:
-            numbers[place] = number - 1 if number > 0 else count + number
-    if len(given) > 3 or numbers[0] < 0:
-        raise ValueError
-    return tuple(numbers)
-
-
-def _read_ply(path: Path, shape_only: bool) -> Mesh:
-    """Read PLY without trimesh, which cannot read binary files with faces of different sizes, and splits quads."""
-    found = read_ply(path)
-    vertex, face = (found.get(name, NOTHING) for name in ("vertex", "face"))
-    vertices = vertex.columns("xyz")
-    if vertices is None:
-        raise FormatError("it has no vertices with x, y and z; export it again")
-    name = "vertex_index" if "vertex_index" in face.lengths else "vertex_indices"
-    sizes = face.lengths.get(name, NO_LENGTHS)
-    if not (sizes > 2).any():
-        raise GeometryError("it has no faces; choose a mesh with a surface")
-    if sizes.max() > MAX_CORNERS:
-        raise FormatError(f"it has a face of {sizes.max()} corners, more than {MAX_CORNERS}; triangulate it")
-    _check_finite("vertices", vertices)
-    is_face = np.repeat(sizes > 2, sizes)
-    _check_numbers(face.numbers[name], len(vertices))
-    corners: NDArray[Any] = face.numbers[name][is_face].astype(np.int64)
-    uvs: NDArray[Any] | None = None
-    if np.array_equal(face.lengths.get("texcoord", NO_LENGTHS), 2 * sizes):
-        uvs = face.numbers["texcoord"].reshape(-1, 2)[is_face]
-    for names in PLY_UVS if uvs is None else ():
-        of_vertices = vertex.columns(names)
-        uvs = of_vertices[corners] if of_vertices is not None else uvs
-    if uvs is None and not shape_only:
-        raise _without_uvs("it has")
-    sizes = sizes[sizes > 2]
-    order = triangulated(vertices[corners], sizes)
-    triangles = corners[order]
-    normals = vertex.columns(("nx", "ny", "nz"))
-    given = np.full((*triangles.shape, 3), np.nan) if normals is None else normals[triangles]
-    # Files with one UV per vertex split vertices at seams; merge them for smooth normals.
-    places, place = np.unique(vertices, axis=0, return_inverse=True)
-    return Mesh(
-        vertices,
-        triangles,
-        _else_smooth(given, places, place.reshape(-1)[triangles]),
-        _no_uvs(len(triangles)) if uvs is None or shape_only else uvs[order],
-        polygons=np.repeat(np.arange(len(sizes)), sizes - 2),
-    )
+def _labels(runs: Sequence[tuple[str, int]] | None, triangles: NDArray[np.int64]) -> Labels | None:
+    """Labels of triangles from names with the number of polygons of each. triangles: (F,) how many each polygon has."""
+    return None if runs is None else labels_of_runs(_counted(runs, triangles))
 
 
 def _read_glb(path: Path, shape_only: bool) -> Mesh:
-    with read_scene(path) as scene:
-        nodes = list(scene.graph.nodes_geometry)
-        placed = [scene.graph[node] for node in nodes]
-        is_surface = [len(getattr(scene.geometry[name], "faces", ())) > 0 for _, name in placed]
-        frame = _frame([pose for pose, _ in compress(placed, is_surface)])
-        placed = [(np.linalg.inv(frame) @ pose, name) for pose, name in placed]
-        if not (shape_only or all(_keeps_angles(pose) for pose, _ in compress(placed, is_surface))):
-            log.warning(
-                "mesh file %s: its objects are stretched in several ways, and textures in tangent space fit only some "
-                "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again",
-                path,
-            )
-        parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
-        objects = [
-            _object_name(scene.graph, node, scene.geometry[name]) for node, (_, name) in zip(nodes, placed, strict=True)
-        ]
-        materials = [_material_name(scene.geometry[name]) for _, name in placed]
-    counts = [len(part[1]) for part in parts]
-    parts = [part for part in parts if len(part[1])]
+    parts = [part for part in read_gltf(path) if len(part.triangles)]
     if not parts:
         raise GeometryError("it has no faces; choose a mesh with a surface")
-    # Joined here and not by trimesh, which repacks the textures of several materials and moves their UVs.
-    starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
-    triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
-    vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
-    _check_finite("vertices", vertices)
-    # glTF splits vertices at UV seams; merge them for smooth normals.
-    places, place = np.unique(vertices, axis=0, return_inverse=True)
-    return Mesh(
-        vertices,
-        triangles,
-        _else_smooth(normals[triangles], places, place.reshape(-1)[triangles]),
-        _no_uvs(len(triangles)) if shape_only else uvs[triangles],
-        world_from_object=frame,
-        materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
-        objects=labels_of_runs(zip(objects, counts, strict=True)),
+    frame = _frame([part.pose for part in parts])
+    poses = [np.linalg.inv(frame) @ part.pose for part in parts]
+    if not (shape_only or all(map(_keeps_angles, poses))):
+        log.warning(
+            "mesh file %s: its objects are stretched in several ways, and textures in tangent space fit only some "
+            "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again",
+            path,
+        )
+    with np.errstate(all="ignore"):  # what is not finite is refused later
+        placed = [_placed(part, pose) for part, pose in zip(parts, poses, strict=True)]
+    starts = np.cumsum([0] + [len(part.vertices) for part in placed[:-1]])
+    corners = np.concatenate([part.triangles.ravel() + start for part, start in zip(placed, starts, strict=True)])
+    counts = [len(part.triangles) for part in placed]
+
+    def joined(name: str, width: int) -> NDArray[np.float64]:
+        values = [getattr(part, name) for part in placed]
+        rows = np.concatenate(
+            [
+                np.full((len(part.vertices), width), np.nan) if value is None else value
+                for part, value in zip(placed, values, strict=True)
+            ]
+        )
+        found: NDArray[np.float64] = rows[corners]
+        return found
+
+    found = Polygons(
+        np.concatenate([part.vertices for part in placed]),
+        corners,
+        np.full(sum(counts), 3),
+        joined("uvs", 2),
+        joined("normals", 3),
+        joined("tangents", 4) if any(part.tangents is not None for part in placed) else None,
+        np.repeat([0 if part.normals is None else number for number, part in enumerate(placed, 1)], counts),
+        list(zip([part.material for part in placed], counts, strict=True))
+        if any(part.material for part in placed)
+        else None,
+        list(zip([part.name for part in placed], counts, strict=True)),
     )
+    if found.tangents is not None and found.uvs is not None and _are_mirrored(found.tangents, found.uvs):
+        log.warning(
+            "mesh file %s: the handedness of most of its tangents contradicts its UVs; the texture fits these tangents "
+            "and not those that programs such as Blender compute",
+            path,
+        )
+    return _of_polygons(found, shape_only, frame)
+
+
+def _are_mirrored(tangents: NDArray[np.float64], uvs: NDArray[np.float64]) -> bool:
+    """Whether the signs of most tangents of triangles, one for each corner, contradict the UVs'."""
+    a, b, c = np.moveaxis(uvs.reshape(-1, 3, 2), 1, 0)
+    (u1, v1), (u2, v2) = (b - a).T, (c - a).T
+    signs = np.sign(u1 * v2 - v1 * u2) * tangents[::3, 3]
+    return bool(np.count_nonzero(signs < 0) > np.count_nonzero(signs > 0))
 
 
 def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -445,37 +423,21 @@ def _keeps_angles(pose: NDArray[np.float64]) -> bool:
     return bool(scales[-1] > (1 - SAME_SCALE) * scales[0])
 
 
-def _object_name(graph: Any, node: str, part: Any) -> str:
-    """The name of the file's node. trimesh splits a node by materials into child nodes named NAME_1a2b3c.
-
-    A child node of the file may have such a name, too: door_handle of door.
-    """
-    parent = graph.transforms.parents.get(node)
-    is_split = parent and part.metadata.get("from_gltf_primitive", True)
-    return parent if is_split and re.fullmatch(re.escape(parent) + "_[0-9A-Za-z]{6}", node) else node
-
-
-def _material_name(part: Any) -> str:
-    return str(getattr(getattr(getattr(part, "visual", None), "material", None), "name", None) or "")
-
-
-def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
-    """Vertices, triangles, normals (NaN if the file has none) and UVs of a trimesh mesh, transformed by `pose`."""
-    faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
-    vertices = np.asarray(part.vertices, np.float64)
-    _check_numbers(faces, len(vertices))
-    uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
-    if shape_only:
-        uvs = np.zeros((len(vertices), 2))
-    if uvs is None or len(uvs) != len(vertices):
-        raise _without_uvs("it has")
-    normals: NDArray[Any] = np.full_like(vertices, np.nan)
-    # trimesh computes vertex normals on demand; they are in its cache already only if the file has them.
-    if "vertex_normals" in part._cache:
-        normals = np.asarray(part.vertex_normals) @ np.linalg.inv(pose[:3, :3])
-    if np.linalg.det(pose[:3, :3]) < 0:
-        faces = faces[:, ::-1]
-    return vertices @ pose[:3, :3].T + pose[:3, 3], faces, normals, np.asarray(uvs)
+def _placed(part: Part, pose: NDArray[np.float64]) -> Part:
+    """A part transformed by `pose`."""
+    vertices, triangles, normals, tangents = part.vertices, part.triangles, part.normals, part.tangents
+    checked_indices(triangles, len(vertices))
+    turn, mirrored = pose[:3, :3], np.linalg.det(pose[:3, :3]) < 0
+    if mirrored:
+        triangles = triangles[:, ::-1]
+    if normals is not None:
+        normals = normals @ np.linalg.inv(turn)
+    if tangents is not None:
+        along = tangents[:, :3] @ turn.T
+        sign = np.sign(tangents[:, 3:]) * (-1 if mirrored else 1)
+        tangents = np.concatenate([along / np.linalg.norm(along, axis=1, keepdims=True), sign], axis=1)
+    vertices = vertices @ turn.T + pose[:3, 3]
+    return replace(part, vertices=vertices, triangles=triangles, normals=normals, tangents=tangents)
 
 
 def _no_uvs(count: int) -> NDArray[np.float32]:
@@ -483,15 +445,18 @@ def _no_uvs(count: int) -> NDArray[np.float32]:
     return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
 
 
-def _without_uvs(who: str) -> GeometryError:
-    return GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
-
-
-def _else_smooth(normals: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[Any]:
-    """(T, 3, 3) unit normals, smooth ones where the file has none (NaN) or a zero one, as for faces without area."""
-    given = np.linalg.norm(normals, axis=-1, keepdims=True) > SHORTEST
-    unit: NDArray[Any] = normalised(np.where(given, normals, smooth_corner_normals(vertices, triangles)))
-    return unit
+def _shaded(found: Polygons) -> NDArray[np.float32]:
+    """(C, 3) unit normals: those of the file or, where it has none or a zero one, by its smoothing groups."""
+    normals = np.full((len(found.corners), 3), np.nan) if found.normals is None else found.normals
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    given = (length > SHORTEST) & (length < np.inf)
+    if not given.all():
+        polygon = np.repeat(np.arange(len(found.sizes)), found.sizes)
+        group = 0 * polygon if found.smoothing is None else found.smoothing[polygon]
+        shared = np.where(group > 0, group * len(found.vertices) + found.corners, -1 - polygon)
+        normals = np.where(given, normals, shared_normals(found.vertices[found.corners], shared, found.sizes))
+    return normalised(normals).astype(np.float32)
 
 
 def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
@@ -500,13 +465,42 @@ def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
     return normals
 
 
-def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(T, 3, 3) smooth normals like Blender's: the mean of the face normals at a vertex, weighted by corner angles."""
-    corners = vertices[triangles]
-    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    across = np.linalg.norm(np.cross(ahead, behind), axis=-1)
-    angles = np.arctan2(across, dot(ahead, behind))
-    weighted = (normalised(triangle_normals(corners))[:, None] * angles[..., None]).reshape(-1, 3)
-    summed = np.stack([np.bincount(triangles.ravel(), weighted[:, axis], len(vertices)) for axis in range(3)], axis=-1)
-    normals: NDArray[np.float64] = normalised(summed)[triangles]
+def shared_normals(
+    corners: NDArray[np.float64], shared: NDArray[np.integer[Any]], sizes: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
+    """(..., 3) normals like Blender's: the mean of the polygons' normals, weighted by the corners' angles.
+
+    Parameters
+    ----------
+    corners : (..., 3) array
+        The corners of polygons, one after the other.
+    shared : (...) array of int
+        Corners of the same number share one normal: those at one vertex for smooth shading, of one polygon for flat.
+    sizes : (F,) array of int, optional
+        Number of corners of each polygon; by default all are triangles.
+    """
+    places, number = corners.reshape(-1, 3), np.unique(shared, return_inverse=True)[1].reshape(-1)
+    sizes = np.full(len(places) // 3, 3) if sizes is None else sizes
+    ends = np.cumsum(sizes)
+    starts = ends - sizes
+    next_one, last_one = np.arange(len(places)) + 1, np.arange(len(places)) - 1
+    next_one[ends - 1], last_one[starts] = starts, ends - 1
+    around = places - np.repeat(places[starts], sizes, axis=0)
+    faces = normalised(np.add.reduceat(np.cross(around, around[next_one]), starts))
+    ahead, behind = places[next_one] - places, places[last_one] - places
+    angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=-1), dot(ahead, behind))
+    weighted = np.repeat(faces, sizes, axis=0) * angles[:, None]
+    summed = np.stack([np.bincount(number, weighted[:, axis]) for axis in range(3)], axis=-1)
+    normals: NDArray[np.float64] = normalised(summed)[number].reshape(corners.shape)
     return normals
+
+
+# Readers of a path and of whether UVs are ignored, by suffix.
+_READERS: dict[str, Callable[[Path, bool], Mesh]] = {
+    ".npz": _read_npz,
+    ".obj": _mesh_of(read_obj),
+    ".ply": _mesh_of(read_ply),
+    ".glb": _read_glb,
+    ".gltf": _read_glb,
+    **dict.fromkeys(SUFFIXES, _mesh_of(read_shape)),
+}

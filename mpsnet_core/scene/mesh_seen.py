@@ -40,9 +40,10 @@ class MeshSeen:
         unit: NDArray[np.float32] = normalised(normals @ to_camera.astype(np.float32))
         return unit
 
-    def from_front(self, normals: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(M,) whether normals (M, 3), in camera space, face the camera."""
-        facing: NDArray[np.bool_] = dot(normals, self.directions) < 0
+    @property
+    def from_front(self) -> NDArray[np.bool_]:
+        """(M,) whether the triangles' outsides face the camera."""
+        facing: NDArray[np.bool_] = dot(self.mesh.outwards[self.triangle] @ self.camera.rotation, self.directions) < 0
         return facing
 
 

@@ -147,7 +147,8 @@ class _Quads:
         def diagonals(points: NDArray[np.float64]) -> NDArray[np.float32]:
             """(Q, 2) squared lengths from corner 0 to 2 and from 1 to 3, in single precision as in mikktspace.c."""
             placed = points.reshape(-1, points.shape[-1])[self.around].astype(np.float32)
-            squared: NDArray[np.float32] = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
+            with np.errstate(over="ignore"):
+                squared: NDArray[np.float32] = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
             return squared
 
         in_uv, in_space = diagonals(uvs), diagonals(corners)

@@ -6,11 +6,55 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.defaults import CONVENTIONS, ENCODINGS
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
+    from mpsnet_core.scene.mesh import Mesh
     from mpsnet_core.scene.view_photos import ViewPhoto
+
+
+# Lengths in metres.
+UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
+
+
+@dataclass(frozen=True)
+class TakesMesh(Operation):
+    """Where mesh files stand in the cameras' world."""
+
+    heading: ClassVar[str] = "the mesh in the camera's world"
+
+    up: Literal["z", "y"] = option(
+        default="z",
+        choices={
+            "z": "its axes are those of the camera's world",
+            "y": "turned to z up, as Blender imports OBJ and glTF",
+        },
+        help="which axis of the mesh file points up",
+    )
+    unit: str = option(
+        default="1",
+        metavar="LENGTH|mm|cm|m|in|ft",
+        help="length of the mesh file's unit in that of the camera; a name, if that is the metre",
+        numbers=True,
+    )
+
+    def unit_length(self) -> float:
+        """The length of the mesh file's unit. Raises SettingsError if it is none."""
+        try:
+            length = UNITS[self.unit] if self.unit in UNITS else float(self.unit)
+        except ValueError:
+            length = 0.0
+        if not 1e-9 <= length <= 1e9:
+            raise SettingsError(f"--unit {self.unit} is no length; give {', '.join(UNITS)}, or a number above 0")
+        return length
+
+    def read_mesh(self, path: "str | Path", *, shape_only: bool = False) -> "Mesh":
+        """See :func:`mpsnet_core.scene.mesh.read_mesh`."""
+        from mpsnet_core.scene.mesh import read_mesh
+
+        return read_mesh(path, shape_only=shape_only, up=self.up, unit=self.unit_length())
 
 
 @dataclass(frozen=True)
@@ -176,7 +220,7 @@ class LightsPreviewed(Result):
 
 
 @dataclass(frozen=True)
-class PreviewLights(Operation):
+class PreviewLights(TakesMesh):
     """The three lights on a mesh: its photo if it were matt and white, beside it how many lights reach each pixel.
 
     Right are the normals as colours where three lights reach, orange where two do, red where one does, else black.
@@ -200,7 +244,6 @@ class PreviewLights(Operation):
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.light_preview import lit_view
-        from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.rig import read_rig
 
         as_array = Path(self.output).suffix.lower() == ".npy"
@@ -209,7 +252,7 @@ class PreviewLights(Operation):
         camera, rig = read_camera(self.camera), read_rig(self.rig)
         height, width = reduced_shape(camera.height, camera.width, self.size)
         progress(0.0, "reading the mesh")
-        mesh = read_mesh(self.mesh, shape_only=True)
+        mesh = self.read_mesh(self.mesh, shape_only=True)
         progress(0.5, "tracing the lights")
         with prefix_errors(f"camera {self.camera}"):
             view = lit_view(camera.resized(width, height), rig, mesh)

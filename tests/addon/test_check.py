@@ -13,9 +13,9 @@ from mpsnet_core.io.image_writing import write_image
 def test_a_rendered_photo_is_checked_with_its_own_rig(photographed, scene, capfd):
     bpy.ops.mps.check_photo()
     notes = notes_of(scene, "check_photo")
-    items = [note.split(",")[0] for note in notes[:6]]
-    assert items == ["exposure", "clipping", "channels", "lights", "reach", "focus"]
-    assert all(", good: " in note for note in notes[:6])
+    items = [note.split(",")[0] for note in notes[:7]]
+    assert items == ["exposure", "clipping", "channels", "lights", "rig", "reach", "focus"]
+    assert all(", good: " in note for note in notes[:7])
     assert "The photo is good" in capfd.readouterr().out
     assert main(["check-photo"]) == 0
     told = capfd.readouterr().out

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.rig import published_rig
 
 BUMPS = np.array(  # direction, height, narrowness
@@ -58,7 +58,7 @@ def mesh(rows: int = 120, bumps: NDArray[np.float64] = BUMPS) -> Mesh:
     c, d = a + 2 * rows, b + 2 * rows
     triangles = np.concatenate([np.stack([a, c, d], -1).reshape(-1, 3), np.stack([a, d, b], -1).reshape(-1, 3)])
     triangles = triangles.astype(np.int32)
-    normals = smooth_corner_normals(vertices, triangles).astype(np.float32)
+    normals = shared_normals(vertices[triangles], triangles).astype(np.float32)
     return Mesh(vertices, triangles, normals, np.zeros((len(triangles), 3, 2), np.float32))
 
 

@@ -58,12 +58,16 @@ def test_one_view_gives_each_texel_the_normal_behind_it(
     shading = texels.of(mesh.corner_normals) @ np.linalg.inv(pose[:3, :3])
     cosine = (shading * towards_camera(camera, points)).sum(1) / np.linalg.norm(shading, axis=1)
 
+    a, b, c = np.moveaxis(mesh.world_vertices[mesh.triangles], 1, 0)
+    outwards = (np.cross(b - a, c - a) * np.sign(np.prod(scale)))[texels.triangle]
+    faces_it = (outwards * towards_camera(camera, points)).sum(1) > 0
+
     place = tuple(texels.place.T)
     for space in ("object", "tangent"):
         texture = bake_normals(mesh, [sphere_view(camera, pose)], size=SIZE, space=space, margin=0)
         assert texture.covered[place].all() and texture.covered.sum() == len(texels.place)
         seen = texture.seen[place]
-        assert seen[cosine > 0.25].all() and not seen[cosine < 0].any()
+        assert seen[cosine > 0.25].all() and not seen[~faces_it].any()
         assert np.linalg.norm(texture.vectors, axis=-1) == pytest.approx(1, abs=1e-5)
         baked = texture.vectors if space == "object" else in_object_space(texture, mesh)
         error = degrees_between(baked[place], truth)
@@ -316,6 +320,37 @@ def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
         bake_normals(inside_out, [view], size=64)
 
 
+@pytest.mark.parametrize("towards", [0.05, -0.9])
+def test_what_a_camera_sees_of_a_card_does_not_depend_on_its_shading_normals(towards: float) -> None:
+    """As on foliage. Tangent space holds what is not behind the shading normal."""
+    mesh, shown = squares((0, 0), (2, 0), (4, 0), side=1.0), [0.3, 0.1, np.sqrt(0.9)]
+    normals = mesh.corner_normals.copy()
+    normals[:2] = 0, np.sqrt(1 - towards**2), towards
+    mesh = replace(mesh, corner_normals=normals)
+    view = constant_view(camera_looking((0, 0, 1), target=(0.5, 0.5, 0)), shown)
+    texture = bake_normals(mesh, [view], size=16, space="object", margin=0)
+    assert texture.seen.all() and degrees_between(texture.vectors, np.array(shown)).max() < 0.01
+    if towards > 0:
+        assert bake_normals(mesh, [view], size=16, margin=0).seen.all()
+    else:
+        with pytest.raises(InputError, match="in tangent space, it may not point away"):
+            bake_normals(mesh, [view], size=16, margin=0)
+
+
+def test_a_texture_twice_as_wide_as_high() -> None:
+    """Each of its texels is that of a square texture whose rows are twice as many, but for averaging."""
+    mesh = sphere_mesh()
+    for settings in ({}, {"fill": True, "samples": 2}, {"padding": "push-pull", "space": "object"}):
+        views = [sphere_view(camera_looking((1, 0.2, 0.1)))]
+        wide = bake_normals(mesh, views, size=(2 * SIZE, SIZE), **settings)  # type: ignore[arg-type]
+        large = bake_normals(mesh, views, size=2 * SIZE, **settings)  # type: ignore[arg-type]
+        assert wide.vectors.shape == (SIZE, 2 * SIZE, 3)
+        both = wide.seen & large.seen[::2] & large.seen[1::2]
+        assert both.mean() > 0.9 * wide.seen.mean() > 0.1
+        between = large.vectors[::2] + large.vectors[1::2]
+        assert degrees_between(wide.vectors, between)[both].mean() < 1
+
+
 def test_uvs_as_far_away_as_numbers_go_are_outside() -> None:
     mesh = squares((0, 0), (0, 0), side=1.0)
     uvs = mesh.uvs.astype(np.float64)
@@ -337,9 +372,14 @@ test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.bake(view=f"{b / 'c.json'}={b.normals()}"),
             "c.json does not exist",
         ),
-        ("size 0", lambda b: b.bake("--size", "0"), "size 0 is out of range; choose 1 to 16384"),
-        ("size beyond reason", lambda b: b.bake("--size", "1000000"), "size 1000000 is out of range"),
-        ("size in words", lambda b: b.bake("--size", "large"), "--size…'large'…see mpsnet bake --help"),
+        (
+            "size 0",
+            lambda b: b.bake("--size", "0"),
+            "a texture of 0 texels cannot be baked; choose a size from 1 to 16384",
+        ),
+        ("size beyond reason", lambda b: b.bake("--size", "1000000"), "a texture of 1000000 texels cannot be baked"),
+        ("size in words", lambda b: b.bake("--size", "large"), "--size large is not a size in pixels; give"),
+        ("size of three sides", lambda b: b.bake("--size", "8x8x8"), "--size 8x8x8 is not a size in pixels; give"),
         ("negative margin", lambda b: b.bake("--margin", "-1"), "margin -1 is out of range; choose 0 to 16384"),
         ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),
         (

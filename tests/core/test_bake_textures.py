@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,32 @@ def test_a_texture_for_each_tile(bench: Bench) -> None:
         half = [found[16:, :16], found[:16, 16:]]
         assert all(degrees_between(part, TILTED).max() < 0.01 for part in half)
     assert not any("outside" in note for note in result["notes"])
+
+
+def test_a_mesh_of_other_axes_and_unit_is_placed_by_options(bench: Bench) -> None:
+    mesh = squares((0, 0), (0.5, 0.5), materials="skin bone")
+    to_file = 100 * np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # centimetres, y up
+    write_mesh(bench / "m.npz", mesh)
+    normals = mesh.corner_normals @ to_file.T / 100
+    write_mesh(
+        bench / "f.npz",
+        replace(mesh, vertices=mesh.vertices @ to_file.T, corner_normals=normals, given_tangents=None),
+    )
+    how = "--space", "tangent", "--size", "32x16", "--mesh"
+    bench.run(*how, bench / "m.npz", output="m.png")
+    bench.run(*how, bench / "f.npz", "--up", "y", "--unit", "cm", output="f.png")
+    one, other = (read_normals(bench / name).vectors for name in ("m.png", "f.png"))
+    assert one.shape == (16, 32, 3) and one.std() > 0.1
+    assert one == pytest.approx(other, abs=1e-4)
+    assert "--unit furlong is no length" in bench.refused("--unit", "furlong", output="s.png")
+
+
+def test_materials_whose_uvs_overlap_are_said_to_need_their_own_textures(bench: Bench) -> None:
+    bench.squares("two.npz", (0, 0), (0, 0), materials="skin bone")
+    _, result, _ = bench.run("--mesh", bench / "two.npz", output="s.png")
+    assert any("put <MATERIAL> into" in note for note in result["notes"])
+    _, result, _ = bench.run("--mesh", bench / "two.npz", output="s_<MATERIAL>.png")
+    assert not any("overlap" in note for note in result["notes"])
 
 
 @pytest.mark.parametrize(("output", "albedo"), [("s.<UDIM>.png", "s_albedo.{}.png"), ("<UDIM>.png", "{}_albedo.png")])

@@ -444,7 +444,7 @@ def test_bad_input_is_one_sentence(
 
 def test_what_does_not_fit_is_refused() -> None:
     flat = np.broadcast_to(np.array([0, 0, 1], np.float32), (32, 32, 3))
-    with pytest.raises(InputError, match=r"32 x 16 texels does not fit"):
+    with pytest.raises(InputError, match="square"):
         displacement(flat[:16], cube_sphere(2))
     with pytest.raises(InputError, match=r"8192 texels a side at most, not 8193; bake a smaller texture"):
         displacement(np.broadcast_to(flat[:1, :1], (8193, 8193, 3)), cube_sphere(2))

@@ -136,4 +136,4 @@ def test_textures_that_are_not_square_are_refused(
         write_image(file, encode(np.broadcast_to([0.0, 0, 1], (16, 32, 3))))
     assert main(["integrate", texture, "--uvs", "b.npz", "--height", height]) == 2
     said = capsys.readouterr().err
-    assert said.endswith("a texture of 32 x 16 texels does not fit UVs; give a square one, as it was baked\n")
+    assert said.endswith("need a square texture, not one of 32 x 16 texels; bake it square\n")

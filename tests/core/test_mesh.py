@@ -21,7 +21,7 @@ from synthetic import degrees_between
 from mpsnet_core import View, bake_normals, read_camera, read_normals
 from mpsnet_core.arrays.polygon_triangulation import triangulated
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, Up, read_mesh, shared_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [2, 1, 1]]
@@ -148,13 +148,49 @@ def test_obj_of_windows_programs_keeps_its_first_vertex(tmp_path: Path, before: 
     assert corners_of(read_mesh(tmp_path / "mesh.obj")) == fan(LEFT)
 
 
-def test_obj_without_normals_is_smooth_also_where_the_uvs_part(tmp_path: Path) -> None:
-    quads = "f 1/1 2/2 3/3 4/4\nf 2/5 5/6 6/7 3/8"
-    mesh = read_mesh(obj(tmp_path / "mesh.obj", quads, normals=False))
-    at_fold = mesh.vertices[mesh.triangles][..., 0] == 1
-    between = np.add(UP, SLANTED)
-    assert degrees_between(mesh.corner_normals[at_fold], between).max() < 0.01
-    assert degrees_between(mesh.corner_normals[:2][~at_fold[:2]], UP).max() < 0.01
+FLAT, SMOOTH = "flat", "smooth"
+QUADS = "f 1/1 2/2 3/3 4/4", "f 2/5 5/6 6/7 3/8"
+
+
+def is_shaded(mesh: Mesh, how: str) -> None:
+    """Whether the two squares are flat, or smooth at the fold between them."""
+    places = mesh.vertices[mesh.triangles]
+    is_left = places[..., 0].max(axis=1) <= 1
+    expected = np.where(is_left[:, None, None], UP, SLANTED)
+    if how == SMOOTH:
+        expected = np.where(places[..., :1] == 1, np.add(UP, SLANTED), expected)
+    assert degrees_between(mesh.corner_normals, expected).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("lines", "how"),
+    [
+        (["{0}", "{1}"], FLAT),
+        (["s off", "{0}", "{1}"], FLAT),
+        (["s 0", "{0}", "{1}"], FLAT),
+        (["s", "{0}", "s on", "{1}"], FLAT),
+        (["s 1", "{0}", "{1}"], SMOOTH),
+        (["s 2", "{0}", "usemtl b", "g b", "{1}"], SMOOTH),
+        (["s 1", "{0}", "s off", "{1}"], FLAT),
+        (["{0}", "s 1", "{1}"], FLAT),
+        (["s 1", "{0}", "s 2", "{1}"], FLAT),
+        (["s 1", "{0}", "s 2", "s 1", "{1}"], SMOOTH),
+        (["o a", "s 1", "{0}", "o b", "s 1", "{1}"], FLAT),
+        (["s 1", "o a", "{0}", "{1}"], FLAT),
+        (["s off", "vn 1 0 0", "{0}", "{1}"], SMOOTH),
+    ],
+)
+def test_obj_without_normals_is_shaded_as_its_smoothing_groups_say(tmp_path: Path, lines: list[str], how: str) -> None:
+    """Flat where it says nothing. Smooth also where the UVs part."""
+    faces = "\n".join(lines).format(*QUADS)
+    is_shaded(read_mesh(obj(tmp_path / "mesh.obj", faces, normals=False)), how)
+
+
+def test_a_bent_quad_is_flat_as_a_whole(tmp_path: Path) -> None:
+    lines = ["v 0 0 0", "v 1 0 0", "v 1 1 1", "v 0 1 0", "vt 0 0", "f 1/1 2/1 3/1 4/1"]
+    (tmp_path / "bent.obj").write_text("\n".join(lines))
+    across = np.cross([1, 1, 1], [-1, 1, 0])  # the diagonals
+    assert degrees_between(read_mesh(tmp_path / "bent.obj").corner_normals, across).max() < 0.01
 
 
 def test_obj_corners_without_a_normal_get_the_smooth_one(tmp_path: Path) -> None:
@@ -170,7 +206,7 @@ def test_obj_corners_without_a_normal_get_the_smooth_one(tmp_path: Path) -> None
     ("faces", "said"),
     [
         ("f 1/1 2/2 3/3\nf 2//1 5//1 6//1", "some of its faces have no UVs; unwrap it"),
-        ("f 1 2 3", "its faces have no UVs; unwrap it"),
+        ("f 1 2 3", "it has no UVs; unwrap it"),
         ("f 1/1 2/2 7/3", "line 19 cannot be read .*f 1/1 2/2 7/3.*export it again"),
         ("f 1/1 2/2 0/3", "line 19 cannot be read"),
         ("f 1/1 2/2 -9/3", "line 19 cannot be read"),
@@ -295,12 +331,7 @@ def glb(path: Path, *, normals: bool, mirrored: bool = False, materials: bool = 
 def test_glb_with_several_meshes_and_materials(tmp_path: Path, normals: bool) -> None:
     mesh = read_mesh(glb(tmp_path / "mesh.glb", normals=normals))
     assert sorted(corners_of(mesh)) == sorted(fan(LEFT, RIGHT))
-    is_left = mesh.uvs[..., 0].max(axis=1) < 0.45
-    fold = mesh.vertices[mesh.triangles][..., 0] == 1
-    expected = np.where(is_left[:, None, None], UP, SLANTED)
-    if not normals:
-        expected = np.where(fold[..., None], np.add(UP, SLANTED), expected)
-    assert degrees_between(mesh.corner_normals, expected).max() < 0.01
+    is_shaded(mesh, FLAT)
 
 
 def test_glb_without_a_material_has_its_uvs_all_the_same(tmp_path: Path) -> None:
@@ -467,33 +498,7 @@ def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(
     path = glb(tmp_path / "mesh.glb", normals=True)
     change_header(path, lambda header: header["materials"][0].update(normalTexture=texture))
     read_mesh(path)
-    assert ("the normal map of material" in caplog.text) == warned
-
-
-def test_glb_with_a_fan_of_triangles_is_refused(tmp_path: Path) -> None:
-    path = glb(tmp_path / "mesh.glb", normals=True)
-    path.write_bytes(path.read_bytes().replace(b'"material": 1}', b'"mode":6     }'))
-    with pytest.raises(InputError, match=r"triangle fans, .*export it with plain triangles"):
-        read_mesh(path)
-
-
-def test_pictures_in_a_glb_are_not_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pillow, by which trimesh decodes them, starts Ghostscript for some."""
-    pictures = pytest.importorskip("PIL.Image")
-    opened = []
-    monkeypatch.setattr(pictures, "open", opened.append)
-    path = glb(tmp_path / "mesh.glb", normals=True)
-
-    def dress(header: dict[str, Any]) -> None:
-        header["images"] = [{"mimeType": "image/png", "bufferView": 0}]
-        header["textures"] = [{"source": 0}]
-        header["materials"][0]["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0}}
-
-    before = read_mesh(path)
-    change_header(path, dress)
-    found = read_mesh(path)
-    assert corners_of(found) == corners_of(before) and not opened
-    assert found.materials.names == before.materials.names
+    assert ("uses other UVs than the first" in caplog.text) == warned
 
 
 def test_glb_with_a_number_that_is_none_is_refused(tmp_path: Path) -> None:
@@ -503,12 +508,245 @@ def test_glb_with_a_number_that_is_none_is_refused(tmp_path: Path) -> None:
         read_mesh(path)
 
 
-def test_glb_with_gpu_instances_is_refused(tmp_path: Path) -> None:
+def add(header: dict[str, Any], buffer: bytes, values: Any, kind: str, **said: Any) -> tuple[int, bytes]:
+    """The number of a new accessor, and the buffer with its values."""
+    array, types = np.asarray(values), {"int8": 5120, "uint16": 5123, "uint32": 5125, "float32": 5126}
+    start = len(buffer) + -len(buffer) % 4
+    header["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": array.nbytes})
+    accessor = {"componentType": types[array.dtype.name], "count": len(array), "type": kind, **said}
+    header["accessors"].append({"bufferView": len(header["bufferViews"]) - 1, **accessor})
+    return len(header["accessors"]) - 1, buffer.ljust(start, b"\0") + array.tobytes()
+
+
+def in_floats(header: dict[str, Any], buffer: bytes, number: int, width: int) -> np.ndarray:
+    accessor = header["accessors"][number]
+    start = header["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    return np.frombuffer(buffer, "<f4", width * accessor["count"], start).reshape(-1, width)
+
+
+def primitives(header: dict[str, Any]) -> list[dict[str, Any]]:
+    return [mesh["primitives"][0] for mesh in header["meshes"]]
+
+
+def as_strips(header: dict[str, Any], buffer: bytes) -> bytes:
+    number, buffer = add(header, buffer, np.array([1, 2, 0, 3], np.uint32), "SCALAR")
+    for one in primitives(header):
+        one.update(mode=5, indices=number)
+    return buffer
+
+
+def as_fans(header: dict[str, Any], buffer: bytes) -> bytes:
+    for one in primitives(header):
+        one["mode"] = 6
+        del one["indices"]
+    return buffer
+
+
+def without_indices(header: dict[str, Any], buffer: bytes) -> bytes:
+    for one in primitives(header):
+        del one["indices"]
+        for name, number in one["attributes"].items():
+            kind = header["accessors"][number]["type"]
+            values = in_floats(header, buffer, number, int(kind[3]))[[0, 1, 2, 0, 2, 3]]
+            one["attributes"][name], buffer = add(header, buffer, values, kind)
+    return buffer
+
+
+def quantised(header: dict[str, Any], buffer: bytes) -> bytes:
+    header["extensionsRequired"] = ["KHR_mesh_quantization"]
+    for one in primitives(header):
+        attributes = one["attributes"]
+        points = in_floats(header, buffer, attributes["POSITION"], 3)
+        attributes["POSITION"], buffer = add(header, buffer, points.astype(np.int8), "VEC3")
+        uvs = np.rint(65535 * in_floats(header, buffer, attributes["TEXCOORD_0"], 2)).astype(np.uint16)
+        attributes["TEXCOORD_0"], buffer = add(header, buffer, uvs, "VEC2", normalized=True)
+    return buffer
+
+
+def sparse(header: dict[str, Any], buffer: bytes) -> bytes:
+    for one in primitives(header):
+        points = in_floats(header, buffer, one["attributes"]["POSITION"], 3)
+        which, buffer = add(header, buffer, np.array([0, 1, 3], np.uint16), "SCALAR")
+        values, buffer = add(header, buffer, points[[0, 1, 3]], "VEC3")
+        base = np.concatenate([np.full((2, 3), 9, np.float32), points[2:3], np.full((1, 3), 9, np.float32)])
+        number, buffer = add(header, buffer, base, "VEC3")
+        views = [header["accessors"][which], header["accessors"][values]]
+        header["accessors"][number]["sparse"] = {"count": 3, "indices": views[0], "values": views[1]}
+        one["attributes"]["POSITION"] = number
+    return buffer
+
+
+def morphed(of_nodes: bool) -> Callable[[dict[str, Any], bytes], bytes]:
+    """Positions halved, and a morph target that moves them back. of_nodes: the weights of nodes replace the meshes'."""
+
+    def edit(header: dict[str, Any], buffer: bytes) -> bytes:
+        for mesh, node in zip(header["meshes"], header["nodes"], strict=True):
+            (one,) = mesh["primitives"]
+            half = in_floats(header, buffer, one["attributes"]["POSITION"], 3) / np.float32(2)
+            one["attributes"]["POSITION"], buffer = add(header, buffer, half, "VEC3")
+            target, buffer = add(header, buffer, half, "VEC3")
+            one["targets"] = [{"NORMAL": one["attributes"]["NORMAL"]}, {"POSITION": target}]
+            mesh["weights"] = [0, 3 if of_nodes else 1]
+            if of_nodes:
+                node["weights"] = [0, 1]
+        return buffer
+
+    return edit
+
+
+def instanced(header: dict[str, Any], buffer: bytes) -> bytes:
+    """The right square's node moves it up and is mirrored; its instance moves it back."""
+    header["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    moves, buffer = add(header, buffer, np.array([[-5, 0, -1]], np.float32), "VEC3")
+    sizes, buffer = add(header, buffer, np.array([[-1, 1, 1]], np.float32), "VEC3")
+    instances = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": moves, "SCALE": sizes}}}
+    header["nodes"][1].update(translation=[0, 0, 1], scale=[-1, 1, 1], extensions=instances)
+    return buffer
+
+
+def turning(corners: list[list[list[float]]]) -> list[list[list[float]]]:
+    """Triangles, each from its first corner on in order."""
+    return sorted(min(triangle[n:] + triangle[:n] for n in range(3)) for triangle in corners)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [as_strips, as_fans, without_indices, quantised, sparse, morphed(False), morphed(True), instanced],
+    ids=["strips", "fans", "no indices", "quantised", "sparse", "morphed", "morphed by nodes", "instanced"],
+)
+def test_glb_is_the_same_in_other_words(
+    tmp_path: Path, edit: Callable[[dict[str, Any], bytes], bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    mesh = read_mesh(edited(glb(tmp_path / "mesh.glb", normals=True), edit))
+    expected = turning(fan(LEFT, RIGHT))
+    assert np.array(turning(corners_of(mesh))) == pytest.approx(np.array(expected), abs=2e-5)
+    is_shaded(mesh, FLAT)
+    assert not caplog.records
+
+
+def tangents_of(values: list[list[float]]) -> Callable[[dict[str, Any], bytes], bytes]:
+    """With tangents at the four corners of the left square, as they stand."""
+
+    def edit(header: dict[str, Any], buffer: bytes) -> bytes:
+        number, buffer = add(header, buffer, np.array(values, np.float32), "VEC4")
+        primitives(header)[0]["attributes"]["TANGENT"] = number
+        return buffer
+
+    return edit
+
+
+def test_tangents_of_a_glb_are_used(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Those of the other square, and wrong ones, are MikkTSpace's."""
+    plain = read_mesh(glb(tmp_path / "plain.glb", normals=True))
+    turned = right = [0.6, 0.8, 0, 1]
+    mesh = read_mesh(edited(glb(tmp_path / "a.glb", normals=True), tangents_of([turned] * 4)))
+    assert mesh.tangents[:2] == pytest.approx(np.broadcast_to(turned, (2, 3, 4)))
+    assert mesh.tangents[2:] == pytest.approx(plain.tangents[2:])
+    assert not caplog.records
+    mirrored = read_mesh(edited(glb(tmp_path / "m.glb", normals=True), tangents_of([[0.6, 0.8, 0, -1]] * 4)))
+    assert "handedness of most of its tangents" in caplog.text and (mirrored.tangents[:2, :, 3] == -1).all()
+    for wrong in ([1.2, 1.6, 0, 1], [0.6, 0.8, 0, 0], [0, 0, 0, 1], [NAN, 0, 0, 1]):
+        caplog.clear()
+        mesh = read_mesh(edited(glb(tmp_path / "b.glb", normals=True), tangents_of([right, wrong, right, right])))
+        assert "1 of its 4 tangents" in caplog.text
+        assert mesh.tangents[0, 0] == pytest.approx(right)
+        assert mesh.tangents[0, 1] == pytest.approx(plain.tangents[0, 1])
+    unshaded = read_mesh(edited(glb(tmp_path / "c.glb", normals=False), tangents_of([turned] * 4)))
+    assert unshaded.tangents == pytest.approx(plain.tangents)  # glTF 2.0, section 3.7.2.1
+
+
+def test_tangents_of_a_mirrored_node_turn_with_it(tmp_path: Path) -> None:
+    def edit(header: dict[str, Any], buffer: bytes) -> bytes:
+        header["nodes"][0]["scale"] = [-2, 2, 2]
+        return tangents_of([[0.6, 0.8, 0, 1]] * 4)(header, buffer)
+
+    mesh = read_mesh(edited(glb(tmp_path / "mesh.glb", normals=True), edit))
+    is_left = mesh.vertices[mesh.triangles][..., 0].max(axis=1) <= 0
+    tangent, normal = mesh.tangents[is_left], mesh.corner_normals[is_left]
+    assert tangent[..., :3] == pytest.approx(np.broadcast_to([-0.6, 0.8, 0], (2, 3, 3)))
+    bitangent = tangent[..., 3:] * np.cross(normal, tangent[..., :3])
+    assert bitangent == pytest.approx(np.broadcast_to([0.8, 0.6, 0], (2, 3, 3)))  # (-0.8, 0.6, 0) mirrored
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({"animations": [{}]}, "animations are not applied"),
+        ({"scenes": [{"nodes": [0, 1]}, {}]}, "of its scenes, only"),
+        ({"extensionsRequired": ["X_bent"]}, "X_bent is needed to read it, which is not known"),
+    ],
+)
+def test_what_of_a_glb_is_left_out_is_said(
+    tmp_path: Path, said: dict[str, Any], words: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
     path = glb(tmp_path / "mesh.glb", normals=True)
-    instances = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
-    change_header(path, lambda header: header["nodes"][1].update(extensions=instances))
-    with pytest.raises(InputError, match=r"GPU instances, .*export it without them"):
-        read_mesh(path)
+    change_header(path, lambda header: header.update(said))
+    read_mesh(path)
+    [sentence] = caplog.messages
+    assert words in sentence
+
+
+def ply_of(path: Path, *, comments: str = "", of_vertices: str = "", faces: str = "", properties: str = "") -> Path:
+    """The two squares without UVs. of_vertices: names and values of more properties, which are those of x and y."""
+    names = of_vertices.split()
+    head = ["ply", "format ascii 1.0", *filter(None, [comments]), "element vertex 6"]
+    head += [f"property float {name}" for name in ["x", "y", "z", *names]]
+    element = "tristrips 1" if "-1" in faces else f"face {faces.count(chr(10)) + 1}"
+    head += [f"element {element}", "property list uchar int vertex_indices", *filter(None, [properties]), "end_header"]
+    rows = [" ".join(map(str, [*place, *place[: len(names)]])) for place in POINTS]
+    path.write_text("\n".join([*head, *rows, faces, ""]))
+    return path
+
+
+@pytest.mark.parametrize("names", ["s t", "u v", "texture_u texture_v"])
+def test_ply_has_the_uvs_of_its_vertices_by_any_name_and_is_flat(tmp_path: Path, names: str) -> None:
+    mesh = read_mesh(ply_of(tmp_path / "mesh.ply", of_vertices=names, faces="4 0 1 2 3\n4 1 4 5 2"))
+    assert mesh.uvs == pytest.approx(mesh.vertices[mesh.triangles][..., :2])
+    is_shaded(mesh, FLAT)
+
+
+def test_ply_of_triangle_strips(tmp_path: Path) -> None:
+    path = ply_of(tmp_path / "mesh.ply", of_vertices="s t", faces="9 1 2 0 3 -1 1 4 2 5")
+    found = turning(read_mesh(path).vertices[read_mesh(path).triangles].tolist())
+    triangles = [(0, 1, 2), (0, 2, 3), (1, 4, 2), (4, 5, 2)]
+    assert found == turning([[list(map(float, POINTS[v])) for v in triangle] for triangle in triangles])
+
+
+PAGES = "comment TextureFile a b.png\ncomment TextureFile c.png"
+WEDGES = "property list uchar float texcoord\nproperty int texnumber"
+
+
+def test_ply_has_a_material_for_each_texture_page(tmp_path: Path) -> None:
+    faces = "3 0 1 2 6 0 0 1 0 1 1 0\n3 1 4 5 6 0 0 1 0 1 1 1\n3 0 2 3 6 0 0 1 0 1 1 0\n3 1 5 2 6 0 0 1 0 1 1 4"
+    mesh = read_mesh(ply_of(tmp_path / "mesh.ply", comments=PAGES, properties=WEDGES, faces=faces))
+    assert mesh.materials is not None
+    assert [mesh.materials.names[one] for one in mesh.materials.number] == ["a b", "c", "a b", "page_4"]
+    one = faces.replace(" 4\n", " 0\n")[:-1].replace("1 1 1\n", "1 1 0\n") + "0"
+    assert read_mesh(ply_of(tmp_path / "one.ply", comments=PAGES, properties=WEDGES, faces=one)).materials is None
+    some = faces.replace("6 0 0 1 0 1 1 4", "0 4")
+    with pytest.raises(InputError, match="some of its faces have no UVs"):
+        read_mesh(ply_of(tmp_path / "some.ply", comments=PAGES, properties=WEDGES, faces=some))
+
+
+@pytest.mark.parametrize(("up", "unit"), [("y", 1.0), ("z", 100.0), ("y", 0.01)])
+def test_up_and_unit_place_a_mesh_and_leave_its_own_space(tmp_path: Path, up: Up, unit: float) -> None:
+    path = obj(tmp_path / "mesh.obj", "\n".join(QUADS))
+    plain, mesh = read_mesh(path), read_mesh(path, up=up, unit=unit)
+    x, y, z = unit * plain.vertices.T
+    assert mesh.world_vertices == pytest.approx(np.stack([x, -z, y] if up == "y" else [x, y, z], axis=1))
+    assert mesh.vertices.tolist() == plain.vertices.tolist()
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".off"])
+def test_shapes_without_uvs_are_read_where_none_are_needed(tmp_path: Path, suffix: str) -> None:
+    box = trimesh.creation.box()
+    box.export(tmp_path / f"box{suffix}")
+    mesh = read_mesh(tmp_path / f"box{suffix}", shape_only=True)
+    assert sorted(mesh.vertices[mesh.triangles].tolist()) == sorted(box.triangles.tolist())
+    assert degrees_between(mesh.corner_normals, np.repeat(box.face_normals[:, None], 3, axis=1)).max() < 0.01
+    with pytest.raises(InputError, match=r"it has no UVs"):
+        read_mesh(tmp_path / f"box{suffix}")
 
 
 def test_faces_that_turn_their_back_to_the_normals_are_reported(
@@ -528,7 +766,7 @@ def test_faces_that_turn_their_back_to_the_normals_are_reported(
 def test_smooth_normals_are_the_same_in_any_unit() -> None:
     sphere = sphere_mesh(12, 6)
     points = sphere.vertices * np.random.default_rng(1).uniform(0.6, 1.4, (len(sphere.vertices), 1))
-    metres, tiny = (smooth_corner_normals(unit * points, sphere.triangles) for unit in (1, 1e-9))
+    metres, tiny = (shared_normals(unit * points[sphere.triangles], sphere.triangles) for unit in (1, 1e-9))
     assert tiny == pytest.approx(metres)
 
 
@@ -543,7 +781,7 @@ def test_smooth_normals_one_corner_at_a_time() -> None:
             face = np.cross(ahead - here, behind - here)
             angle = np.radians(degrees_between(ahead - here, behind - here))
             expected[triangle[corner]] += angle * face / np.linalg.norm(face)
-    found = smooth_corner_normals(points, triangles)
+    found = shared_normals(points[triangles], triangles)
     assert degrees_between(found, expected[triangles]).max() < 1e-4
     assert np.linalg.norm(found, axis=-1) == pytest.approx(1)
 
@@ -575,6 +813,10 @@ def pickled(b: Bench) -> Path:
 
 
 POINT: dict[str, Any] = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}
+
+
+HUGE = {"scale": [1e300] * 3}
+INSTANCED = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0, "SCALE": 1}}}
 
 
 def glb_of(b: Bench, **said: Any) -> Path:
@@ -729,47 +971,31 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
         ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
         *(
             (
-                f"a GLB of {words} ({number})",
-                lambda b, said=said: read_mesh(glb_of(b, **said)),
-                f"mesh.glb: it is compressed ({words}); export it without compression",
+                f"a GLB of {name}",
+                lambda b, name=name: read_mesh(glb_of(b, extensionsRequired=[name])),
+                f"mesh.glb: it is compressed ({name}); export it without compression",
             )
-            for number, (words, said) in enumerate(
-                (
-                    ("KHR_draco_mesh_compression", {"extensionsRequired": ["KHR_draco_mesh_compression"]}),
-                    ("sparse accessors", {"accessors": [POINT | {"sparse": {"count": 1}}]}),
-                    (
-                        "whole numbers for UVs or vertices",
-                        {"accessors": [POINT | {"componentType": 5122, "normalized": True}]},
-                    ),
-                    (
-                        "whole numbers for UVs or vertices",
-                        {
-                            "accessors": [POINT | {"componentType": 5123, "type": "VEC2", "normalized": True}],
-                            "meshes": [{"primitives": [{"attributes": {"TEXCOORD_0": 0}}]}],
-                        },
-                    ),
-                )
-            )
+            for name in ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
         ),
         (
             "a GLB of more numbers than it holds",
             lambda b: read_mesh(glb_of(b, accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
-            "mesh.glb: it unpacks to…MiB, more than the limit of 64; reduce it first",
+            "mesh.glb: it unpacks to more than 64 MiB; reduce it first",
         ),
         *(
-            (
-                f"a GLB of {words}",
-                lambda b, nodes=nodes: read_mesh(glb_of(b, nodes=nodes)),
-                "mesh.glb: it has too many objects, or nests them too deeply; join them first",
+            (f"a GLB of {words}", lambda b, nodes=nodes: read_mesh(glb_of(b, nodes=nodes)), f"mesh.glb: {said}")
+            for words, nodes, said in (
+                ("nodes in one another", [{"children": [1]}, {"mesh": 0, "children": [0]}], "it has no faces"),
+                ("a node in itself", [{"mesh": 0, "children": [0]}], "it has no faces"),
+                ("a node that it lacks", [{"children": [7]}], "it cannot be read"),
+                ("a place that is none", [HUGE | {"children": [1]}, HUGE | {"mesh": 0}], "a transform of it is not"),
+                ("instances of two numbers", [{"mesh": 0, "extensions": INSTANCED}], "it cannot be read"),
             )
-            for words, nodes in (
-                ("100,000 nodes", [{"mesh": 0}] * 100_000),
-                (
-                    "nodes in one another",
-                    [{"mesh": 0, "children": [inner]} for inner in range(1, 1000)] + [{"mesh": 0}],
-                ),
-                ("a node in itself", [{"mesh": 0, "children": [0]}]),
-            )
+        ),
+        (
+            "a GLB of too many parts",
+            lambda b: read_mesh(glb_of(b, nodes=[{"mesh": 0}] * 70_000, scenes=[{"nodes": list(range(70_000))}])),
+            "mesh.glb: it has more than…parts; reduce it first",
         ),
         (
             "a GLB whose numbers are in another file",

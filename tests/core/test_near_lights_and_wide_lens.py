@@ -17,7 +17,7 @@ from mpsnet_core.estimate.distant_lights import convert_to_distant_view
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera, camera_of_lens, write_camera
-from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.mesh_depth import depth_of_mesh
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
@@ -155,7 +155,7 @@ def ball_mesh(middle: np.ndarray) -> Mesh:
     source = trimesh.creation.icosphere(5)
     vertices, triangles = np.array(source.vertices) + middle, np.array(source.faces, np.int32)
     uvs = np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1.0]]), (len(triangles), 3, 2))
-    return Mesh(vertices, triangles, smooth_corner_normals(vertices, triangles), uvs)
+    return Mesh(vertices, triangles, shared_normals(vertices[triangles], triangles), uvs)
 
 
 def test_the_depth_of_a_mesh_is_that_of_the_ball_it_stands_for(wide: Scene) -> None:

@@ -95,7 +95,7 @@ ALSO = {"in one line": {"channels"}, "close to the camera": {"channels"}, "two l
 def test_a_good_photo_is_good() -> None:
     found = checked(*photo())
     assert {one.level for one in found.values()} == {"good"}
-    assert list(found) == ["exposure", "clipping", "channels", "lights", "reach", "focus"]
+    assert list(found) == ["exposure", "clipping", "channels", "lights", "rig", "reach", "focus"]
     # By the sphere's own normals.
     sphere = shaded_sphere(320)
     assert found["reach"].figures["all_lights"] == pytest.approx(sphere.lit.sum() / sphere.mask.sum(), abs=0.03)
@@ -162,8 +162,8 @@ def test_the_command_writes_a_line_and_a_sentence_an_item(tmp_path: Path, mpsnet
     done = mpsnet("check", tmp_path / "photo.png", *options, "--json", tmp_path / "found.json")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines] == ["bad", *["good"] * 3, "watch", *["good"] * 2]
-    assert "the rig does not state how the lights' colours mix" in lines[4]
+    assert [line.split()[0] for line in lines] == ["bad", *["good"] * 4, "watch", *["good"] * 2]
+    assert "the rig does not state how the lights' colours mix" in lines[5]
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["level"] == "bad" and found["findings"][0]["sentence"] in lines[0]
     rig = json.loads((tmp_path / "rig.json").read_text())

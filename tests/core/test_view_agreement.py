@@ -100,11 +100,11 @@ def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
     pose[:3, :3], pose[:3, 3] = turn(np.array([1.0, 1, 0]), 30) * 2.5, (10, 20, 30)
     mesh = sphere_mesh(48, 24, world_from_object=pose)
     said = agreement(mesh, RayScene.of(mesh), count=5000)
-    points = (said.points + said.scene.middle - pose[:3, 3]) @ pose[:3, :3] / 2.5**2
+    points = (said.points.positions.T + said.scene.middle - pose[:3, 3]) @ pose[:3, :3] / 2.5**2
     assert np.linalg.norm(points, axis=1) == pytest.approx(1, abs=0.01)
     # Archimedes: on a sphere every slab of the same height has the same area.
     assert np.histogram(points[:, 2], 8, (-1, 1))[0] / 5000 == pytest.approx(1 / 8, abs=0.012)
-    assert degrees_between(said.normals, points @ pose[:3, :3].T).max() < 5
+    assert degrees_between(said.points.normals.T, points @ pose[:3, :3].T).max() < 5
 
 
 def test_the_report_is_one_page_that_holds_all(tmp_path: Path) -> None:

@@ -724,7 +724,7 @@ def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> 
 
 def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Table) -> None:
     for arguments, said in (
-        (("--size", "0"), "size 0 is out of range; choose 1 to 16384"),
+        (("--size", "0"), "a texture of 0 texels cannot be baked"),
         (("--margin", "99999"), "margin 99999 is out of range; choose 0 to 16384"),
         (("--json", table / "cameras" / "side1.camera.json"), "would overwrite .*side1.camera.json"),
     ):

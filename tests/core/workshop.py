@@ -58,6 +58,11 @@ READS = {
     "mesh.obj": f"{BAKE} --mesh mesh.obj",
     "mesh.ply": f"{BAKE} --mesh mesh.ply",
     "mesh.glb": f"{BAKE} --mesh mesh.glb",
+    "rich.glb": f"{BAKE} --mesh rich.glb --size 16x8 --unit 1",
+    "smooth.obj": f"{BAKE} --mesh smooth.obj --up z",
+    "pages.ply": "bake --size 16 --view camera.json=normals.png --mesh pages.ply -o o_<MATERIAL>.png",
+    "strips.ply": f"{BAKE} --mesh strips.ply",
+    "shape.stl": "preview --mesh shape.stl --rig rig.json --camera camera.json --size 16 -o o.png",
     "normals.png": "bake --size 16 --mesh mesh.npz --view camera.json=normals.png --level on -o o.exr",
     "normals.exr": "integrate normals.exr --camera camera.json --height o.exr --mesh om.ply --curvature oc.png",
     "confidence.png": f"{BAKE} --mesh mesh.npz --confidence confidence.png",
@@ -150,6 +155,7 @@ def fill(here: Path) -> None:
     head += [f"element face {len(rows) // 3}", "property list uchar int vertex_indices", "end_header"]
     faces = [f"3 {k} {k + 1} {k + 2}" for k in range(0, len(rows), 3)]
     (here / "mesh.ply").write_text("\n".join([*head, *(" ".join(map(str, row)) for row in rows), *faces, ""]))
+    _odd_meshes(here)
     maps = [{"file": "present.png", "object": "ball"}, {"file": "present.png", "convention": "directx"}]
     write_json(here / "maps.json", {"format": "mpsnet-present-maps", "version": 1, "maps": maps})
     pass_through(here / "net.onnx")
@@ -199,3 +205,18 @@ def fill(here: Path) -> None:
         from mpsnet_core.learning.training.recipe import read_recipe
 
         train(read_recipe(here / "tiny.toml"), [here / "job"], [], paths=TrainingPaths(here / "checkpoint"))
+
+
+def _odd_meshes(here: Path) -> None:
+    """Meshes with what few files hold."""
+    import test_mesh as meshes
+
+    rich = meshes.glb(here / "rich.glb", normals=True)
+    tangents = meshes.tangents_of([[1, 0, 0, 1]] * 4)
+    for edit in (meshes.instanced, meshes.morphed(True), meshes.sparse, tangents, meshes.as_strips):
+        meshes.edited(rich, edit)
+    meshes.obj(here / "smooth.obj", "s 1\nf 1/1 2/2 3/3 4/4\no b\ns off\nf 2/5/2 5/6/2 6/7/2 3/8/2")
+    faces = "3 0 1 2 6 0 0 1 0 1 1 0\n3 1 4 5 6 0 0 1 0 1 1 1"
+    meshes.ply_of(here / "pages.ply", comments=meshes.PAGES, properties=meshes.WEDGES, faces=faces)
+    meshes.ply_of(here / "strips.ply", of_vertices="s t", faces="9 1 2 0 3 -1 1 4 2 5")
+    trimesh.creation.box().export(here / "shape.stl")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, surface
+from mpsnet_core.capture.rig_check import check_rig, misfit_words
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
@@ -290,6 +291,15 @@ def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
             "under all of them will do for a grey ball"
         )
     return photos
+
+
+def check_lights(image: NDArray[np.float32], ball: Ball, rig: LightRig) -> None:
+    """Raise GeometryError if another order or orientation of the lights fits the photo (H, W, 3) of a matt ball."""
+    height, width = image.shape[:2]
+    x, y = np.arange(width) + 0.5 - ball.circle.x, np.arange(height)[:, None] + 0.5 - ball.circle.y
+    better = check_rig(np.nan_to_num(image, posinf=0), x**2 + y**2 < ball.circle.radius**2, rig).better
+    if better:
+        raise GeometryError(misfit_words(better))
 
 
 def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

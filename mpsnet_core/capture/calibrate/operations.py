@@ -430,10 +430,18 @@ class CalibrateMixing(UsesBall):
         rig: "LightRig",
         progress: Progress,
     ) -> "MixingFound":
-        from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
+        import numpy as np
+
+        from mpsnet_core.capture.calibrate.mixing import (
+            check_lights,
+            mixing_from_ball,
+            mixing_from_ball_by_light,
+        )
         from mpsnet_core.capture.calibrate.photos import seen_balls
 
         ball = seen_balls(photos, image)[0]
+        # Before the fit, which may refuse such lights without knowing where they are.
+        check_lights(image, ball, replace(rig, mixing=np.eye(3)))
         progress(0.4, "solving for the mixing")
         return mixing_from_ball(read[0], ball, rig) if len(read) == 1 else mixing_from_ball_by_light(read, ball, rig)
 

@@ -11,6 +11,7 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,14 +77,14 @@ class CameraFound(Result):
 
 
 @dataclass(frozen=True)
-class Align(RunsModel, ReadsPhotos):
+class Align(RunsModel, TakesMesh, ReadsPhotos):
     """Find the camera that took a photo, from a mesh of the object."""
 
     command: ClassVar[str] = "align"
 
     image: str = option(positional=True, help="the photo", path="file", provenance="files")
     mesh: str = option(
-        help="mesh of the object in the photo, whose unit and axes the camera file will use",
+        help="mesh of the object in the photo, whose unit and axes the camera file will use unless they are changed",
         path="file",
         provenance="content",
     )
@@ -137,10 +138,8 @@ class Align(RunsModel, ReadsPhotos):
         """Write the camera file, and the overlay if requested."""
         from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
-        from mpsnet_core.estimate.alignment.pairs import read_pairs
         from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path
         from mpsnet_core.io.frames import expand_file_options
-        from mpsnet_core.scene.mesh import read_mesh
 
         if self.points and self.start:
             raise SettingsError("points and start both place the camera; give one of them")
@@ -153,13 +152,23 @@ class Align(RunsModel, ReadsPhotos):
         writable_path(self.output)
         if self.overlay:
             writable_image(self.overlay)
-        pairs = read_pairs(self.points) if self.points else None
+        pairs = self._pairs()
         progress(0.0, f"reading {Path(self.image).name}")
         capture = self._capture()
         _check_size(capture.mask)
-        faces = MeshFaces.of(read_mesh(self.mesh, shape_only=True))
+        faces = MeshFaces.of(self.read_mesh(self.mesh, shape_only=True))
         fits, point_fit, turned_over = self._fits(capture, faces, pairs, progress)
         return self._written(capture, faces, fits, pairs, point_fit, turned_over, progress)
+
+    def _pairs(self) -> "tuple[Floats, Floats] | None":
+        """The pairs of points, those on the mesh in world space."""
+        from mpsnet_core.estimate.alignment.pairs import read_pairs
+        from mpsnet_core.scene.mesh import world_from_file
+
+        if not self.points:
+            return None
+        pixels, points = read_pairs(self.points)
+        return pixels, points @ world_from_file(self.up, self.unit_length())[:3, :3].T
 
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.capture import read_capture

@@ -173,8 +173,9 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
         return chosen
 
     def has_texels(texture_set: TextureSet) -> bool:
-        corners = texel_coordinates(mesh.uvs[texture_set.parts[0]] - np.array(texture_set.corner, float), shape[0])
-        return bool((triangle_of_texel(corners, shape[0]) >= 0).any())
+        size = shape[1], shape[0]
+        corners = texel_coordinates(mesh.uvs[texture_set.parts[0]] - np.array(texture_set.corner, float), size)
+        return bool((triangle_of_texel(corners, size) >= 0).any())
 
     return [
         texture_set

@@ -16,7 +16,7 @@ from mpsnet_core.bake.uv_islands import welded
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
-from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
 # Gradients steeper than this (cosine of the angle between the surface and the mesh; 80°) are limited to it: a normal
@@ -119,10 +119,8 @@ def chords(
 def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """(T, 3, 3) the corners' positions in world space, relative to `middle`, and their smooth normals."""
     mesh = layout.mesh
-    points, places = (mesh.world_vertices - middle)[mesh.triangles], welded(mesh).astype(np.int32)
-    of_place = np.empty((places.max() + 1, 3))
-    of_place[places] = points
-    normals = smooth_corner_normals(of_place, places)
+    points = (mesh.world_vertices - middle)[mesh.triangles]
+    normals = shared_normals(points, welded(mesh))
     return [points, -normals if mesh.is_mirrored else normals]
 
 

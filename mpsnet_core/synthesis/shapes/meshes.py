@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.unit_vectors import dot, normalised
-from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
+from mpsnet_core.errors import FileError, FormatError, GeometryError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.mesh_import import read_scene
 from mpsnet_core.scene.mesh import read_mesh, triangle_normals
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
@@ -78,7 +77,8 @@ def load_mesh(path: str) -> Shape:
         raise FormatError(f"mesh file {file} is not in a supported format; use {', '.join(FORMATS)}")
     if file.stat().st_size > MAX_BYTES:
         raise FormatError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
-    vertices, faces = _read(file)
+    mesh = read_mesh(file, shape_only=True)
+    vertices, faces = mesh.world_vertices, mesh.triangles.astype(np.int64)
     if len(faces) > MAX_FACES:
         raise FormatError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
     if not np.isfinite(vertices).all():
@@ -94,33 +94,6 @@ def load_mesh(path: str) -> Shape:
     for array in (shape.vertices, shape.triangles, shape.corner_normals, shape.parts):
         array.flags.writeable = False  # the shape is cached
     return shape
-
-
-def _read(path: Path) -> tuple[Array, Faces]:
-    if path.suffix.lower() == ".ply":  # trimesh cannot read binary files that mix triangles and quads
-        mesh = read_mesh(path, shape_only=True)
-        return mesh.vertices, mesh.triangles.astype(np.int64)
-    try:
-        with read_scene(path) as scene:
-            placed = [
-                (scene.graph[node][0], scene.geometry[scene.graph[node][1]]) for node in scene.graph.nodes_geometry
-            ]
-            parts = [
-                (np.asarray(part.vertices, np.float64) @ pose[:3, :3].T + pose[:3, 3], np.asarray(part.faces, np.int64))
-                for pose, part in placed
-                if hasattr(part, "faces")
-            ]
-    except InputError as error:
-        raise FormatError(f"mesh file {path}: {error}") from None
-    parts = [(points, faces) for points, faces in parts if len(faces)]
-    if not parts:
-        raise GeometryError(f"mesh file {path} has no faces; choose a mesh with a surface")
-    starts = np.cumsum([0] + [len(points) for points, _ in parts[:-1]])
-    vertices = np.concatenate([points for points, _ in parts])
-    triangles = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=True)])
-    if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise FormatError(f"mesh file {path} has faces of vertices that it lacks; export it again")
-    return vertices, triangles
 
 
 def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:

@@ -1,0 +1,190 @@
+"""Whether a rig fits its photo, or its lights would fit better in another order or orientation.
+
+Equation 2 gives normals for three lights in any order and orientation, but those of a wrong one belong to no surface
+(:mod:`mpsnet_core.arrays.orientation`).
+"""
+
+import logging
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.orientation import (
+    MIN_CELLS,
+    TURNS,
+    Outline,
+    blocks_of,
+    is_round,
+    orientation_measures,
+    probabilities,
+)
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.capture.transfer_curve import equal_albedo
+from mpsnet_core.io.image import CHANNELS
+from mpsnet_core.scene.rig import LightRig
+
+log = logging.getLogger(__name__)
+
+# Lights up to this share of their channel's 95th percentile are shadow.
+SHADOW = 0.05
+# Rigs are alike if no light is farther than this from its counterpart, in degrees: such errors cost little.
+ALIKE = 20.0
+# A rig is wrong if it and those like it have a probability below WRONG, another one, those like it and the same turned
+# by 180° have one above SURE, and one of that one's lights is at least APART degrees from its counterpart.
+WRONG, SURE, APART = 0.005, 0.5, 25.0
+HALF_TURN_OF_LIGHTS = np.array([-1, -1, 1])
+# What is wrong with a rig whose lights fit when turned by each of :data:`TURNS`.
+TURN_WORDS = (
+    "",
+    "the lights are mirrored left to right (x points left)",
+    "the lights are mirrored top to bottom (y points down)",
+    "the lights are turned by 180°",
+    "the lights are turned by 90° clockwise",
+    "the lights are turned by 90° counter-clockwise",
+    "the lights' x and y are exchanged",
+    "the lights' x and y are exchanged and reversed",
+)
+# How many things must have gone wrong: exchanged axes are turned and mirrored.
+TURN_CHANGES = (0, 1, 1, 1, 1, 1, 2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class RigFit:
+    """How well a rig fits a photo.
+
+    Parameters
+    ----------
+    probability : float
+        Of the rig and those like it, among all orders and orientations of its lights; 0.5 if the photo is not enough to
+        tell.
+    better : str
+        What is wrong with the rig, as in "the red and green lights are swapped"; empty unless that is sure.
+    directions : (3, 3) array
+        The light directions that fit better, one light per row; None unless that is sure.
+    """
+
+    probability: float = 0.5
+    better: str = ""
+    directions: NDArray[np.float64] | None = None
+
+
+class _Candidate(NamedTuple):
+    """Lights in another order and turned. order: numbers of the rig's lights. turn: number in :data:`TURNS`.
+
+    lights: (3, 3) directions. measures: (4,) of equation 2's normals by these lights.
+    """
+
+    order: tuple[int, ...]
+    turn: int
+    lights: NDArray[np.float64]
+    measures: NDArray[np.float64]
+
+    @property
+    def changes(self) -> int:
+        """How many things are wrong with the rig, if this candidate is right."""
+        return (self.order != (0, 1, 2)) + TURN_CHANGES[self.turn]
+
+    @property
+    def words(self) -> str:
+        """What is wrong with the rig, if this candidate is right."""
+        return " and ".join(words for words in (_order_words(self.order), TURN_WORDS[self.turn]) if words)
+
+
+def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig) -> RigFit:
+    """Whether a rig fits a photo.
+
+    Parameters
+    ----------
+    pixels : (H, W, 3) array
+        The photo, linear.
+    mask : (H, W) bool array
+        The object.
+    rig : LightRig
+        Its lights. Near lights count as distant ones in their directions at the target.
+
+    Returns
+    -------
+    RigFit
+        It says what is wrong only where that is sure. Flat things, and those that fill the photo, often do not tell.
+    """
+    blocks = blocks_of(pixels, mask)
+    if blocks is None:
+        return RigFit()
+    light = np.maximum(rig.unmixed(blocks.values), 0).astype(np.float64)
+    lit = blocks.whole & (light > SHADOW * np.percentile(light[blocks.whole], 95, axis=0)).all(axis=-1)
+    orders = permutations(range(3))
+    return _fit_of([one for order in orders for one in _candidates(light, lit, blocks.outline, rig, order)])
+
+
+def _fit_of(candidates: list[_Candidate]) -> RigFit:
+    """The fit of the first candidate, the rig itself, among all."""
+    shares = probabilities(np.array([one.measures for one in candidates]))
+    lights = np.array([one.lights for one in candidates])
+    best = int(shares.argmax())
+
+    def apart(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) degrees from the light of each candidate that differs most."""
+        return np.asarray(np.degrees(np.arccos(np.clip((lights * directions).sum(axis=2).min(axis=1), -1, 1))))
+
+    from_stated, from_best, from_turned = (
+        apart(one) for one in (lights[0], lights[best], lights[best] * HALF_TURN_OF_LIGHTS)
+    )
+    stated = float(shares[from_stated < ALIKE].sum())
+    # The outline alone tells the best from itself turned by 180°.
+    turned = from_turned < ALIKE
+    right = from_best < ALIKE
+    known = shares[right | turned].sum()
+    if stated >= WRONG or known <= SURE or from_best[0] < APART or not candidates[best].measures[1]:
+        return RigFit(stated)
+    if not is_round(candidates[best].measures):
+        if from_turned[0] < APART:
+            return RigFit(stated)
+        right |= turned
+    named = [candidates[number] for number in np.flatnonzero(right)]
+    fewest = min(one.changes for one in named)
+    words = ", or ".join(one.words for one in named if one.changes == fewest)
+    return RigFit(stated, words, lights[best])
+
+
+def warn_of_wrong_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig, which: str) -> None:
+    """Warn if a rig does not fit its photo. which: the beginning of the message. Others as in :func:`check_rig`."""
+    better = check_rig(pixels, mask, rig).better
+    if better:
+        log.warning("%s%s", which, misfit_words(better))
+
+
+def misfit_words(better: str) -> str:
+    """A sentence on a rig that does not fit. better: as in :class:`RigFit`."""
+    return (
+        f"the rig does not fit the photo: by its shading, {better}; correct the rig file, or use the photo as the "
+        "camera took it [wrong-rig]"
+    )
+
+
+def _order_words(order: tuple[int, ...]) -> str:
+    moved = [number for number in range(3) if order[number] != number]
+    if not moved:
+        return ""
+    if len(moved) == 2:
+        return f"the {CHANNELS[moved[0]]} and {CHANNELS[moved[1]]} lights are swapped"
+    first, second, third = (CHANNELS[number] for number in order)
+    return f"the red, green and blue channels show the rig's {first}, {second} and {third} lights"
+
+
+def _candidates(
+    light: NDArray[np.float64], lit: NDArray[np.bool_], outline: Outline, rig: LightRig, order: tuple[int, ...]
+) -> list[_Candidate]:
+    """The candidates of one order. Their normals are the same, turned.
+
+    light: (H, W, 3) unmixed means of blocks, not below 0. lit: (H, W) those that all lights reach.
+    """
+    lights = rig.directions[list(order)]
+    bright = light[lit]
+    strengths = equal_albedo(bright[::3], lights) if len(bright) >= MIN_CELLS else np.ones(3)
+    normals = normalised(light * strengths @ np.linalg.inv(lights).T)
+    measures = orientation_measures(normals, lit, outline)
+    turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in TURNS]
+    return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
