@@ -121,16 +121,12 @@ class LightPreview:
             self.mesh_of = mesh_of
         write_rig(files["rig"], rig)
         write_camera(files["camera"], camera)
-<<<<<<< HEAD
-        self.process = CoreProcess(PreviewLights(**files, size=PIXELS, overwrite=False), [Path(files["output"])])
-=======
         self.process = CoreProcess(
             PreviewLights(
                 mesh=files["mesh"], rig=files["rig"], camera=files["camera"], output=files["output"], size=PIXELS
             ),
             [Path(files["output"])],
         )
->>>>>>> origin/main
 
     def _show(self, picture: NDArray[np.float32]) -> None:
         """Show (H, 2 W, 4), two images side by side, as icons."""
