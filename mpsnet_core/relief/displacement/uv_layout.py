@@ -74,7 +74,7 @@ class Layout:
         texels = np.full((len(seam), 2), -1, np.int64)
         offsets, nearest = np.zeros((len(seam), 2, 2)), np.full((len(seam), 2), np.inf)
         for row, column in np.ndindex(4, 4):
-            texel = np.floor(places).astype(np.int64) + np.array([column - 1, row - 1])
+            texel = np.floor(np.clip(places, -4, size + 4)).astype(np.int64) + np.array([column - 1, row - 1])
             inside = ((texel >= 0) & (texel < size)).all(axis=-1)
             x, y = np.moveaxis(np.clip(texel, 0, size - 1), -1, 0)
             offset = places - texel
