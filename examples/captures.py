@@ -60,7 +60,9 @@ def main() -> None:
 
 def light_directions(folder: Path) -> np.ndarray:
     """(12, 3) by the mirror ball."""
-    photos = BallPhotos([folder / f"chrome.{number}.png" for number in range(LIGHTS)], options=PhotoReadOptions(ENCODING))
+    photos = BallPhotos(
+        [folder / f"chrome.{number}.png" for number in range(LIGHTS)], options=PhotoReadOptions(ENCODING)
+    )
     found = find_lights(read_sightings(photos))
     circle = found.sightings[0].ball.circle
     print(f"the ball is at {circle.x:.1f},{circle.y:.1f} with radius {circle.radius:.1f} pixels")

@@ -5,11 +5,14 @@ API. The command line (:mod:`mpsnet_core.cli.operations`) and the add-on's setti
 (``blender_addon/settings/declared.py``) are generated from it.
 """
 
+import contextlib
 import dataclasses
+import functools
 import inspect
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from types import UnionType
@@ -18,8 +21,8 @@ from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args,
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, silent
 
-# What the provenance of a result records of an option: its value, a hash of the file that it names, the names, sizes
-# and times of the files that it names, or nothing. It applies to each value of an option that takes several.
+# What the provenance of a result records of an option: its value, a hash of the file that it names, the names and
+# hashes of the files that it names, or nothing. It applies to each value of an option that takes several.
 Provenance = Literal["value", "content", "files", "none"]
 # What Blender's file browser offers to select for the option; "" if it is not a path.
 PathKind = Literal["", "file", "folder"]
@@ -160,11 +163,18 @@ def _plain_data(value: Any) -> Any:
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))
+@dataclass(frozen=True)
 class Operation:
     """One task with all its inputs and settings. :meth:`run` carries it out.
 
     A subclass is a frozen dataclass whose docstring's first line is the command's help.
     """
+
+    overwrite: bool = option(
+        default=False,
+        help="replace existing files whose names you do not give, even those that this program did not make",
+        provenance="none",
+    )
 
     # The command's name on the command line: "superpose", "calibrate lights".
     command: ClassVar[str] = ""
@@ -186,6 +196,19 @@ class Operation:
             for one in value if setting.several and value is not None else (value,):
                 _check(setting, one)
 
+    def __init_subclass__(cls) -> None:
+        """Have :meth:`run` tell what it writes under whose names, see :data:`running`."""
+        super().__init_subclass__()
+        if "run" in vars(cls):
+            setattr(cls, "run", _as_running(cls.run))  # noqa: B010 - mypy takes methods for constants
+
+    def texts(self) -> Iterator[str]:
+        """The texts that the user gave, among them every path."""
+        for setting in settings(type(self)):
+            value = getattr(self, setting.name)
+            if setting.kind is str and value is not None:
+                yield from value if setting.several else (value,)
+
     def run(self, progress: Progress = silent) -> Result:
         """Carry out the operation. Raises InputError on bad input, and Cancelled if `progress` raises it."""
         raise NotImplementedError
@@ -194,6 +217,57 @@ class Operation:
     def help(cls) -> str:
         """What the command does, in a line."""
         return (cls.__doc__ or "").split("\n")[0].rstrip(".")
+
+
+@dataclass(frozen=True, eq=False)
+class Running:
+    """An operation that is being carried out, for the rules of :mod:`mpsnet_core.io.files` on what it may overwrite.
+
+    Attributes
+    ----------
+    operation
+        The operation.
+    written
+        The absolute paths of the files that it wrote so far.
+    folders
+        The folders that it made. If it fails, those that are still empty are removed.
+    """
+
+    operation: Operation
+    written: set[str] = field(default_factory=set)
+    folders: list[str] = field(default_factory=list)
+
+    @functools.cached_property
+    def named(self) -> frozenset[str]:
+        """The absolute paths that its options name. A text that is no path counts as one, which does no harm."""
+        return frozenset(map(os.path.abspath, self.operation.texts()))
+
+    @functools.cached_property
+    def places(self) -> frozenset[str]:
+        """The folders that the user chose: those named, those of the files that are named, and the current one."""
+        return self.named | {os.path.dirname(path) for path in self.named} | {os.getcwd()}  # noqa: PTH109, PTH120
+
+
+# What this thread carries out, None outside of any operation.
+running: ContextVar[Running | None] = ContextVar("running", default=None)
+
+
+def _as_running(run: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(run)
+    def wrapped(self: Operation, *arguments: Any, **named: Any) -> Any:
+        task = Running(self)
+        token = running.set(task)
+        try:
+            return run(self, *arguments, **named)
+        except BaseException:
+            for folder in reversed(task.folders):
+                with contextlib.suppress(OSError):  # it is not empty
+                    os.rmdir(folder)  # noqa: PTH106
+            raise
+        finally:
+            running.reset(token)
+
+    return wrapped
 
 
 # A cache: evaluating type hints is slow, and Blender's settings are made from them while Blender starts.
@@ -211,9 +285,10 @@ def _settings(kind: type[Operation]) -> tuple[Setting, ...]:
     hints = get_type_hints(kind)
     found = [
         Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA], _heading(kind, one.name))
-        for one in dataclasses.fields(kind)  # type: ignore[arg-type]  # every subclass is a dataclass
+        for one in dataclasses.fields(kind)
     ]
-    return tuple(sorted(found, key=lambda setting: not setting.option.positional))
+    common = {one.name for one in dataclasses.fields(Operation)}  # these come last
+    return tuple(sorted(found, key=lambda setting: (not setting.option.positional, setting.name in common)))
 
 
 def _heading(kind: type[Operation], name: str) -> str:

@@ -30,7 +30,7 @@ from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_size
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
-from mpsnet_core.io.provenance import identity, is_result, is_up_to_date, provenance_line
+from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
 from mpsnet_core.scene.mesh import Mesh
@@ -136,15 +136,6 @@ class KeptView:
     def is_of(self, source: str) -> bool:
         """Whether all files exist, are complete, and were made from `source`, a line of :func:`sources_of`."""
         return all(is_up_to_date(file, source) for file in self.files)
-
-    def check_own(self) -> None:
-        """Raise FileError if one of the files exists but was written by another program, or edited since."""
-        for file in self.files:
-            if file.exists() and not is_result(file, "normals"):
-                raise FileError(
-                    f"the result would overwrite {file}, which was not written by views --keep; keep the "
-                    "normals in another folder"
-                )
 
     def write(self, capture: Capture, normals: NormalMap, source: str) -> None:
         """Write the files. capture: the photo that the normals were estimated from."""

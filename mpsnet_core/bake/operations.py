@@ -646,11 +646,13 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
         """The files that keep the views. Raises FileError if one exists that is not ours."""
         from mpsnet_core.bake.multi_view import KeptView
+        from mpsnet_core.io.files import check_own
 
         kept = [KeptView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []
-        for view in kept:
-            view.check_own()
-        return [file for view in kept for file in view.files]
+        files = [file for view in kept for file in view.files]
+        for file in files:
+            check_own(file)
+        return files
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """The folder of the views' normals: the one to keep them in, or a temporary one until the stack closes."""

@@ -13,6 +13,7 @@ from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.texture_files import TextureTarget
 from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.batch import Batch
+from mpsnet_core.io.files import check_own
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.mesh import Mesh
@@ -65,6 +66,7 @@ def bake_sequence(
         if is_up_to_date(output, line):
             batch.succeeded += 1
             continue
+        check_own(output)
         texture = None
         with batch.one(output):
             mesh = mesh_of(inputs.meshes[0])

@@ -10,6 +10,8 @@ from mpsnet_core.scene.mesh import Mesh
 
 # UVs closer than this coincide; a texel of the largest texture is 60 times as wide.
 SAME_UV = 1e-6
+# Limit of whole numbers.
+FARTHEST = 2.0**62
 # A direction that is unlikely to lie in a plane of symmetry.
 ASKEW = np.array([0.62, 0.55, 0.56])
 
@@ -33,7 +35,7 @@ def islands_of(mesh: Mesh) -> Islands:
     """A mesh's islands. Vertices at the same point, which some files split at seams, are merged. An edge of more than
     two triangles joins them in pairs."""
     places = welded(mesh)
-    texture = np.round(mesh.uvs.astype(np.float64) / SAME_UV).astype(np.int64)
+    texture = np.round(np.clip(mesh.uvs.astype(np.float64) / SAME_UV, -FARTHEST, FARTHEST)).astype(np.int64)
     start, end = (0, 1, 2), (1, 2, 0)
     ends = np.stack([places[:, start], places[:, end]], axis=-1).reshape(-1, 2)
     rounded = np.stack([texture[:, start], texture[:, end]], axis=2).reshape(-1, 2, 2)

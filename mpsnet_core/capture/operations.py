@@ -245,8 +245,8 @@ class FindMask(ReadsPhotos):
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
         from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
-        from mpsnet_core.io.image_writing import write_mask, write_picture
-        from mpsnet_core.scene.pictures import mask_picture
+        from mpsnet_core.io.image_writing import write_mask, write_picture_bands
+        from mpsnet_core.scene.pictures import mask_bands
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
         for output in outputs:
@@ -258,7 +258,8 @@ class FindMask(ReadsPhotos):
         with write_transaction():
             write_mask(self.output, mask)
             if self.overlay:
-                write_picture(self.overlay, mask_picture(image.pixels, mask))
+                height, width = mask.shape
+                write_picture_bands(self.overlay, (height, width, 3), mask_bands(image.pixels, mask))
         progress(1.0, "done")
         share = float(mask.mean())
         text = f"{self.output}: the object covers {share:.1%} of the photo"

@@ -1,15 +1,21 @@
 """Networks in ONNX files: open them, check them against their cards, run them."""
 
+import atexit
 import contextlib
 import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
@@ -23,6 +29,8 @@ from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
+T = TypeVar("T")
+
 # On Windows the variable that mpsnet_core/__init__.py sets has no effect.
 onnxruntime.disable_telemetry_events()
 
@@ -33,6 +41,12 @@ PROVIDERS = {
     "coreml": "CoreMLExecutionProvider",
 }
 MAX_MODEL_BYTES = 2 << 30
+MAX_THREADS = 1024
+# Longer normals, and confidences beyond, overflow where they are squared.
+MAX_OUTPUT = 1e15
+EXIT_CANCELLED = 130
+# How long an interrupted run may take to stop after the layer that it is in, before it is left behind.
+STOP_SECONDS = 0.3
 
 
 def _most_memory() -> int:
@@ -70,8 +84,8 @@ class OnnxModel:
             raise FormatError(f"model file {self.path} is larger than 2 GiB; it is not one of ours")
         if tile < 64:
             raise SettingsError(f"a tile of {tile} pixels is too small; use 64 or more")
-        if threads < 0 or threads != int(threads):
-            raise SettingsError(f"{threads} threads is out of range; use 0 for all cores or a whole number above")
+        if not 0 <= threads <= MAX_THREADS or threads != int(threads):
+            raise SettingsError(f"{threads} threads is out of range; use 0 for all cores, or 1 to {MAX_THREADS}")
         self.tile = tile
         check_operators(self.path)
         self.session = _session(self.path, provider, threads)
@@ -95,6 +109,8 @@ class OnnxModel:
             answer = predict_dense(self._run, card, seen, self.tile, progress)
         else:
             answer = predict_patches(self._run, self.card, seen, progress)
+        if not any(answer[rows, :, :3].any() for rows in bands(len(answer))):
+            raise FormatError(f"model file {self.path} returned no normals, only zeros; train or export it again")
         rotate_to_camera_space(answer[..., :3], capture.camera)
         self._release_memory()
         progress(1.0, "normals estimated")
@@ -105,7 +121,7 @@ class OnnxModel:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The network's normals (count, 3, *size) and confidence (count, 1, *size); all 1 if it outputs none."""
         try:
-            outputs = dict(zip(self._outputs, self.session.run(None, inputs), strict=True))
+            outputs = dict(zip(self._outputs, _run_session(self.session, inputs), strict=True))
         except _RUNTIME_ERRORS as error:
             shapes = ", ".join(f"{name} {value.shape}" for name, value in inputs.items())
             if "memory" in str(error):
@@ -117,7 +133,7 @@ class OnnxModel:
             raise FormatError(
                 f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
             ) from None
-        if not all(np.isfinite(outputs[name]).all() for name in ("normals", "confidence") if name in outputs):
+        if not all((np.abs(outputs[name]) < MAX_OUTPUT).all() for name in ("normals", "confidence") if name in outputs):
             raise FormatError(f"model file {self.path} returned values that are not finite; train or export it again")
         normals = self._shaped("normals", outputs, (count, 3, *size))
         if "confidence" not in outputs:
@@ -134,7 +150,7 @@ class OnnxModel:
         shrinking = onnxruntime.RunOptions()
         shrinking.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
         with contextlib.suppress(*_RUNTIME_ERRORS):  # other people's networks may refuse so small an input
-            self.session.run(None, least, shrinking)
+            _run_session(self.session, least, shrinking)
 
     def _shaped(
         self, name: str, outputs: dict[str, NDArray[np.float32]], expected: tuple[int, ...]
@@ -146,6 +162,47 @@ class OnnxModel:
                 f'model file {self.path} cannot be used: its output "{name}" is {shape}, expected {expected}'
             )
         return outputs[name].reshape(expected)
+
+
+def _run_session(
+    session: onnxruntime.InferenceSession,
+    inputs: dict[str, NDArray[np.float32]],
+    options: onnxruntime.RunOptions | None = None,
+) -> list[NDArray[np.float32]]:
+    """Run a network. If a signal raises an exception meanwhile, the network stops after its present layer."""
+    options = options or onnxruntime.RunOptions()
+    found: list[NDArray[np.float32]] = _in_a_thread(
+        lambda: session.run(None, inputs, options), stop=lambda: setattr(options, "terminate", True)
+    )
+    return found
+
+
+def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None) -> T:
+    """The result of `work`, which is done in a thread, so that this one hears signals.
+
+    A few bytes in a file can make one call of onnxruntime take minutes. stop: asks `work` to stop after a signal. If it
+    does not within a moment, it is left behind, and ends with the process.
+    """
+    outcome = Future[T]()
+
+    def report() -> None:
+        try:
+            outcome.set_result(work())
+        except BaseException as error:  # noqa: BLE001 - raised again in the other thread
+            outcome.set_exception(error)
+
+    thread = threading.Thread(target=report, daemon=True)
+    thread.start()
+    try:
+        while thread.is_alive():
+            thread.join(1)  # without a limit, Windows hears no signals
+    except BaseException:
+        stop()
+        thread.join(STOP_SECONDS)
+        # The libraries cannot be unloaded under it.
+        atexit.register(lambda: os._exit(EXIT_CANCELLED) if thread.is_alive() else None)
+        raise
+    return outcome.result()
 
 
 _RUNTIME_ERRORS: tuple[type[Exception], ...] = (
@@ -180,8 +237,10 @@ def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSe
     try:
         # With fallback, a failure prints to stdout and tries the CPU again, which is useless if the CPU just failed.
         fallback = int(provider != "cpu")
-        return onnxruntime.InferenceSession(
-            str(path), options, providers=[PROVIDERS[provider]], enable_fallback=fallback
+        return _in_a_thread(  # which computes what is constant
+            lambda: onnxruntime.InferenceSession(
+                str(path), options, providers=[PROVIDERS[provider]], enable_fallback=fallback
+            )
         )
     except _RUNTIME_ERRORS as error:
         reason = " ".join(str(error).split())[:200]

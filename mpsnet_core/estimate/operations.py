@@ -51,7 +51,7 @@ class RunsModel(Operation):
         help="where networks run",
         provenance="none",
     )
-    threads: int = option(default=0, help="CPU threads for networks, 0 for all", provenance="none")
+    threads: int = option(default=0, low=0, high=1024, help="CPU threads for networks, 0 for all", provenance="none")
     tile: int = option(default=DEFAULT_TILE, help="side of the tiles that networks work on, in pixels")
 
     def model_facts(self, passes: Literal[1, 3] | None = None) -> dict[str, str]:

@@ -25,9 +25,10 @@ ALLOWED = frozenset(
 )
 # Field numbers in onnx.proto.
 _MODEL_GRAPH, _MODEL_FUNCTION = 7, 25
-_GRAPH_NODE, _GRAPH_SPARSE = 1, 15
+_GRAPH_NODE, _GRAPH_TENSOR, _GRAPH_SPARSE = 1, 5, 15
 _NODE_OPERATOR, _NODE_ATTRIBUTE, _NODE_DOMAIN = 4, 5, 7
-_ATTRIBUTE_OF_GRAPHS, _ATTRIBUTE_OF_SPARSE = (6, 11), (22, 23)
+_ATTRIBUTE_OF_TENSORS, _ATTRIBUTE_OF_GRAPHS, _ATTRIBUTE_OF_SPARSE = (5, 10), (6, 11), (22, 23)
+_TENSOR_ELSEWHERE = 13
 
 
 def check_operators(path: Path) -> None:
@@ -57,6 +58,8 @@ def _refused(content: mmap.mmap) -> Iterator[str]:
         for number, start, end in _fields(content, *span):
             if number == _GRAPH_SPARSE:
                 yield "sparse weights"  # a few bytes unpack to any size
+            if number == _GRAPH_TENSOR:
+                yield from _refused_in_tensor(content, start, end)
             if number == _GRAPH_NODE:
                 yield from _refused_in_node(content, start, end)
 
@@ -69,11 +72,19 @@ def _refused_in_node(content: mmap.mmap, start: int, end: int) -> Iterator[str]:
         if number == _NODE_DOMAIN and (domain := content[value].decode()) not in ("", "ai.onnx"):
             yield f'operators of "{domain[:99]}"'
         if number == _NODE_ATTRIBUTE:
-            for kind, *_ in _fields(content, *span):
+            for kind, *inner in _fields(content, *span):
+                if kind in _ATTRIBUTE_OF_TENSORS:
+                    yield from _refused_in_tensor(content, *inner)
                 if kind in _ATTRIBUTE_OF_GRAPHS:
                     yield "a graph within a graph"
                 if kind in _ATTRIBUTE_OF_SPARSE:
                     yield "sparse weights"
+
+
+def _refused_in_tensor(content: mmap.mmap, start: int, end: int) -> Iterator[str]:
+    # Old versions of onnxruntime read weights from any file of the user's that the model names.
+    if any(number == _TENSOR_ELSEWHERE for number, *_ in _fields(content, start, end)):
+        yield "weights in another file"
 
 
 def _fields(content: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:

@@ -27,10 +27,12 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.io.opening import MAX_TEXT_BYTES as MAX_TEXT_BYTES
+from mpsnet_core.io.opening import existing_file as existing_file
+from mpsnet_core.io.opening import is_file as is_file
+from mpsnet_core.io.opening import kind_of
+from mpsnet_core.operation import running
 from mpsnet_core.uninterrupted import uninterrupted
-
-# Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
-MAX_TEXT_BYTES = 1 << 20
 
 # Suffixes of photos; of camera raw, those that LibRaw reads.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".tga", ".hdr")
@@ -121,6 +123,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         with write_transaction():
             assert _transaction.changes is not None
             _transaction.changes.append((path, unfinished))
+        if (task := running.get()) is not None:
+            task.written.add(os.path.abspath(path))  # noqa: PTH100 - as in check_own
     except BaseException:
         _remove(unfinished)
         raise
@@ -141,7 +145,11 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
-    """Remove a file if it exists; in a block of :func:`write_transaction`, at the block's end."""
+    """Remove a file if it exists; in a block of :func:`write_transaction`, at the block's end.
+
+    Raises FileError if it is not the running operation's to remove.
+    """
+    check_own(path)
     with write_transaction():
         assert _transaction.changes is not None
         _transaction.changes.append((Path(path), None))
@@ -240,18 +248,46 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if not is_utf8(path):
         raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
+    check_own(path)
     file = _behind_link(path)
+    if file.exists() and not file.is_file():
+        raise FileError(f"cannot write {path}: it is {kind_of(file)}; give a file name")
     if not file.parent.is_dir():
         raise FileError(f"cannot write {path}: the folder {file.parent} does not exist; create it first")
     if len(os.fsencode(unfinished_path(file).name)) > MAX_NAME_BYTES:
         raise FileError(f"cannot write {path}: its name is too long; choose a shorter one")
-    if file.exists() and not file.is_file():
-        raise FileError(f"cannot write {path}: it is {'a folder' if file.is_dir() else 'a device'}; give a file name")
     if not _can_be_created(file):
         raise FileError(f"cannot write {path}: the folder {file.parent} cannot be written to; choose another folder")
     if file.exists() and not os.access(file, os.W_OK):
         raise FileError(f"cannot write {path}: it is protected against writing; choose another name, or unlock it")
     return path
+
+
+def check_own(path: str | os.PathLike[str], *, derived: bool = False, json_format: str = "") -> None:
+    """Raise FileError if a file may not be written or removed, because this program derived its name.
+
+    A derived name may neither be a link nor lie behind one, as folders from other people may hold links to any file of
+    the user's. If such a file exists, this program must have made it, or its user must want it overwritten. Within a
+    running operation, all names are derived that its options do not state.
+
+    derived: whether it is derived even where no operation runs. json_format: the "format" of a JSON file; by default
+    any of this program's.
+    """
+    task, file = running.get(), Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are
+    if str(file) in task.named if task else not derived:
+        return
+    for place in (file, *file.parents):
+        if str(place) in (task.places if task else [str(file.parent)]) or place == Path(tempfile.gettempdir()):
+            break
+        check_no_link(place)
+    if file.is_file() and not (task and (task.operation.overwrite or str(file) in task.written)):
+        from mpsnet_core.io.ownership import is_ours  # needs OpenImageIO, which Blender's own process lacks
+
+        if not is_ours(file, json_format):
+            raise FileError(
+                f"the result would overwrite {path}, which this program did not make; move it, choose another "
+                "output, or give --overwrite"
+            )
 
 
 def check_no_link(path: Path) -> None:
@@ -389,8 +425,12 @@ def creatable_folder(path: str | os.PathLike[str], what: str) -> Path:
 def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a folder for `what`, created if it is missing. Raises FileError if that fails."""
     path = creatable_folder(path, what)
+    if path.is_dir():
+        return path
     try:
         path.mkdir(exist_ok=True)
+        if (task := running.get()) is not None:
+            task.folders.append(os.path.abspath(path))  # noqa: PTH100
     except OSError as error:
         raise FileError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
     with contextlib.suppress(OSError):
@@ -453,28 +493,6 @@ def _running(pid: int) -> bool:
     return True
 
 
-def is_file(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a file; False for invalid paths."""
-    try:
-        return Path(path).is_file()
-    except (OSError, ValueError):  # a name that is too long, or has a null character
-        return False
-
-
-def existing_file(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a Path. Raises FileError if it is missing or cannot be opened. what: the file's name in messages."""
-    path = Path(path)
-    try:
-        if path.is_dir():
-            raise FileError(f"{what} {path} is a folder, not a file; name a file in it")
-        if not path.is_file():
-            raise FileError(f"{what} {path} does not exist; check the path")
-        path.open("rb").close()
-    except OSError as error:
-        raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
-    return path
-
-
 def check_small(path: Path, what: str) -> None:
     """Raise FormatError if a file is larger than any of its kind. what: the kind, for the message."""
     if path.stat().st_size > MAX_TEXT_BYTES:
@@ -511,5 +529,6 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
 
 def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
     """Write `data` atomically as indented JSON."""
+    check_own(path, json_format=str(data.get("format", "")))
     with atomic_write(path) as unfinished:
         unfinished.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

@@ -19,6 +19,7 @@ from mpsnet_core.io.files import (
     VIDEO_SUFFIXES,
     WRITABLE_BITS,
     check_ending,
+    check_own,
     checked_bits,
     creatable_folder,
     file_suffix,
@@ -216,6 +217,8 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
     twice = next((file for file in files if times[file.name.casefold()] > 1), None)
     if twice:
         raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
+    for file in files:
+        check_own(file)
     return files
 
 

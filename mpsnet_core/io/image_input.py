@@ -12,9 +12,9 @@ import OpenImageIO as oiio
 
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.file_kinds import AVIF, HEAD, HEIC, file_head, is_readable, kind_of
-from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.heif import HeifReader
 from mpsnet_core.io.image import MAX_PIXELS
+from mpsnet_core.io.opening import existing_file, is_file
 
 _Kind = TypeVar("_Kind")
 
@@ -54,11 +54,14 @@ def image_input(path: str | os.PathLike[str]) -> Any:
 def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[Any, str]:
     """The reader, as :func:`image_input`, or None and OpenImageIO's reason, "" if it has none.
 
-    Files of OpenImageIO's other formats are not opened. Its error is cleared, or the next file would report it again.
+    Files of OpenImageIO's other formats are not opened, nor are pipes and devices. Its error is cleared, or the next
+    file would report it again.
 
     Raises FileError if the file's name is not valid UTF-8, FormatError if a JPEG claims more than the pixel limit: a
     progressive one is decoded on opening.
     """
+    if not is_file(path):
+        return None, ""
     try:
         with Path(path).open("rb") as file:
             if not is_readable(path, file.read(HEAD)):
@@ -145,7 +148,22 @@ def pending_error(source: Any, lines: int | None = None) -> str:
         return "a text in it is not UTF-8"
 
 
+def channel_names(spec: Any, path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """The names of a file's channels. Raises FormatError if they are not UTF-8."""
+    try:
+        names: tuple[str, ...] = spec.channelnames
+        "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
+    except UnicodeError:
+        raise FormatError(
+            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
+        ) from None
+    return names
+
+
 def image_attribute(spec: Any, name: str, kind: type[_Kind]) -> _Kind | None:
-    """An attribute of a file, None if it is missing or of another type."""
-    value = spec.getattribute(name)
+    """An attribute of a file, None if it is missing, of another type, or a text that is not UTF-8."""
+    try:
+        value = spec.getattribute(name)
+    except UnicodeDecodeError:
+        return None
     return value if isinstance(value, kind) else None

@@ -16,7 +16,7 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.file_kinds import file_head, webp_orientation
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image import MAX_PIXELS, oriented
-from mpsnet_core.io.image_input import image_attribute, open_image, pending_error, silence_libraries
+from mpsnet_core.io.image_input import channel_names, image_attribute, open_image, pending_error, silence_libraries
 
 log = logging.getLogger(__name__)
 
@@ -107,7 +107,7 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
                 f"{MAX_TILE // 10**6} megapixels)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
-        names = _channel_names(spec, path)
+        names = channel_names(spec, path)
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
             # Blender 5 writes a part per pass, and repeats its name in the channels only if the pass has a layer.
@@ -130,17 +130,6 @@ def layers_of(source: Any, path: Path) -> dict[str, _Layer]:
 def _is_larger_page(source: Any, spec: Any, first: tuple[int, int]) -> bool:
     """Whether a page of a TIFF is the picture of which the first is a preview. first: its pixels and channels."""
     return bool(source.format_name() == "tiff" and spec.width * spec.height > first[0] and spec.nchannels >= first[1])
-
-
-def _channel_names(spec: Any, path: Path) -> tuple[str, ...]:
-    try:
-        names: tuple[str, ...] = spec.channelnames
-        "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
-    except UnicodeError:
-        raise FormatError(
-            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
-        ) from None
-    return names
 
 
 def has_colours(names: Iterable[str]) -> bool:

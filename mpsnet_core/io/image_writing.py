@@ -11,11 +11,11 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.files import atomic_write, checked_bits, temporary_folder
+from mpsnet_core.errors import FileError, InputError, SettingsError
+from mpsnet_core.io.files import atomic_write, checked_bits, existing_file, temporary_folder
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
-from mpsnet_core.io.marks import made
+from mpsnet_core.io.marks import SOFTWARE, made
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
@@ -72,11 +72,24 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
 
     description: a line of text to store in the file. Raises as :func:`write_image` does.
     """
-    words = description or made("picture")
+    height, width, channels = pixels.shape
+    write_picture_bands(path, (height, width, channels), lambda rows: pixels[rows], description=description)
+
+
+def write_picture_bands(
+    path: str | os.PathLike[str],
+    shape: tuple[int, int, int],
+    band: Callable[[slice], NDArray[Any]],
+    *,
+    description: str | None = None,
+) -> None:
+    """Write an image as :func:`write_picture` does, computed band by band as in :func:`write_bands`."""
+    description = description or made("picture")
     if Path(path).suffix.lower() == ".exr":
-        write_image(path, srgb_to_linear(pixels), color_space="lin_rec709_scene", description=words)
+        linear = "lin_rec709_scene"
+        write_bands(path, shape, lambda rows: srgb_to_linear(band(rows)), color_space=linear, description=description)
     else:
-        write_image(path, pixels, bits=8, color_space="sRGB", description=words)
+        write_bands(path, shape, band, bits=8, color_space="sRGB", description=description)
 
 
 def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
@@ -125,6 +138,7 @@ def _write(
     premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
     spec = _output_spec(path, shape, bits)
     spec.attribute("oiio:ColorSpace", color_space)
+    spec.attribute("Software", SOFTWARE)
     if description is not None:
         spec.attribute("ImageDescription", description)
     with place as file:
@@ -176,7 +190,7 @@ def is_complete_image(path: str | os.PathLike[str]) -> bool:
     """
     path = Path(path)
     if path.suffix.lower() == ".png":
-        with suppress(OSError), path.open("rb") as file:
+        with suppress(OSError, InputError), existing_file(path, "image").open("rb") as file:
             file.seek(-8, os.SEEK_END)
             return file.read(4) == b"IEND"
         return False

@@ -2,7 +2,9 @@
 
 from mpsnet_core import __version__
 
-BY = " by mpsnet "
+# Who made a file, as images and JSON files state it.
+SOFTWARE = "mpsnet"
+BY = f" by {SOFTWARE} "
 
 
 def made(what: str) -> str:
@@ -12,4 +14,4 @@ def made(what: str) -> str:
 
 def says_made(description: str) -> bool:
     """Whether an image's description says so; that of heights is JSON."""
-    return BY in description or '"mpsnet-' in description
+    return BY in description or f'"{SOFTWARE}-' in description

@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ def is_result(picture: Path, what: str) -> bool:
 
 
 def identity(given: str | os.PathLike[str]) -> str:
-    """Fingerprint of files: their names, sizes and times.
+    """Fingerprint of files: their names and hashes of their contents. Sizes and times do not tell two photos apart.
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
     """
@@ -47,18 +48,21 @@ def identity(given: str | os.PathLike[str]) -> str:
         files = matching_files(place)
     else:
         return text
-    return text.removesuffix(place) + "; ".join(map(_stamp, files))
+    return text.removesuffix(place) + "; ".join(f"{file.name} {content(file)}" for file in files)
 
 
 def content(file: str | os.PathLike[str]) -> str:
     """Hash of a file's content. Raises FileError if it is missing."""
-    with existing_file(file, "file").open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()
+    path = existing_file(file, "file")
+    facts = path.stat()
+    return _digest(path, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
 
 
-def _stamp(file: Path) -> str:
-    facts = file.stat()  # whether it can be opened, its reader finds out
-    return f"{file.name} {facts.st_size} {facts.st_mtime_ns}"
+@lru_cache(maxsize=1 << 16)
+def _digest(file: Path, *facts: int) -> str:
+    """The hash, computed once: smoothing asks for each photo several times. facts: what changes with the file."""
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "blake2b").hexdigest()[:32]
 
 
 _FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content, "files": identity}

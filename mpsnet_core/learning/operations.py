@@ -55,6 +55,15 @@ class Train(Operation):
         metavar="FILE",
         help="checkpoint to resume from, or network to train further: a name or .onnx file",
     )
+    cache: str | None = option(
+        default=None,
+        metavar="DIR",
+        help="folder for the samples in a form that reads fast, which other runs may share and which you may delete",
+        unset="beside the output: NAME.packed",
+        path="folder",
+        provenance="none",
+    )
+    skip_damaged: bool = option(default=False, help="leave damaged samples out, and name them")
     logs: str | None = option(default=None, metavar="DIR", help="folder of logs for TensorBoard", provenance="none")
     stop_after: int = option(
         default=0,
@@ -76,7 +85,7 @@ class Train(Operation):
         help="finish the training that --resume names: lower its learning rate to zero over this many steps; the "
         "checkpoint is kept",
     )
-    threads: int = option(default=0, low=0, help="CPU threads, 0 for all cores")
+    threads: int = option(default=0, low=0, high=1024, help="CPU threads, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
         default="auto",
         choices={"auto": "bfloat16 where the CPU or GPU supports it", "float32": "", "bfloat16": ""},
@@ -125,6 +134,9 @@ class Train(Operation):
             checkpoint=writable_path(checkpoint),
             resume=_resumed(self.resume) if self.resume else None,
             logs=creatable_folder(self.logs, "logs") if self.logs else None,
+            cache=creatable_folder(self.cache or output.with_suffix(".packed"), "packed samples"),
+            overwrite=self.overwrite,
+            skip_damaged=self.skip_damaged,
         )
         check_no_overwrite([checkpoint, *([paths.resume] if paths.resume else [])], [output])
         return paths

@@ -19,6 +19,7 @@ from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.files import (
     MAX_TEXT_BYTES,
+    check_own,
     checked_bits,
     existing_file,
     prefix_errors,
@@ -116,23 +117,14 @@ class HeightFacts:
 def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
-    Raises FileError if they cannot be written there, or would overwrite a scale or mask that does not belong to an
-    earlier version of these heights.
+    Raises FileError if they cannot be written there, or would overwrite a scale or mask that this program did not make.
     """
     path, scale, mask = height_names(writable_path(path))
     bits = checked_bits(path, bits)
     if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
         raise FileError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
-    kept_mask = None
-    if scale.exists():
-        try:
-            kept_mask = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)["mask"]
-        except InputError:
-            raise FileError(
-                f"cannot write {path}: {scale}, where its scale belongs, is another file; choose another name"
-            ) from None
-    if kept_mask != mask.name and mask.exists():
-        raise FileError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
+    for sidecar in (scale, mask):
+        check_own(sidecar, derived=True, json_format=HEIGHT_FORMAT)
     return [path, scale, mask]
 
 

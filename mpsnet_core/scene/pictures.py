@@ -1,6 +1,6 @@
 """Images for display: normals and errors in colour, contact sheets of titled tiles."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ BACKGROUND = 0.13
 TITLE_HEIGHT = 30
 GAP = 10
 MARGIN = 8  # pixels around an object that images are cropped to
+# Large images are exposed by about so many of their pixels.
+WHITE_PIXELS = 4_000_000
 OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
 SCALE_WIDTH = 90
@@ -34,18 +36,31 @@ def font() -> str:
 
 def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
     """(H, W, 3) display values of a linear image, exposed so that its 99.5th percentile is white."""
-    white = np.percentile(image if mask is None else image[mask], 99.5)
-    return linear_to_srgb(image / max(float(white), 1e-12)).astype(np.float32)
+    return linear_to_srgb(image / _white(image, mask)).astype(np.float32)
 
 
-def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, 3) display values of a linear image: dim grey outside the mask, with the mask's outline in orange."""
-    picture = photo_picture(image, mask if mask.any() else None)
-    dim = np.float32(0.35) * picture.mean(axis=-1, keepdims=True)
-    picture = np.where(mask[..., None], picture, dim)
-    wide = max(1, round(max(mask.shape) / 600))
-    picture[dilated(mask, wide) & ~mask] = OUTLINE_COLOUR
-    return picture
+def _white(image: NDArray[np.floating[Any]], mask: NDArray[np.bool_] | None) -> np.float32:
+    """The 99.5th percentile, of every few rows and columns of large images."""
+    step = max(1, round((image.shape[0] * image.shape[1] / WHITE_PIXELS) ** 0.5))
+    seen = image[::step, ::step]
+    if mask is not None and mask[::step, ::step].any():
+        seen = seen[mask[::step, ::step]]
+    return np.float32(max(float(np.percentile(seen.astype(np.float32), 99.5)), 1e-12))
+
+
+def mask_bands(image: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Callable[[slice], NDArray[np.float32]]:
+    """Display values (h, W, 3) of some rows of a linear image: dim grey outside the mask, its outline in orange."""
+    white = _white(image, mask if mask.any() else None)
+    outline = dilated(mask, max(1, round(max(mask.shape) / 600))) & ~mask
+
+    def band(rows: slice) -> NDArray[np.float32]:
+        picture = linear_to_srgb(image[rows].astype(np.float32) / white).astype(np.float32)
+        dim = np.float32(0.35) * picture.mean(axis=-1, keepdims=True)
+        picture = np.where(mask[rows][..., None], picture, dim)
+        picture[outline[rows]] = OUTLINE_COLOUR
+        return picture
+
+    return band
 
 
 def on_background(colours: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -1,7 +1,6 @@
 """Samples from Cycles: convert the multi-layer EXR of a render to a sample; ray casting adds depth and visibility."""
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.image_input import image_input_or_reason, pending_error, silence_libraries
+from mpsnet_core.io.image_input import channel_names, image_input_or_reason, pending_error, silence_libraries
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
@@ -92,7 +91,7 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     try:
         part = 0
         while source.seek_subimage(part, 0):
-            names: Sequence[str] = source.spec().channelnames
+            names = channel_names(source.spec(), path)
             with silence_libraries():
                 values = source.read_image(part, 0, 0, len(names), oiio.FLOAT)
             reason = pending_error(source)

@@ -235,12 +235,12 @@ class ShowSamples(Operation):
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
     count: int = option(default=8, low=1, help="how many of a folder's samples to show, evenly spread")
     output: str | None = option(
-        default=None, help="picture: .png or .tif", unset="beside the samples or photo", provenance="none"
+        default=None, help="picture: .png or .tif", unset="NAME_sheet.png in the current folder", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:
         """Write the image, and describe the samples."""
-        from mpsnet_core.io.files import check_no_overwrite, checked_bits, writable_path
+        from mpsnet_core.io.files import check_no_overwrite, checked_bits, resolved, writable_path
         from mpsnet_core.io.frames import is_folder_or_pattern, matching_files
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise
@@ -252,8 +252,8 @@ class ShowSamples(Operation):
                 matching_files(given) if is_folder_or_pattern(given) and not Path(given).is_dir() else [Path(given)]
             )
         first = paths[0]
-        beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
-        output = writable_path(self.output or beside)
+        # In the current folder: that of the samples may be another person's.
+        output = writable_path(self.output or f"{resolved(first).stem}_sheet.png")
         checked_bits(output, 8)
         check_no_overwrite(paths, [output])
         progress(0.0, "reading")

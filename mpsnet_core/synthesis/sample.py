@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
-from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
+from mpsnet_core.io.image_input import channel_names, image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.image_reading import MAX_VALUE
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
@@ -159,7 +159,7 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     with _opened(path) as (source, path):
         data, recipe = _description(source, path)
         values = _pixels(source, 0, source.spec().height, path)
-        order = [source.spec().channelnames.index(name) for name in _CHANNELS]
+        order = [channel_names(source.spec(), path).index(name) for name in _CHANNELS]
     if not (np.abs(values) <= MAX_VALUE).all():
         raise _damaged(path, "values that are not finite")
     # Planar in memory, viewed as (H, W, 3): computations on it are several times faster.
@@ -210,7 +210,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     try:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
-        if source.format_name() != "openexr" or sorted(spec.channelnames) != sorted(_CHANNELS) or not placed:
+        if source.format_name() != "openexr" or sorted(channel_names(spec, path)) != sorted(_CHANNELS) or not placed:
             raise FormatError(
                 f"{path} is not a sample: it does not have a sample's layers; give a file that mpsnet synthesize or "
                 "Blender made"

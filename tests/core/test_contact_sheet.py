@@ -123,24 +123,31 @@ def test_a_folder_in_numbers(folder: Path, sample: Sample) -> None:
     assert str(summary).startswith("4 sample(s), 2 by Cycles, 2 by a test\npixels reached by three lights ")
 
 
-def test_show_writes_beside_what_it_shows(mpsnet: Mpsnet, folder: Path) -> None:
+def test_show_writes_into_the_current_folder(
+    mpsnet: Mpsnet, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before, sheet = listing(folder), f"{folder.name}_sheet.png"
     done = mpsnet("show", folder, "--progress", "json")
     assert (done.returncode, done.stderr) == (0, "")
     told, last = events(done.stdout)
     assert told == sorted(told) and told[-1] == 1
     result = last["result"]
-    assert result["output"] == str(folder / "contact_sheet.png")
+    assert result["output"] == sheet and listing(folder) == before
     assert (result["samples"], len(result["skipped"])) == (4, 2)
-    assert round(pixels(folder / "contact_sheet.png").shape[0] / ROW) == 4
+    assert round(pixels(tmp_path / sheet).shape[0] / ROW) == 4
     one = mpsnet("show", folder / "sample_000003.exr", folder / "sample_000004.exr")
     assert one.returncode == 0
-    assert one.stdout.splitlines()[-1] == str(folder / "sample_000003_sheet.png")
+    assert one.stdout.splitlines()[-1] == "sample_000003_sheet.png"
     assert one.stdout.startswith("2 sample(s), 2 by Cycles")
     assert "skipped" not in one.stdout
     assert mpsnet("show", folder / "sample_00000?.exr").stdout.startswith("4 sample(s)")
 
 
-def test_show_takes_photos_and_samples_together(tmp_path: Path, mpsnet: Mpsnet, folder: Path, sphere: Sphere) -> None:
+def test_show_takes_photos_and_samples_together(
+    tmp_path: Path, mpsnet: Mpsnet, folder: Path, sphere: Sphere, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     photo = write_file(tmp_path / "photo.exr", np.dstack([sphere.image, sphere.mask]), "half")
     alone, both = tmp_path / "alone.png", tmp_path / "both.png"
     assert mpsnet("show", photo, "-o", alone).returncode == 0
@@ -149,7 +156,7 @@ def test_show_takes_photos_and_samples_together(tmp_path: Path, mpsnet: Mpsnet, 
     assert done.stdout.splitlines()[0] == "4 sample(s), 2 by Cycles, 2 by a test"
     lower = pixels(both)[-pixels(alone).shape[0] :, : pixels(alone).shape[1]]
     np.testing.assert_array_equal(lower, pixels(alone))
-    assert mpsnet("show", photo).stdout == f"{tmp_path / 'photo_sheet.png'}\n"
+    assert mpsnet("show", photo).stdout == "photo_sheet.png\n"
 
 
 def test_the_contact_sheet_grows_with_the_samples(tmp_path: Path, sample: Sample, folder: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from bumpy_sphere import AMPLITUDE, bumpy_sphere, unit
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
-from surface_shapes import grid_triangles, texels_of
+from surface_shapes import grid_triangles, sphere_mesh, texels_of
 
 from mpsnet_core.arrays.graph_poisson import Solver, graph_of
 from mpsnet_core.cli import main
@@ -17,6 +17,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
+from mpsnet_core.relief.displacement.uv_layout import layout_of
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
@@ -465,3 +466,14 @@ def test_it_can_be_cancelled_and_reports_progress() -> None:
 
     with pytest.raises(Cancelled):
         displacement(flat, cube_sphere(4), progress=stop)
+
+
+@pytest.mark.parametrize("far", [1e5, 1e30])
+def test_uvs_far_outside_the_texture_take_no_memory(far: float) -> None:
+    """The seams of one triangle leave the texture; they are sampled only within it."""
+    mesh = sphere_mesh(16, 8)
+    uvs = mesh.uvs.copy()
+    uvs[5, 0] *= far
+    size = 64
+    near, moved = (len(layout_of(replace(mesh, uvs=of), size).seams().places) for of in (mesh.uvs, uvs))
+    assert moved <= near + 6 * 2 * size

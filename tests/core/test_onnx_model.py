@@ -1,6 +1,9 @@
 """The ONNX path with networks whose answer is known. And files that are refused."""
 
 import json
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,8 +14,8 @@ import onnxruntime
 import pytest
 from bad_input import SPHERE, Bench, gets_one_clear_sentence
 from networks import DENSE, card, conv, pass_through, random_weights, write_model
-from onnx import TensorProto, helper
-from synthetic import Sphere, shaded_sphere
+from onnx import TensorProto, helper, numpy_helper
+from synthetic import Sphere, listing, shaded_sphere
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
@@ -554,3 +557,29 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
 
 def test_the_network_that_is_spoilt_above_is_good_before(tmp_path: Path) -> None:
     estimate_normals(SPHERE.capture(), dense(card=json.loads(card().to_json()))(tmp_path / "m.onnx"))
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+@pytest.mark.parametrize("constant", [True, False], ids=["while it is opened", "while it runs"])
+def test_a_network_that_takes_minutes_hears_signals(photo_file: Path, rig_file: Path, tmp_path: Path, constant: bool):
+    """A few bytes that ask for a product of two large matrices."""
+    nodes = [
+        helper.make_node("ReduceMean", ["x"], ["mean"], keepdims=0),
+        helper.make_node("ConstantOfShape", ["side"], ["ones"], value=numpy_helper.from_array(np.ones(1, np.float32))),
+        helper.make_node("Identity" if constant else "Mul", ["ones"] if constant else ["ones", "mean"], ["one"]),
+        helper.make_node("MatMul", ["one", "ones"], ["product"]),
+        helper.make_node("ReduceMean", ["product"], ["level"], keepdims=0),
+        helper.make_node("Mul", ["x", "level"], ["normals"]),
+    ]
+    slow = write_model(tmp_path / "slow.onnx", nodes, {"side": np.array([12_000, 12_000])}, card())
+    line = ["estimate", photo_file, "--rig", rig_file, "--model", slow, "-o", tmp_path / "o.png", "--threads", "1"]
+    import resource  # which Windows lacks
+
+    child = subprocess.Popen([sys.executable, "-m", "mpsnet_core", *map(str, line)])
+    while int(Path(f"/proc/{child.pid}/statm").read_text().split()[1]) < 1e9 / resource.getpagesize():  # the matrices
+        assert child.poll() is None
+        time.sleep(0.1)
+    child.terminate()
+    assert child.wait(20) == 130
+    assert listing(tmp_path) == sorted([photo_file.name, rig_file.name, slow.name])

@@ -238,7 +238,8 @@ def test_commands_of_one_group_stand_together() -> None:
         add_operation(verbs, common, kind)
     assert list(verbs.choices) == ["evaluate", "grind"]
     for name in ("taste", "smell"):
-        assert parser.parse_args(["evaluate", name]).verb(None, Reporter("none")) == {"text": "good"}
+        options = parser.parse_args(["evaluate", name])
+        assert options.verb(options, Reporter("none")) == {"text": "good"}
     listed = verbs.choices["evaluate"].format_help()
     assert "taste it" in listed and "smell" not in listed
     with pytest.raises(InputError, match="required: TEST"):

@@ -13,9 +13,10 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from sphere_sample import RED, sphere_sample
+from synthetic import listing
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.learning.training.packed import MARGIN, PACKED, PackedSamples
+from mpsnet_core.learning.training.packed import MARGIN, PackedSamples
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
 
@@ -27,6 +28,11 @@ def folder(tmp_path: Path) -> Path:
     for number in range(3):
         write_sample(sample_path(tmp_path, number), sphere_sample(24 + 8 * number, right=RED, number=number))
     return tmp_path
+
+
+@pytest.fixture
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
 
 
 def sizes(samples: PackedSamples) -> list[int]:
@@ -60,62 +66,66 @@ def test_samples_are_in_the_order_of_folders_and_numbers(
     assert samples.paths == [sample_path(other, 7)] + [sample_path(folder, number) for number in range(3)]
 
 
-def test_damaged_and_dark_samples_are_reported_once_and_left_out(
-    folder: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_damaged_and_dark_samples_are_named_and_left_out(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     sample_path(folder, 1).write_bytes(sample_path(folder, 1).read_bytes()[:-1000])
     dark = sphere_sample(16, number=3)
     write_sample(sample_path(folder, 3), replace(dark, lights=0 * dark.lights))
-    for told in (2, 0):
-        caplog.clear()
-        with caplog.at_level(logging.WARNING):
-            samples = PackedSamples([folder])
-        assert [path.name for path in samples.left_out] == ["sample_000001.exr", "sample_000003.exr"]
-        assert [message.startswith("left out: sample") for message in caplog.messages] == [True] * told
-        assert samples.names == [f"{folder.name}/0", f"{folder.name}/2"]
+    with pytest.raises(InputError, match=r"sample_000001.exr is damaged.* --skip-damaged"):
+        PackedSamples([folder])
+    with caplog.at_level(logging.WARNING):
+        samples = PackedSamples([folder], skip_damaged=True)
+    assert [path.name for path in samples.left_out] == ["sample_000001.exr", "sample_000003.exr"]
+    assert ["sample_000001" in caplog.messages[0], "sample_000003" in caplog.messages[1]] == [True, True]
+    assert samples.names == [f"{folder.name}/0", f"{folder.name}/2"]
 
 
-def test_what_is_added_removed_or_made_anew_is_found(folder: Path) -> None:
-    assert sizes(PackedSamples([folder])) == [24, 32, 40]
+def test_what_is_added_removed_or_made_anew_is_found(folder: Path, cache: Path) -> None:
+    def found() -> list[int]:
+        return sizes(PackedSamples([folder], cache=cache))
+
+    assert found() == [24, 32, 40]
     write_sample(sample_path(folder, 5), sphere_sample(16))
     sample_path(folder, 1).unlink()
-    assert sizes(PackedSamples([folder])) == [24, 40, 16]
+    assert found() == [24, 40, 16]
     write_sample(sample_path(folder, 0), sphere_sample(48))
-    assert sizes(PackedSamples([folder])) == [48, 40, 16]
+    assert found() == [48, 40, 16]
     write_sample(sample_path(folder, 0), sphere_sample(20))
     os.utime(sample_path(folder, 0), (1, 1))  # as a copy that keeps its time
-    assert sizes(PackedSamples([folder])) == [20, 40, 16]
+    assert found() == [20, 40, 16]
+    assert len(list(cache.iterdir())) == 4  # what was packed of sample 1 stays, that of others is replaced
 
 
 @pytest.mark.parametrize("left", [1, 50, 5000, -1])
-def test_a_packed_file_that_was_cut_short_is_named(folder: Path, left: int) -> None:
-    samples, packed = PackedSamples([folder]), folder / PACKED / "sample_000001.npy"
+def test_a_packed_file_that_was_cut_short_is_named(folder: Path, cache: Path, left: int) -> None:
+    samples = PackedSamples([folder], cache=cache)
+    [packed] = cache.glob("sample_000001*")
     packed.write_bytes(packed.read_bytes()[:left])
-    with pytest.raises(InputError, match=r"sample_000001.npy is damaged; delete it, and the sample is packed again"):
+    with pytest.raises(InputError, match=rf"{packed.name} is damaged; delete it"):
         samples[1]
 
 
-def test_who_stops_packing_goes_on_later(folder: Path) -> None:
+def test_who_stops_packing_goes_on_later(folder: Path, cache: Path) -> None:
     def stop(fraction: float, message: str) -> None:
         if message == "packing sample 3 of 3":
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        PackedSamples([folder], progress=stop)
-    told: list[str] = []
-    assert len(PackedSamples([folder], progress=lambda fraction, message: told.append(message))) == 3
-    assert told == ["packing sample 3 of 3"]
+        PackedSamples([folder], stop, cache=cache)
+    packed = {path: path.stat().st_ino for path in cache.iterdir()}
+    assert len(packed) == 2 and len(PackedSamples([folder], cache=cache)) == 3
+    assert {path: path.stat().st_ino for path in packed} == packed  # not packed again
 
 
-def test_two_processes_that_pack_at_once_read_the_same(folder: Path) -> None:
+def test_two_processes_that_pack_at_once_read_the_same(folder: Path, cache: Path) -> None:
     for number in range(3, 12):
         write_sample(sample_path(folder, number), sphere_sample(64, number=number))
     script = (
-        "import sys; from mpsnet_core.learning.training.packed import PackedSamples; s = PackedSamples([sys.argv[1]]);"
+        "import sys\nfrom mpsnet_core.learning.training.packed import PackedSamples\n"
+        "s = PackedSamples([sys.argv[1]], cache=sys.argv[2])\n"
         "print(len(s), float(sum(p.lights.float().sum() for p in (s[k] for k in range(len(s))))))"
     )
     both = [
-        subprocess.Popen([sys.executable, "-c", script, str(folder)], stdout=subprocess.PIPE, text=True)
+        subprocess.Popen([sys.executable, "-c", script, str(folder), str(cache)], stdout=subprocess.PIPE, text=True)
         for _ in range(2)
     ]
     answers = [process.communicate(timeout=120)[0] for process in both]
@@ -129,8 +139,11 @@ def test_what_cannot_be_packed_is_reported(tmp_path: Path) -> None:
         PackedSamples([tmp_path])
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_cannot_be_written_to_is_reported(folder: Path) -> None:
+def test_nothing_is_written_beside_the_samples(folder: Path) -> None:
+    before = listing(folder)
     folder.chmod(0o500)
-    with pytest.raises(InputError, match=r"cannot .*write|cannot be written"):
-        PackedSamples([folder])
+    samples = PackedSamples([folder])
+    assert len(samples) == 3 and listing(folder) == before
+    [cache] = {path.parent for path in samples._packed}
+    del samples
+    assert not cache.exists()

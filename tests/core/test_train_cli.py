@@ -242,8 +242,16 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
             ),
             (
                 "no sample that is whole",
-                lambda b: (cut(sample_folder(b) / "sample_000000.exr"), train(b, samples=b / "samples")),
+                lambda b: (
+                    cut(sample_folder(b) / "sample_000000.exr"),
+                    train(b, "--skip-damaged", samples=b / "samples"),
+                ),
                 "there is no whole sample in…make some with mpsnet",
+            ),
+            (
+                "a damaged sample",
+                lambda b: (cut(sample_folder(b) / "sample_000000.exr"), train(b, samples=b / "samples")),
+                "sample_000000.exr…--skip-damaged",
             ),
             (
                 "no sample that shows something",

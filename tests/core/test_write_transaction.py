@@ -80,12 +80,13 @@ class Verb:
     def __init__(self, name: str, inputs: Path) -> None:
         self.name, self.inputs = name, inputs
         made = inputs / name.replace(" ", "_")
-        states = []
+        states, self.files = [], dict[str, bytes]()
         for turn in (0, 1):
             made.mkdir(exist_ok=True)
             code, said = self.run(turn, made)
             assert code == 0, said
             states.append(contents(made))
+            self.files = self.files or {one: (made / one).read_bytes() for one in listing(made)}
         self.before, self.after = states
         assert self.before.keys() == self.after.keys() and len(self.after) > 1
         shutil.rmtree(made)
@@ -108,7 +109,7 @@ class Verb:
         """Have the earlier run's files in a folder, and nothing else."""
         for name in listing(folder):
             (folder / name).unlink()
-        for name, data in self.before.items():  # which need not be pictures any more
+        for name, data in self.files.items():
             (folder / name).write_bytes(data)
 
 

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, nullcontext
+from contextvars import Context, copy_context
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -15,7 +16,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
-from mpsnet_core.io.files import ensure_folder, remove_abandoned
+from mpsnet_core.io.files import check_own, ensure_folder, remove_abandoned
 from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_encoding import Convention
@@ -236,6 +237,7 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
             yield waiting.popleft()
         stale = not is_up_to_date(frame.output, _line(frame, recipe))
         if stale:
+            check_own(frame.output)
             last_stale = frame.number
             for step in waiting:
                 step.needed = True
@@ -250,12 +252,16 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
 def _prefetch(items: Generator[T, None, None]) -> Generator[T, None, None]:
     """The items, computed in a thread up to AHEAD in advance. Exceptions are raised when the item's turn comes."""
     end = object()
+
+    def advance(context: Context) -> object:
+        return context.run(lambda: next(items, end))
+
     reader = ThreadPoolExecutor(1, "mpsnet-read")
     pending: deque[Future[object]] = deque()
     try:
         while True:
             while len(pending) <= AHEAD:
-                pending.append(reader.submit(next, items, end))
+                pending.append(reader.submit(advance, copy_context()))
             item = pending.popleft().result()
             if item is end:
                 return
@@ -275,7 +281,7 @@ class _BackgroundWriter:
 
     def run(self, work: Callable[..., None], *arguments: object) -> None:
         """Schedule `work`. Raises the exception of earlier work, if any."""
-        self._pending.append(self._worker.submit(work, *arguments))
+        self._pending.append(self._worker.submit(copy_context().run, work, *arguments))
         while len(self._pending) > AHEAD:
             self._pending.popleft().result()
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
@@ -61,6 +62,8 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str,
             raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; correct --lights")
     # The 16-bit values of the photographs are linear, whatever the metadata of the files says.
     photos = [read_data(folder / names[light - 1])[0] / intensities[light - 1] for light in lights]
+    for light, photo in zip(lights, photos, strict=True):
+        check_same_size(f"{folder / names[light - 1]}", photo.shape, f"{names[lights[0] - 1]}", photos[0].shape)
     weights = PROTOCOLS[protocol]
     mixed = [photo @ channel for photo, channel in zip(photos, weights, strict=True)]
     beside = (np.sum(photos, axis=0) @ weights.T).astype(np.float32) if white else None

@@ -58,6 +58,10 @@ def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> Tra
     )
 
 
+# Folder of the packed samples within that of the runs.
+PACKED = "packed"
+
+
 def evaluate_patch_sizes(
     samples: Sequence[Path],
     validation: Sequence[Path],
@@ -80,9 +84,9 @@ def evaluate_patch_sizes(
     """
     if json:
         writable_path(json)
-    held_out = PackedSamples(validation)  # fail before hours of training
-    a_picture = math.ceil(patches / len(held_out))
     runs = ensure_folder(runs, "runs")
+    held_out = PackedSamples(validation, cache=runs / PACKED)  # fail before hours of training
+    a_picture = math.ceil(patches / len(held_out))
     rows = []
     variants = [(name, normals, side) for name, normals in INPUTS.items() for side in SIDES]
     with open_report(report) if report else nullcontext() as page:
@@ -114,7 +118,7 @@ def _validated(
     """Train one network, or resume its training, and measure it. Also returns the training time in seconds."""
     checkpoint = runs / f"{recipe.name}.checkpoint"
     progress(0.0, recipe.title)
-    paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None)
+    paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None, cache=runs / PACKED)
     trained = train(recipe, samples, [], paths=paths, progress=progress)
     simulator = PhotoSimulator.of(
         trained.network,

@@ -27,7 +27,7 @@ class Samples(Evaluation):
     title = "Held-out samples, photographed"
 
     def __init__(self, folders: Sequence[str], count: int, magnify: Sequence[int], white: bool) -> None:
-        self._samples = PackedSamples(folders)
+        self._samples = PackedSamples(folders, skip_damaged=True)
         total = len(self._samples)
         count = min(count or total, total)
         self.cases = [
@@ -46,8 +46,8 @@ class Samples(Evaluation):
         return ["photographed by the default capture model, with crosstalk, noise, JPEG and errors of mask and lights"]
 
     def skipped(self) -> list[str]:
-        """Files that are damaged samples."""
-        return [f"left out: {path} is no whole sample that light reaches" for path in self._samples.left_out]
+        """Why samples were left out."""
+        return [f"left out: {reason}" for reason in self._samples.left_out.values()]
 
 
 def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case:

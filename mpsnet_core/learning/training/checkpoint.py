@@ -6,6 +6,7 @@ import struct
 import warnings
 import zipfile
 import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, get_origin, get_type_hints
 
@@ -18,6 +19,8 @@ from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_dat
 
 FORMAT = "mpsnet-checkpoint"
 MAX_BYTES = 4 << 30
+# Limit of steps, and of seconds.
+MAX_STEPS = 10**9
 # Exceptions that PyTorch raises on files that are damaged or no checkpoints.
 _DAMAGED = (
     AssertionError,
@@ -59,8 +62,10 @@ _TYPES |= {"recipe": dict, "continues": dict | None}
 def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
     """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
-    with atomic_write(Path(path)) as unfinished:
-        torch.save(data, unfinished)
+    content = BytesIO()
+    torch.save(data, content)
+    with atomic_write(Path(path)) as unfinished:  # PyTorch would not say that the disk is full
+        unfinished.write_bytes(content.getbuffer())
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
@@ -84,6 +89,8 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     for name, kind in _TYPES.items():
         if not isinstance(data[name], kind):
             raise FormatError(f"checkpoint {path} is not one of ours: {name} is of another type; resume from another")
+    if isinstance(data["step"], bool) or not (0 <= data["step"] < MAX_STEPS and 0 <= data["seconds"] < MAX_STEPS):
+        raise FormatError(f"checkpoint {path} is damaged: its steps or seconds are out of range; resume from another")
     try:
         return Checkpoint(**{**data, "recipe": recipe_from_data(data["recipe"])})
     except InputError as error:

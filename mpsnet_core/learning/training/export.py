@@ -6,6 +6,7 @@ import platform
 import time
 import warnings
 from dataclasses import replace
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from torch import Tensor, nn
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
-from mpsnet_core.io.files import atomic_write, temporary_folder, writable_path
+from mpsnet_core.io.files import atomic_write, writable_path
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
@@ -114,13 +115,13 @@ def onnx_of(network: Network) -> onnx.ModelProto:
     size = {} if network.kind == "patch" else {2: "height", 3: "width"}
     axes = {name: {0: "batch", **({} if given[0] in CONSTANTS else size)} for name, given in network.inputs.items()}
     axes |= {name: {0: "batch", **size} for name in outputs}
-    with warnings.catch_warnings(), temporary_folder() as folder:
+    content = BytesIO()
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # warnings about the exporter itself
-        file = folder / "model.onnx"
         torch.onnx.export(
             answer,
             inputs,
-            str(file),
+            content,  # type: ignore[arg-type]  # without dynamo, it may be a file in memory
             input_names=list(network.inputs),
             output_names=outputs,
             dynamic_axes=axes,
@@ -129,7 +130,7 @@ def onnx_of(network: Network) -> onnx.ModelProto:
             do_constant_folding=not isinstance(network, FastPatches),
             dynamo=False,
         )
-        return onnx.shape_inference.infer_shapes(onnx.load(str(file)), strict_mode=True)
+    return onnx.shape_inference.infer_shapes(onnx.load_from_string(content.getvalue()), strict_mode=True)
 
 
 def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:

@@ -46,6 +46,8 @@ VALIDATIONS = 8  # evenly spaced over the recipe's steps, plus one at the end
 VALIDATION_SEED = 1  # of the held-out samples' photographs
 VALIDATION_CROP = 128
 MUON_MAPS = 32  # Muon is used if both sides of a weight matrix have at least this length
+# What PyTorch raises if a checkpoint's states do not fit.
+_MISFIT = (AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 NORM_EXAMPLES = 64  # photographs to restore batch norms and the layer `lit` from, which exported files lack
 
 
@@ -72,11 +74,16 @@ class Trained:
 @dataclass(frozen=True)
 class TrainingPaths:
     """Files of a run. checkpoint: written regularly and at the end, None for nowhere. resume: a checkpoint to resume
-    from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard."""
+    from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard. cache: folder for the packed
+    samples, None for a temporary one. overwrite: whether the checkpoint may replace that of another run. skip_damaged:
+    whether damaged samples are left out."""
 
     checkpoint: Path | None = None
     resume: Path | None = None
     logs: Path | None = None
+    cache: Path | None = None
+    overwrite: bool = False
+    skip_damaged: bool = False
 
 
 def train(
@@ -130,7 +137,7 @@ def train(
         raise SettingsError("an anneal runs to its end; leave out --stop-after and --minutes, or --anneal")
     with _processes() as processes:
         _check_paths(paths, anneal)
-        run = _Run(recipe, samples, validation, processes, precision, progress)
+        run = _Run(recipe, samples, validation, paths, processes, precision, progress)
         run.begin(paths.resume)
         if 0 < stop_after <= run.step:
             raise SettingsError(
@@ -208,10 +215,12 @@ def _check_paths(paths: TrainingPaths, anneal: int) -> None:
         existing_file(resume, "model" if resume.suffix.lower() == ".onnx" else "checkpoint")
     if anneal and resume is None:
         raise SettingsError("there is nothing to anneal; name a checkpoint to resume from")
-    if anneal or checkpoint is None or not checkpoint.exists():
+    if anneal or checkpoint is None or not checkpoint.exists() or paths.overwrite:
         return
     if resume is None or not resume.exists() or not checkpoint.samefile(resume):
-        raise FileError(f"{checkpoint} is from an earlier run; continue it with --resume, or remove it to start again")
+        raise FileError(
+            f"{checkpoint} is from an earlier run; continue it with --resume, or start again with --overwrite"
+        )
 
 
 def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
@@ -249,6 +258,7 @@ class _Run:
         recipe: TrainingRecipe,
         samples: list[Path],
         validation: list[Path],
+        paths: TrainingPaths,
         processes: "_Processes",
         precision: Precision,
         progress: Progress,
@@ -265,11 +275,12 @@ class _Run:
         simulator = partial(
             PhotoSimulator.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
         )
-        packed = PackedSamples(samples, progress)
+        read = partial(PackedSamples, progress=progress, cache=paths.cache, skip_damaged=paths.skip_damaged)
+        packed = read(samples)
         self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
         self.held_out: PhotoSimulator | None = None
         if validation:
-            held_out = PackedSamples(validation, progress)
+            held_out = read(validation)
             self.held_out = simulator(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
         self.fingerprint = _fingerprint(samples, packed.names)
         self.precision = _resolved_precision(precision, device)
@@ -277,6 +288,7 @@ class _Run:
         self.step, self.seconds = 0, 0.0
         self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
+        self.unproven: Path | None = None  # the resumed checkpoint, until a step was taken
         self.anneal: tuple[int, int] | None = None  # its first step, and number of steps
         self.optimisers = _optimisers(recipe, network, self.precision)
         self.mean_weights = self._weights()
@@ -289,7 +301,17 @@ class _Run:
         return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
 
     def advance(self, model: nn.Module, scales: list[Scale]) -> Loss:
-        """Take one step of the optimisers."""
+        """Take one step of the optimisers. Raises FormatError if their states in the resumed checkpoint do not fit."""
+        try:
+            loss = self._advanced(model, scales)
+        except _MISFIT as error:
+            if self.unproven is None or isinstance(error, InputError):
+                raise
+            raise self._misfit(self.unproven, error) from None
+        self.unproven = None
+        return loss
+
+    def _advanced(self, model: nn.Module, scales: list[Scale]) -> Loss:
         recipe, seed = self.recipe, _hashed_seed(self.recipe.seed, self.step, self.processes.rank)
         self.whole = False
         # Dropout depends on the step alone: a resumed run draws the same.
@@ -412,12 +434,17 @@ class _Run:
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.processes.device) for name, value in found.mean_weights.items()}
+            self.mean()
             for optimiser, state in zip(self.optimisers, found.optimisers, strict=True):
                 optimiser.load_state_dict(state)
-        except (RuntimeError, ValueError, KeyError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise FormatError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
+        except _MISFIT as error:
+            raise self._misfit(path, error) from None
+        self.unproven = path
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
+
+    def _misfit(self, path: Path, error: Exception) -> FormatError:
+        reason = " ".join(str(error).split())[:200]
+        return FormatError(f"checkpoint {path} does not fit the network: {reason}; resume from another")
 
     def fine_tune(self, path: Path) -> None:
         exported = read_exported(path)

@@ -1,13 +1,16 @@
 """Packed samples: a cache of training samples in half floats that reads fast.
 
 Reading the EXR of a sample takes longer than simulating its photo. So each is read once, cropped to the object, and
-stored in the folder ``packed`` next to it, which can be deleted at any time. A sample that was made again is packed
-again.
+stored in a folder of the cache's own, which can be deleted at any time. The samples' folders may be other people's, and
+are not written to. A sample that was made again is packed again.
 """
 
 import logging
 import os
+import weakref
+import zlib
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,15 +20,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mpsnet_core.arrays.mask_regions import bounding_box
-from mpsnet_core.errors import FileError, FormatError
-from mpsnet_core.io.files import atomic_write, ensure_folder
+from mpsnet_core.errors import FileError, FormatError, NoObject
+from mpsnet_core.io.files import atomic_write, ensure_folder, existing_file, resolved, temporary_folder
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
 
 log = logging.getLogger(__name__)
 
-PACKED = "packed"
 MARGIN = 4  # pixels around the object
 
 
@@ -50,39 +52,66 @@ class PackedSamples:
     Parameters
     ----------
     folders : sequence of path
-        Folders of samples; each gets a folder ``packed``.
+        Folders of samples.
+    cache : path, optional
+        Folder for the packed samples, which is created if needed and which other runs may share. By default a temporary
+        one, which lasts as long as this object.
+    skip_damaged : bool
+        Whether damaged samples are left out, with a warning that names them, as those that show nothing are.
 
     Attributes
     ----------
     names, paths : list
         Names and file paths of the samples.
-    left_out : list of Path
-        Files that are damaged or show nothing. A warning gives the reason when they are packed.
+    left_out : dict of Path to str
+        Why samples were left out.
 
     Raises
     ------
     FileError
-        If a folder is missing or cannot be written to, or all of them together hold no usable sample.
+        If a folder is missing, the cache cannot be written to, or no usable sample is left.
+    FormatError
+        If a sample is damaged and not to be skipped.
     """
 
-    def __init__(self, folders: Sequence[str | os.PathLike[str]], progress: Progress = silent) -> None:
+    def __init__(
+        self,
+        folders: Sequence[str | os.PathLike[str]],
+        progress: Progress = silent,
+        *,
+        cache: str | os.PathLike[str] | None = None,
+        skip_damaged: bool = False,
+    ) -> None:
         self.names: list[str] = []
         self.paths: list[Path] = []
-        self.left_out: list[Path] = []
+        self.left_out: dict[Path, str] = {}
+        self._packed: list[Path] = []
+        if cache is None:
+            kept = ExitStack()
+            self._cache = kept.enter_context(temporary_folder())
+            weakref.finalize(self, kept.close)
+        else:
+            self._cache = ensure_folder(cache, "packed samples")
         for folder in map(Path, folders):
             if not folder.is_dir():
                 raise FileError(f"the folder of samples {folder} does not exist; check the path")
             numbers = sorted(samples_there(folder))
             for place, number in enumerate(numbers):
                 path = sample_path(folder, number)
-                if not _is_packed(path):
-                    progress(place / len(numbers), f"packing sample {place + 1} of {len(numbers)}")
-                    _pack(path)
-                if not _packed_path(path).stat().st_size:
-                    self.left_out.append(path)
-                else:
-                    self.names.append(f"{folder.name}/{number}")
-                    self.paths.append(path)
+                try:
+                    packed = self._packed_path(path)
+                    if not packed.is_file() or packed.is_symlink():
+                        progress(place / len(numbers), f"packing sample {place + 1} of {len(numbers)}")
+                        _pack(path, packed)
+                except (FormatError, NoObject) as error:
+                    if isinstance(error, FormatError) and not skip_damaged:
+                        raise FormatError(f"{error}, or leave such samples out with --skip-damaged") from None
+                    log.warning("left out: %s", error)
+                    self.left_out[path] = str(error)
+                    continue
+                self._packed.append(packed)
+                self.names.append(f"{folder.name}/{number}")
+                self.paths.append(path)
         if not self.paths:
             where = ", ".join(map(str, folders))
             raise FileError(f"there is no whole sample in {where}; make some with mpsnet synthesize")
@@ -91,47 +120,42 @@ class PackedSamples:
         return len(self.paths)
 
     def __getitem__(self, index: int) -> Packed:
-        packed = _packed_path(self.paths[index])
+        packed = self._packed[index]
         try:
-            record = np.load(packed, allow_pickle=False)
+            record = np.load(existing_file(packed, "packed sample"), allow_pickle=False)
             lights, normals, mask, lit = (torch.from_numpy(record[name]) for name in Packed._fields[:4])
             return Packed(lights, normals, mask, lit, record["directions"])
         except (EOFError, LookupError, MemoryError, OSError, SyntaxError, TypeError, ValueError):
             raise FormatError(f"{packed} is damaged; delete it, and the sample is packed again") from None
 
+    def _packed_path(self, path: Path) -> Path:
+        """The packed file of a sample: of its path and version. Raises FileError if the sample cannot be opened."""
+        sample = existing_file(path, "sample").stat()
+        # A sample that was made again, or replaced by one of the same size and time, is another version.
+        version = f"{sample.st_size} {sample.st_mtime_ns} {sample.st_ctime_ns}".encode()
+        place, number = zlib.crc32(os.fsencode(resolved(path))), zlib.crc32(version)
+        return self._cache / f"{path.stem}-{place:08x}-{number:08x}.npy"
 
-def _packed_path(path: Path) -> Path:
-    return path.parent / PACKED / f"{path.stem}.npy"
 
-
-def _is_packed(path: Path) -> bool:
-    packed = _packed_path(path)
-    return packed.exists() and packed.stat().st_mtime_ns == path.stat().st_mtime_ns
-
-
-def _pack(path: Path) -> None:
-    """Pack a sample. The packed file of a damaged or dark sample is empty."""
-    remade = path.stat().st_mtime_ns  # also set on the packed file, to recognise an outdated one
-    packed = _packed_path(path)
-    ensure_folder(packed.parent, "packed samples")
-    with atomic_write(packed) as unfinished:
-        try:
-            record = _record(path)
-        except FormatError as error:
-            log.warning("left out: %s", error)
-        else:
-            with unfinished.open("wb") as file:
-                np.save(file, record, allow_pickle=False)
-        os.utime(unfinished, ns=(remade, remade))
+def _pack(path: Path, packed: Path) -> None:
+    """Pack a sample, and remove its outdated versions. Raises as :func:`_record`."""
+    record = _record(path)
+    try:
+        with atomic_write(packed) as unfinished, unfinished.open("wb") as file:
+            np.save(file, record, allow_pickle=False)
+    except FileError:
+        if not packed.is_file() or packed.is_symlink():  # else another process has just written it
+            raise
+    for other in packed.parent.glob(f"{packed.stem.rpartition('-')[0]}-*.npy"):
+        if other != packed:
+            other.unlink(missing_ok=True)
 
 
 def _record(path: Path) -> NDArray[np.void]:
-    """The fields of :class:`Packed` as one record. Raises FormatError if the sample is damaged or dark."""
+    """The fields of :class:`Packed` as one record. Raises FormatError if it is damaged, NoObject if it is dark."""
     sample = read_sample(path)
     if not (sample.lights[:, sample.mask] > 0).any():
-        raise FormatError(
-            f"sample {path} shows no pixel of its object completely, or no light reaches it; make it again"
-        )
+        raise NoObject(f"sample {path} shows no pixel of its object completely, or no light reaches it; make it again")
     box = bounding_box(sample.mask, MARGIN)
     mask = sample.mask[box]
     lights = sample.lights[:, *box].transpose(0, 3, 1, 2).reshape(9, *mask.shape)

@@ -89,7 +89,7 @@ def quantise(
     inner = _inner_nodes(graph, card)
     if not inner:
         raise FormatError(f"model file {source.path} has no layer between its first and its last; leave it as it is")
-    packed = PackedSamples(samples)
+    packed = PackedSamples(samples, skip_damaged=True)
     simulator = PhotoSimulator.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
     source_model = _SessionModel(source.session, card)
     quantised = _quantised(graph, inner, _CalibrationInputs(simulator, source_model, count, part(progress, 0, 0.5)))

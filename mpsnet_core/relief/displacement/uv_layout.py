@@ -8,10 +8,14 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.uv_islands import Islands, islands_of
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh
 
 # Triangles below this fraction of the largest area are degenerate, apart from rounding.
 MIN_AREA = 1e-12
+# Seams are sampled up to so many texels beside the texture, and at no more points than this in all.
+BESIDE = 2
+MAX_SAMPLES = 1 << 23
 
 
 @dataclass(frozen=True)
@@ -54,19 +58,23 @@ class Layout:
         return areas
 
     def seams(self) -> "Seams":
-        """Sample points along the seams, about a texel apart."""
+        """Sample points along the seams, about a texel apart, where one of a seam's sides is in the texture.
+
+        Raises GeometryError if there are too many.
+        """
         size = len(self.island)
         ends = texel_coordinates(self.islands.seam_uvs, size)
-        count = np.ceil(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1).max(axis=1)).astype(np.int64)
+        first, last, count = _samples_within(ends, size)
         seam = np.repeat(np.arange(len(count)), count)
         before = np.cumsum(count) - count
-        along = ((np.arange(len(seam)) - before[seam] + 0.5) / count[seam])[:, None, None]
+        share = (np.arange(len(seam)) - before[seam] + 0.5) / count[seam]
+        along = (first[seam] + share * (last - first)[seam])[:, None, None]
         places = ends[seam, :, 0] * (1 - along) + ends[seam, :, 1] * along
         islands = self.islands.seam_islands[seam]
         texels = np.full((len(seam), 2), -1, np.int64)
         offsets, nearest = np.zeros((len(seam), 2, 2)), np.full((len(seam), 2), np.inf)
         for row, column in np.ndindex(4, 4):
-            texel = np.floor(places).astype(np.int64) + np.array([column - 1, row - 1])
+            texel = np.floor(np.clip(places, -4, size + 4)).astype(np.int64) + np.array([column - 1, row - 1])
             inside = ((texel >= 0) & (texel < size)).all(axis=-1)
             x, y = np.moveaxis(np.clip(texel, 0, size - 1), -1, 0)
             offset = places - texel
@@ -75,6 +83,29 @@ class Layout:
             texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], distances[nearer]
         number = np.cumsum(self.triangle >= 0) - 1
         return Seams(places, np.where(texels >= 0, number[texels], -1).astype(np.int32), offsets)
+
+
+def _samples_within(
+    ends: NDArray[np.float64], size: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """For each seam the interval, within 0 to 1, in which a side is in the texture, and its number of sample points.
+
+    ends: (M, 2 sides, 2 ends, 2) texel coordinates.
+    """
+    start, delta = ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        crossings = np.stack([-BESIDE - start, size - 1 + BESIDE - start]) / delta
+        still = (start >= -BESIDE) & (start <= size - 1 + BESIDE)  # along an axis in which the side does not move
+        crossings = np.where(delta == 0, np.where(still, [[[[-np.inf]]], [[[np.inf]]]], np.inf), crossings)
+        first = np.clip(crossings.min(axis=0).max(axis=-1), 0, 1)
+        last = np.clip(crossings.max(axis=0).min(axis=-1), 0, 1)
+        inside = first < last
+        lengths = np.where(inside, (last - first) * np.hypot(delta[..., 0], delta[..., 1]), 0)
+        first, last = np.where(inside, first, 1).min(axis=1), np.where(inside, last, 0).max(axis=1)
+        count = np.ceil(lengths.max(axis=1))
+    if not count.sum() <= MAX_SAMPLES:
+        raise GeometryError("the UVs of the mesh's seams reach far beyond the texture; unwrap the mesh again")
+    return first, last, count.astype(np.int64)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.io.files import ensure_folder, read_json, write_json, write_transaction
+from mpsnet_core.io.files import check_own, ensure_folder, write_json, write_transaction
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
@@ -22,19 +21,6 @@ from mpsnet_core.scene.normal_map import NormalMap
 
 MATERIAL_FORMAT = "mpsnet-material"
 MATERIAL_VERSION = 1
-MATERIAL_KEYS = (
-    "width_mm",
-    "height_mm",
-    "pixels",
-    "height_of_black_mm",
-    "height_of_white_mm",
-    "curvature_of_white_per_mm",
-    "photo",
-    "seam",
-    "convention",
-    "files",
-)
-_MEND = "give another folder or name"
 PICTURES = {
     "normal": ".png",
     "height": ".png",
@@ -52,20 +38,13 @@ PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
     """The files that :func:`write_material` writes, by content: the PICTURES, and "material".
 
-    Raises FileError if one of them exists and does not belong to a material that was written there before.
+    Raises FileError if one of them exists and this program did not make it.
     """
-    pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
-    record, own = Path(folder) / f"{name}_material.json", set[str]()
-    if record.exists():
-        try:
-            files = read_json(record, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
-        except InputError:
-            raise FileError(f"the result would overwrite {record}, which is another file; {_MEND}") from None
-        own = set(map(str, files.values())) if isinstance(files, dict) else own
-    for picture in pictures.values():
-        if picture.exists() and picture.name not in own:
-            raise FileError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
-    return {**pictures, "material": record}
+    names = {what: f"{what}{suffix}" for what, suffix in PICTURES.items()} | {"material": "material.json"}
+    files = {what: Path(folder) / f"{name}_{ending}" for what, ending in names.items()}
+    for file in files.values():
+        check_own(file, derived=True, json_format=MATERIAL_FORMAT)
+    return files
 
 
 def write_material(

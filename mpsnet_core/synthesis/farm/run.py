@@ -95,6 +95,11 @@ def make_samples(
     the cluster cannot be used.
     """
     folder = resolved(folder)
+    if cluster:
+        from mpsnet_core.synthesis.farm.address import check_address
+        from mpsnet_core.synthesis.farm.cluster import results_from_cluster
+
+        check_address(cluster, trusted=cluster_trusted)  # before a folder is made
     place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)
     clear_unfinished(folder)
@@ -103,8 +108,6 @@ def make_samples(
     tally = _Tally(job.count, job.count - len(numbers), progress)
     sheet = _GrowingSheet(folder)
     if cluster:
-        from mpsnet_core.synthesis.farm.cluster import results_from_cluster
-
         results = results_from_cluster(cluster, command, folder, numbers, trusted=cluster_trusted)
     else:
         results = _results_from_processes(command, folder, numbers, processes or usable_cores())

@@ -1,0 +1,36 @@
+"""What may be opened: files. A pipe would wait for ever, and a device has no end."""
+
+import os
+from pathlib import Path
+
+from mpsnet_core.errors import FileError
+
+# Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
+MAX_TEXT_BYTES = 1 << 20
+
+
+def is_file(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a file; False for invalid paths."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):  # a name that is too long, or has a null character
+        return False
+
+
+def existing_file(path: str | os.PathLike[str], what: str) -> Path:
+    """`path` as a Path. Raises FileError if it is missing or cannot be opened. what: the file's name in messages."""
+    path = Path(path)
+    try:
+        if not path.exists():
+            raise FileError(f"{what} {path} does not exist; check the path")
+        if not path.is_file():  # opening a pipe would wait for ever, and a device has no end
+            raise FileError(f"{what} {path} is {kind_of(path)}, not a file; name a file")
+        path.open("rb").close()
+    except OSError as error:
+        raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
+    return path
+
+
+def kind_of(path: Path) -> str:
+    """What exists at a path that is not a file, in words."""
+    return "a folder" if path.is_dir() else "a pipe, a socket or a device"
