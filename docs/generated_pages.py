@@ -16,7 +16,8 @@ from mpsnet_core.operation import Operation, Setting, settings
 # Titles of the subpackages, for people who look for a function.
 SUBPACKAGES = {
     "operation": "Operations in general",
-    "capture": "Photos, masks and calibration",
+    "capture": "Photos and masks",
+    "calibrate": "Calibration",
     "estimate": "Normals",
     "bake": "Textures",
     "relief": "Heights, meshes and materials",
