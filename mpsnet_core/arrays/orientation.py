@@ -14,6 +14,7 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
 
 # (8, 2, 2) what x and y may be turned by: nothing, mirrored in x, in y, turned by 180°, by 90° counter-clockwise and
@@ -35,6 +36,7 @@ SAME, HALF_TURN = 0, 3
 # The object is divided into blocks: number along the side of a square of its area, pixels to use along a block's side,
 # and least number of blocks in all.
 BLOCKS, BLOCK_PIXELS, MIN_BLOCKS = 72, 6, 1200
+ROWS_OF_BLOCKS = 8  # at a time, which bounds the memory
 # Least number of cells of four blocks whose curl is measured.
 MIN_CELLS = 300
 # Blocks at the outline whose normals are compared with it: depth, softness of the outline in blocks, least steepness of
@@ -79,9 +81,13 @@ def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blo
         return None
     box = bounding_box(mask)
     border = [(part.start == 0, part.stop >= size) for part, size in zip(box, mask.shape, strict=True)]
-    inside = mask[box][..., None]
-    pixels = np.where(inside, values[::thin, ::thin][box], 0).astype(np.float32)
-    means = block_means(np.concatenate([pixels, inside], axis=-1, dtype=np.float32), max(1, round(side / thin)))
+    values, inside, factor = values[::thin, ::thin][box], mask[box][..., None], max(1, round(side / thin))
+
+    def means_of(rows: slice) -> NDArray[np.float32]:
+        pixels = np.where(inside[rows], values[rows], 0).astype(np.float32)
+        return block_means(np.concatenate([pixels, inside[rows]], axis=-1, dtype=np.float32), factor)
+
+    means = np.concatenate([means_of(rows) for rows in bands(len(inside), ROWS_OF_BLOCKS * factor)])
     covered = means[..., -1]
     whole = covered > WHOLE
     if np.count_nonzero(whole) < MIN_BLOCKS:

@@ -24,7 +24,8 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
         if not path.exists():
             raise FileError(f"{what} {path} does not exist; check the path")
         if not path.is_file():  # opening a pipe would wait for ever, and a device has no end
-            raise FileError(f"{what} {path} is {kind_of(path)}, not a file; name a file")
+            where = " in it" if path.is_dir() else ""
+            raise FileError(f"{what} {path} is {kind_of(path)}, not a file; name a file{where}")
         path.open("rb").close()
     except OSError as error:
         raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None

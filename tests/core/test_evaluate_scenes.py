@@ -206,7 +206,7 @@ test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "a mesh without faces",
             lambda b: b.run("evaluate", "rendered", b.text("a.obj", "v 0 0 0\n"), "--model", "lambertian"),
-            "mesh file…a.obj has no faces",
+            "mesh file…a.obj…has no faces",
         ),
         (
             "a picture too small",

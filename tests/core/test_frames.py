@@ -120,7 +120,7 @@ def test_results_of_a_sequence_have_their_number_behind_all_other_digits(tmp_pat
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no /dev/null")
 def test_a_device_is_no_folder_for_one_photo() -> None:
-    with pytest.raises(InputError, match="/dev/null: it is a device; give a file name"):
+    with pytest.raises(InputError, match=r"/dev/null: it is .*device"):
         output_files([Path("photo.png")], "/dev/null")
 
 
