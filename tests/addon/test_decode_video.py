@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.child_process.core_process import blender_command
+from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
@@ -60,10 +61,10 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
     assert (video.width, video.height, video.count) == (WIDTH, HEIGHT, 40)
     assert video.frame_rate == pytest.approx(float(rate), rel=1e-6)
     outputs = video_outputs(video.path, tmp_path, ".png")
-    frames = list(video_frames(video, outputs, masks=Masks(), encoding="linear"))
+    frames = list(video_frames(video, outputs, masks=Masks(), like=Source(video.path, None), encoding="linear"))
     assert [frame.number for frame in frames] == list(range(1, 41))
     for frame, values in zip(frames, given, strict=True):
-        image, expected = frame.read(), values / most
+        image, expected = frame.source.photo(), values / most
         cover = expected[..., 3] if kind == "rgba" else np.ones((HEIGHT, WIDTH))
         # A premultiplied value holds no colour where nothing covers.
         np.testing.assert_allclose(image.pixels * cover[..., None], expected[..., :3] * cover[..., None], atol=error)
@@ -75,8 +76,10 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
 def test_values_are_assumed_to_be_srgb(header, tmp_path):
     given = np.tile(np.arange(WIDTH, dtype=np.uint8)[:, None] * 6, (HEIGHT, 1, 3))
     video = header(clip(tmp_path / "a.mkv", [given], "ffv1", "bgr0", 24))
-    [frame] = video_frames(video, video_outputs(video.path, tmp_path, ".png"), masks=Masks())
-    np.testing.assert_allclose(frame.read().pixels, srgb_to_linear(given / 255), atol=4e-5)
+    [frame] = video_frames(
+        video, video_outputs(video.path, tmp_path, ".png"), masks=Masks(), like=Source(video.path, None)
+    )
+    np.testing.assert_allclose(frame.source.photo().pixels, srgb_to_linear(given / 255), atol=4e-5)
 
 
 def test_what_is_no_video_gets_one_sentence(header, tmp_path):

@@ -265,7 +265,7 @@ CASES = [
     (target_without_faces, "has no faces"),
     (target_scaled_to_nothing, '"Sphere" is scaled to nothing in one direction; give it a scale above 0'),
     (target_not_seen, "no view sees any of the mesh"),
-    (material_without_shader, 'no material of "Sphere" has a shader with a Normal input; add a Principled BSDF'),
+    (material_without_shader, "no shader with a Normal input reaches its active Material Output"),
 ]
 
 

@@ -494,7 +494,7 @@ def _normalise_by_white_photo(
     if fit is None:
         return light
     gains, lower_limits, unmixing_before, unmixing_after, mean_factors = (
-        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit
+        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit[:5]
     )
     albedo = (
         torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
