@@ -170,8 +170,6 @@ def test_what_has_no_int8_version_is_reported(
     weights = elsewhere.graph.initializer.add(name="unused", data_type=1, dims=[4], data_location=1)
     weights.external_data.add(key="location", value="/dev/zero")
     (tmp_path / "elsewhere.onnx").write_bytes(elsewhere.SerializeToString())
-    with pytest.raises(
-        InputError, match=r"elsewhere.onnx keeps weights in another file \(.*/dev/zero\); give one that holds them"
-    ):
+    with pytest.raises(InputError, match=r"elsewhere.onnx has weights in another file"):
         quantise(tmp_path / "elsewhere.onnx", [samples], out)
     assert listing(tmp_path) == ["elsewhere.onnx", "mpsnet.onnx"]

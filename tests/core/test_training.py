@@ -238,7 +238,7 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
         seen = [torch.rand(2, 8, 32, 32), rig.repeat(2, 1, 1, 1)]
     given = dict(zip(still.network.inputs, (values.numpy() for values in seen), strict=True))
     answer = still.network.eval()(*seen).normals.detach().numpy()
-    np.testing.assert_allclose(answer, OnnxModel(exported).session.run(None, given)[0], atol=0.02)
+    np.testing.assert_allclose(answer, OnnxModel(exported).session.run(None, given)[0], atol=0.04)  # half floats
     first = run(further, samples, checkpoint, resume=exported, stop_after=5)
     assert (first.step, first.continues) == (5, OnnxModel(exported).record)
     last = run(further, samples, checkpoint, resume=checkpoint)
@@ -321,6 +321,8 @@ def test_a_cancelled_run_leaves_a_checkpoint_to_go_on_from(ball: Path, tmp_path:
     of, whole, parts = recipe("demultiplexer", steps=LOGGED_EVERY + 3, batch=1, crop=16), tmp_path / "w", tmp_path / "p"
 
     def stop(fraction: float, message: str) -> None:
+        if message.startswith("packing"):
+            return
         assert fraction == LOGGED_EVERY / of.steps and message.startswith(f"step {LOGGED_EVERY}, ")
         raise Cancelled
 
@@ -404,7 +406,12 @@ def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
     assert done.stdout == f"wrote {model}\n", "one of the two writes"
     assert OnnxModel(model).card.name == "tiny"
     assert read_checkpoint(tmp_path / "model.checkpoint").step == 3
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["model.checkpoint", "model.onnx", "tiny.toml"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "model.checkpoint",
+        "model.onnx",
+        "model.packed",
+        "tiny.toml",
+    ]
 
 
 @pytest.mark.parametrize(
