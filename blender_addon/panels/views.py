@@ -45,11 +45,12 @@ class MPS_PT_views(Step):
         if views.level:
             column.prop(views, "level_scale")
         column.prop(views, "keep", placeholder="Not kept")
-        column.prop(views, "write_report")
+        row = column.row()
+        row.prop(views, "write_report")
+        if views.report_file and is_safe_to_open(views.report_file):
+            row.operator("wm.path_open", text="Open", icon="URL").filepath = views.report_file
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         self.picture(self.result(context))
-        if views.report_file and is_safe_to_open(views.report_file):
-            self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file
 
 
 CLASSES = (MPS_PT_views,)

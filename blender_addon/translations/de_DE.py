@@ -179,7 +179,7 @@ TABLE = {
     "One for All": "Eine für alle",
     "Open Output Folder": "Ausgabeordner öffnen",
     "Open Photo": "Foto öffnen",
-    "Open Report": "Bericht öffnen",
+    "Open": "Öffnen",
     "Open as Photo of MPS-Net": "Als Foto für MPS-Net öffnen",
     "Operator": "Operator",
     "Options": "Optionen",

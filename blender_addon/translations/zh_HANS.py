@@ -179,7 +179,7 @@ TABLE = {
     "One for All": "全部共用",
     "Open Output Folder": "打开输出文件夹",
     "Open Photo": "打开照片",
-    "Open Report": "打开报告",
+    "Open": "打开",
     "Open as Photo of MPS-Net": "作为 MPS-Net 照片打开",
     "Operator": "操作项",
     "Options": "选项",

@@ -365,7 +365,7 @@ def test_many_views_are_baked_and_reported(window, tmp_path):
     done = window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], "texture")
     assert set(done["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
     assert texture.is_file() and "Camera" in report.read_text(encoding="utf-8")
-    x, y = window.find("wm.path_open", below=y + 3 * STEP - top)
+    x, y = window.find("wm.path_open", at=0.8)
     assert str(report) in window.under_mouse(x, y)
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
