@@ -18,14 +18,12 @@ import numpy
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
+from mpsnet_core.io.child_process import CANCEL_SECONDS, ChildEnded, ChildProcess, child_environment
 from mpsnet_core.io.files import VIDEO_DECODER, remove_unfinished
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import to_json
 
 from ..preferences import PACKAGE
-
-CANCEL_SECONDS = 0.8
 
 # What a child does: an operation of the core, or the request of another program.
 Work = Operation | Mapping[str, Any]

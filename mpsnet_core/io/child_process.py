@@ -18,18 +18,22 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
 from mpsnet_core.errors import FileError, FormatError
+from mpsnet_core.io.files import remove_own_unfinished
 
 # Longer or endless lines are read in pieces, and are neither messages nor requests.
 LONGEST_LINE = 1 << 22
 LAST_WORDS = 20
 LONGEST_WORDS = 2000
 CLOSE_SECONDS = 5.0
+# What a child that is asked to end has left to do so by itself.
+CANCEL_SECONDS = 0.8
 
 _KINDS: dict[str, type | tuple[type, ...]] = {"ready": bool, "progress": (int, float), "result": dict, "error": str}
 
@@ -243,8 +247,9 @@ def requests() -> Iterator[dict[str, Any]]:
 def only_request() -> dict[str, Any]:
     """The only request of this process, empty if there is none. Raises FormatError if it is malformed.
 
-    If stdin ends later, the parent is gone, and this process stops as by SIGTERM. On Windows it continues: while a
-    thread waits for stdin there, libraries that access stdin cannot be loaded.
+    If stdin ends later, the parent is gone, and this process stops as the parent would cancel it: by SIGTERM, and if it
+    does not hear that, by force. On Windows it continues: while a thread waits for stdin there, libraries that access
+    stdin cannot be loaded.
     """
     request = next(requests(), {})
     if sys.platform != "win32":
@@ -257,6 +262,11 @@ def _stop_without_parent() -> None:
         while os.read(0, LONGEST_LINE):  # not sys.stdin, whose lock would block the exit of the process
             pass
     os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(CANCEL_SECONDS)  # Python hears a signal only between two calls: a render is one call
+    remove_own_unfinished()
+    if os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGKILL)
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _lines(pipe: IO[str]) -> Iterator[str]:

@@ -70,6 +70,9 @@ class _Transaction(threading.local):
 
 _transaction = _Transaction()
 
+# The folders into which this process has begun to write.
+_written_into: set[Path] = set()
+
 
 @contextmanager
 def prefix_errors(where: object) -> Iterator[None]:
@@ -444,6 +447,12 @@ def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
         _remove(left)
 
 
+def remove_own_unfinished() -> None:
+    """Remove the unfinished files of this process, which is about to end itself by force."""
+    for folder in list(_written_into):
+        remove_unfinished(folder, os.getpid())
+
+
 def remove_abandoned(folder: str | os.PathLike[str]) -> None:
     """Remove the unfinished files of killed processes from `folder`; those of other hosts or containers stay."""
     for file in Path(folder).glob(".*.unfinished*"):
@@ -463,10 +472,11 @@ def _remove(*paths: Path) -> None:
                 left.unlink()
 
 
-@cache
 def _clear_once(folder: Path) -> None:
     """Remove abandoned files at a process's first file in a folder only: it may contain a hundred thousand files."""
-    remove_abandoned(folder)
+    if folder not in _written_into:
+        _written_into.add(folder)
+        remove_abandoned(folder)
 
 
 def _running(pid: int) -> bool:

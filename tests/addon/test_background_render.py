@@ -1,7 +1,11 @@
 """Renders by a second Blender, a real one: it renders what this one would, and this one stays as it is."""
 
 import itertools
+import os
 import re
+import select
+import subprocess
+import sys
 import time
 from contextlib import nullcontext
 
@@ -284,6 +288,38 @@ def test_cancelling_ends_it_in_the_middle_of_a_render_and_leaves_nothing(small, 
         process.cancel()
         assert not process.running() and time.monotonic() - start < 10
         assert not list(tmp_path.glob(f"*{what}.*exr"))
+
+
+# A Blender that is killed in the middle of a render. The last thing that it prints is the rendering one's process ID.
+KILLED = """
+import os, signal, sys, time
+from pathlib import Path
+import bpy
+import blender_addon
+from blender_addon.child_process.core_process import CoreProcess
+from blender_addon.photo.background_render import rendering_blender, written_job
+blender_addon.register()
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+folder, output = Path(sys.argv[2]), Path(sys.argv[3])
+process = CoreProcess(written_job(bpy.context, "photo", output, folder), [output], rendering_blender(folder))
+while process.running() and process.progress == 0:
+    time.sleep(0.01)
+print(process.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="needs Linux")
+def test_where_blender_is_killed_the_one_that_renders_ends_too(small, scene, tmp_path):
+    scene.mps.photo.samples = 65536
+    scene.mps.photo.width = scene.mps.photo.height = 1024
+    bpy.ops.wm.save_mainfile()
+    (tmp_path / "job").mkdir()
+    places = tmp_path / "mine.blend", tmp_path / "job", tmp_path / "photo.exr"
+    killed = subprocess.Popen([sys.executable, "-c", KILLED, *map(str, places)], stdout=subprocess.PIPE, text=True)
+    with killed, os.fdopen(os.pidfd_open(int(list(killed.stdout)[-1])), "rb") as rendering:
+        assert select.select([rendering], [], [], 10)[0], "it still renders"
+    assert not list(tmp_path.glob("*photo*"))
 
 
 @pytest.mark.parametrize("changed", [False, True])
