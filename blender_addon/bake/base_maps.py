@@ -213,6 +213,11 @@ def _source(colour: End, uv_map: str, rendered: str) -> tuple[Any, str]:
         if not isinstance(base, bpy.types.Image):
             raise InputError(f'the only normal map is "{texture.image.name}", which was baked here; {_BY_FILE}')
         return base, "DIRECTX" if texture.image.get(_BASE_CONVENTION) == "DIRECTX" else "OPENGL"
+    if "sRGB" in (space := texture.image.colorspace_settings.name):
+        raise InputError(
+            f'the existing normal map "{texture.image.name}" is read in the colour space {space}, which bends its '
+            "normals; set it to Non-Color"
+        )
     if normal.space != "TANGENT":
         raise InputError(f'the existing normal map "{texture.image.name}" is not in tangent space; {_BY_FILE}')
     if _value(colour.input("Strength")) != 1:

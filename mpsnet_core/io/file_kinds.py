@@ -3,6 +3,8 @@
 import os
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
+from math import inf
 from pathlib import Path
 from typing import IO, Any
 
@@ -23,9 +25,9 @@ _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b
 HEAD = 64  # bytes by which a kind is told
 
 # Tags of a TIFF file, and JPEG XL's number among its compressions (DNG 1.7).
-ORIENTATION, COMPRESSION, SUB_DIRECTORIES, JPEG_XL = 274, 259, 330, 52546
+ORIENTATION, COMPRESSION, TRANSFER_FUNCTION, SUB_DIRECTORIES, JPEG_XL = 274, 259, 301, 330, 52546
 # Bounds of what is read of a file's structure: a hostile one can be a maze.
-MAX_DIRECTORIES, MAX_ENTRIES, MAX_CHUNKS, MAX_BODY = 64, 512, 65_536, 64
+MAX_DIRECTORIES, MAX_ENTRIES, MAX_CHUNKS, MAX_BODY, MAX_HEADER = 64, 512, 65_536, 64, 65_536
 
 
 def file_head(path: str | os.PathLike[str], size: int = HEAD) -> bytes:
@@ -88,6 +90,30 @@ def webp_orientation(path: str | os.PathLike[str]) -> int | None:
     return None
 
 
+def has_transfer_function(path: str | os.PathLike[str]) -> bool:
+    """Whether a TIFF file states its curve by a table of its own, which OpenImageIO 3.0 ignores."""
+    with Path(path).open("rb") as file:
+        return TRANSFER_FUNCTION in next(tiff_directories(file), {})
+
+
+def radiance_exposure(path: str | os.PathLike[str]) -> list[float]:
+    """The factors by which a Radiance picture (.hdr) says that its red, green and blue were multiplied.
+
+    OpenImageIO ignores them.
+    """
+    factors = [1.0, 1.0, 1.0]
+    for line in file_head(path, MAX_HEADER).partition(b"\n\n")[0].decode("latin-1").splitlines():
+        name, _, value = line.partition("=")
+        if name.strip() not in ("EXPOSURE", "COLORCORR"):
+            continue
+        with suppress(ValueError):
+            given = [float(word) for word in value.split()]
+            given = given * 3 if len(given) == 1 else given
+            if len(given) == 3 and all(0 < one < inf for one in given):
+                factors = [factor * one for factor, one in zip(factors, given, strict=True)]
+    return factors
+
+
 def is_in_jpeg_xl(path: str | os.PathLike[str]) -> bool:
     """Whether a TIFF or DNG file has pixels that are compressed as JPEG XL, as in Apple's ProRAW."""
     with Path(path).open("rb") as file:
@@ -95,7 +121,10 @@ def is_in_jpeg_xl(path: str | os.PathLike[str]) -> bool:
 
 
 def tiff_directories(file: IO[bytes], start: int = 0) -> Iterator[dict[int, tuple[int, ...]]]:
-    """The whole numbers of each directory of TIFF data that begin at `start`, by their tags; nested ones, too."""
+    """The whole numbers of each directory of TIFF data that begin at `start`, by their tags; nested ones, too.
+
+    Tags of other or of many values have none.
+    """
     file.seek(start)
     order = {b"II*\0": "<", b"MM\0*": ">"}.get(file.read(4))
     if order is None:
@@ -112,6 +141,7 @@ def tiff_directories(file: IO[bytes], start: int = 0) -> Iterator[dict[int, tupl
             tag, kind, count, value = _unpacked(file, f"{order}HHI4s")
             size = {3: "H", 4: "I", 13: "I"}.get(kind)
             if size is None or not 0 < count <= MAX_ENTRIES:
+                tags[tag] = ()
                 continue
             layout, after = f"{order}{count}{size}", file.tell()
             if struct.calcsize(layout) <= 4:

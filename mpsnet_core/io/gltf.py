@@ -33,9 +33,19 @@ _WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4, "TRANSLATION": 3, "ROTATION
 TRIANGLES, STRIP, FAN = 4, 5, 6
 INSTANCES = "EXT_mesh_gpu_instancing"
 TEXTURE_TRANSFORM = "KHR_texture_transform"
+_UNMOVED = {"offset": [0, 0], "rotation": 0, "scale": [1, 1]}
+VISIBILITY = "KHR_node_visibility"
 COMPRESSED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
 # Extensions that change no vertex, normal or UV, or that are read here.
-HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_mesh_quantization")
+HARMLESS = (
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "KHR_lights_",
+    "KHR_mesh_quantization",
+    VISIBILITY,
+)
 MAX_BYTES = 4 << 30
 # Limit of vertices over all instances of all meshes, and of these instances.
 MAX_VERTICES = 1 << 26
@@ -107,7 +117,7 @@ class _Document:
     def __init__(self, path: Path) -> None:
         self.path, self.limit, self.unpacked = path, unpacked_limit(path, MAX_BYTES), 0
         data = path.read_bytes()
-        self.binary, self.embedded = b"", dict[int, bytes]()
+        self.binary, self.embedded, self.hidden = b"", dict[int, bytes](), set[int]()
         if data[:4] == b"glTF":
             version, _, length = struct.unpack_from("<III", data, 4)
             if version != 2:
@@ -134,7 +144,8 @@ class _Document:
         known: dict[tuple[int, tuple[float, ...]], list[Part]] = {}
         skins: dict[int, Floats] = {}
         names = set[str]()
-        for number, node in ((number, self.nodes[number]) for number in places if "mesh" in self.nodes[number]):
+        shown = [number for number in places if "mesh" in self.nodes[number] and number not in self.hidden]
+        for number, node in ((number, self.nodes[number]) for number in shown):
             mesh = self.json["meshes"][node["mesh"]]
             weights = tuple(float(one) for one in node.get("weights", mesh.get("weights", ())))
             key = node["mesh"], weights
@@ -158,7 +169,7 @@ class _Document:
         return found
 
     def places(self) -> dict[int, Floats]:
-        """(4, 4) transform to world space of each node of the default scene."""
+        """(4, 4) transform to world space of each node of the default scene; fills `hidden`."""
         scenes = self.json.get("scenes")
         if scenes:
             roots = scenes[self.json.get("scene", 0)].get("nodes", [])
@@ -166,14 +177,17 @@ class _Document:
             inner = {child for node in self.nodes for child in node.get("children", ())}
             roots = [number for number in range(len(self.nodes)) if number not in inner]
         places = dict[int, Floats]()
-        todo = [(root, np.eye(4)) for root in reversed(roots)]
+        todo = [(root, np.eye(4), False) for root in reversed(roots)]
         while todo:
-            number, parent = todo.pop()
+            number, parent, hidden = todo.pop()
             if number in places:  # a damaged file may name a node any number of times
                 continue
             node = self.nodes[number]
+            if hidden or node.get("extensions", {}).get(VISIBILITY, {}).get("visible") is False:
+                hidden = True
+                self.hidden.add(number)
             places[number] = parent @ _own_transform(node)
-            todo += [(child, places[number]) for child in reversed(node.get("children", ()))]
+            todo += [(child, places[number], hidden) for child in reversed(node.get("children", ()))]
         return places
 
     def instances(self, node: dict[str, Any]) -> Sequence[Floats]:
@@ -304,8 +318,9 @@ class _Document:
         for material in self.materials:
             # The texture that the baked one goes beside, or in the place of.
             texture = material.get("normalTexture") or material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
-            moved = (texture or {}).get("extensions", {}).get(TEXTURE_TRANSFORM, {})
-            if texture and (moved or moved.get("texCoord", texture.get("texCoord", 0))):
+            moved = {**_UNMOVED, **(texture or {}).get("extensions", {}).get(TEXTURE_TRANSFORM, {})}
+            elsewhere = moved.pop("texCoord", texture.get("texCoord", 0)) if texture else 0
+            if elsewhere or moved != _UNMOVED:
                 self.warn(
                     "material %r uses other UVs than the first, or transforms them; textures are baked onto the first "
                     "UVs as they are",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, Curve, profile_curve, sampled, transfer_is_linear
-from mpsnet_core.io.file_kinds import png_chunks
+from mpsnet_core.io.file_kinds import has_transfer_function, png_chunks
 from mpsnet_core.io.heif import TRANSFER
 from mpsnet_core.io.image import Assumed, Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute
@@ -52,6 +52,10 @@ def stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
             log.warning(
                 "%s has a colour profile without curves, of tables alone, which is not applied; convert it to sRGB's",
                 path,
+            )
+        if profile is None and kind == "tiff" and has_transfer_function(path):
+            log.warning(
+                "%s states its curve by a table (TIFF's TransferFunction), which is not applied; save it as sRGB", path
             )
         linear = linear or (floats and curve is None)
         if curve is None and not linear:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FormatError, SettingsError
+from mpsnet_core.io.file_kinds import radiance_exposure
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import Assumed, Image, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
@@ -31,6 +32,8 @@ log = logging.getLogger(__name__)
 
 # OpenImageIO's names of formats whose colours are never premultiplied by alpha, although it does not say so.
 UNASSOCIATED = ("webp", "bmp")
+# Formats whose fourth byte is often unused, and zero everywhere.
+FOURTH_BYTE = ("bmp", "targa")
 # Below this alpha colours that are not multiplied by it exceed it; least number of such pixels to judge by.
 FAINT, MIN_OUTLINE = 0.5, 50
 # Pixels whose sides differ by less than this share count as square: files round their ratio.
@@ -95,18 +98,23 @@ def read_image(
     _warn_of_pixel_aspect(path, spec)
     if image_attribute(spec, PALETTE, int):
         log.warning("%s has a palette of at most 256 colours, too few for normals; export it without one", path)
+    kind = spec.getattribute(FORMAT)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
+    if alpha is not None and kind in FOURTH_BYTE and not alpha.any():
+        alpha = None
+    exposure = np.array(radiance_exposure(path) if kind == "hdr" else 1, np.float32)
     assumed: Assumed | None = None
     if requested is None:
         decoded, assumed = stated_encoding(path, spec)
     else:
         decoded = identity_curve if requested else srgb_to_linear
-    unassociated = spec.getattribute("oiio:UnassociatedAlpha") or spec.getattribute(FORMAT) in UNASSOCIATED
+    unassociated = spec.getattribute("oiio:UnassociatedAlpha") or kind in UNASSOCIATED
     premultiplied = alpha is not None and not unassociated
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
         band = _as_float(values[rows][..., colour])
+        band /= exposure
         if alpha is not None and premultiplied:
             cover = alpha[rows, :, None]
             # A colour without coverage is pure emission; some renderers write every pixel that way.

@@ -92,7 +92,7 @@ def read_vectors(
 
     The vectors have about unit length where the file holds normals, any length elsewhere, and may be not finite. A note
     says which level is zero in a file of 8 bits, and how z was found if the file does not hold it: maps with two
-    channels (BC5), with x in alpha (DXT5nm), or with z from 0 to 1.
+    channels (BC5), with x in alpha (DXT5nm), or with z from 0 to 1. An alpha that holds other data is left out.
 
     Raises FileError or FormatError if the file cannot be read.
     """
@@ -101,7 +101,18 @@ def read_vectors(
     storage.decode(colours, alpha, convention)
     if storage.note:
         log.info("%s: %s", path, storage.note)
-    return colours, None if storage.x_in_alpha else alpha
+    if alpha is None or storage.x_in_alpha:
+        return colours, None
+    if not _is_cover(alpha):
+        log.info("%s: its alpha is no mask but other data, such as heights, and is ignored", path)
+        return colours, None
+    return colours, alpha
+
+
+def _is_cover(alpha: NDArray[np.floating[Any]]) -> bool:
+    """Whether an alpha (H, W) says where there are normals: most of it says yes or no."""
+    step = grid_step(alpha.size, SAMPLED)
+    return bool((np.abs(alpha[::step, ::step] - 0.5) > 0.48).mean() > 0.5)
 
 
 def _signs(convention: Convention) -> NDArray[np.float32]:

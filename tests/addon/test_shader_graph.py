@@ -252,6 +252,22 @@ def test_a_map_whose_image_is_outside_of_its_group_is_found(plane: "bpy.types.Ob
         check_shows_normals(plane)
 
 
+@pytest.mark.parametrize("space", ["sRGB", "Linear Rec.709", "Non-Color"])
+def test_a_map_whose_colours_are_bent_is_named(space: str, plane: "bpy.types.Object", tmp_path: Path) -> None:
+    tree = plane.data.materials[0].node_tree
+    image = even(tmp_path / "n.png", TILT)
+    image.colorspace_settings.name = space
+    mapped(tree, image, [shader_of(tree).inputs["Normal"]])
+    onto = [BakeTarget(0, plane.name, "UVMap", ("Paint",), frozenset({"Paint"}))]
+    bent = degrees_between(shaded(plane), TILT) > 1
+    assert bent == (space == "sRGB")
+    if bent:
+        with pytest.raises(InputError, match="sRGB"):
+            usable_maps([plane], onto, tmp_path / "n.png")
+    else:
+        assert usable_maps([plane], onto, tmp_path / "n.png") == [image]
+
+
 def test_a_map_of_the_coat_alone_is_named(plane: "bpy.types.Object", tmp_path: Path) -> None:
     """It is no map of the surface; but a coat that shares the surface's map goes with it."""
     tree = plane.data.materials[0].node_tree

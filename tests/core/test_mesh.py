@@ -491,9 +491,22 @@ def change_header(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
-@pytest.mark.parametrize(("texture", "warned"), [({"index": 0}, False), ({"index": 0, "texCoord": 1}, True)])
+def placed(**how: object) -> dict[str, Any]:
+    return {"index": 0, "extensions": {"KHR_texture_transform": how}}
+
+
+@pytest.mark.parametrize(
+    ("texture", "warned"),
+    [
+        ({"index": 0}, False),
+        ({"index": 0, "texCoord": 1}, True),
+        (placed(offset=[0, 0], rotation=0.0, scale=[1.0, 1.0]), False),
+        (placed(scale=[2, 2]), True),
+        (placed(texCoord=1), True),
+    ],
+)
 def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, texture: dict[str, int], warned: bool
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, texture: dict[str, Any], warned: bool
 ) -> None:
     path = glb(tmp_path / "mesh.glb", normals=True)
     change_header(path, lambda header: header["materials"][0].update(normalTexture=texture))
@@ -604,6 +617,16 @@ def instanced(header: dict[str, Any], buffer: bytes) -> bytes:
     return buffer
 
 
+def hidden_twins(header: dict[str, Any], buffer: bytes) -> bytes:
+    """Both squares again, elsewhere, hidden themselves or below a hidden node."""
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}}
+    nodes = header["nodes"]
+    count = len(nodes)
+    nodes += [{"mesh": 0, "translation": [9, 0, 0], **hidden}, {**hidden, "children": [count + 2]}, {"mesh": 1}]
+    header["scenes"][0]["nodes"] += [count, count + 1]
+    return buffer
+
+
 def turning(corners: list[list[list[float]]]) -> list[list[list[float]]]:
     """Triangles, each from its first corner on in order."""
     return sorted(min(triangle[n:] + triangle[:n] for n in range(3)) for triangle in corners)
@@ -611,8 +634,8 @@ def turning(corners: list[list[list[float]]]) -> list[list[list[float]]]:
 
 @pytest.mark.parametrize(
     "edit",
-    [as_strips, as_fans, without_indices, quantised, sparse, morphed(False), morphed(True), instanced],
-    ids=["strips", "fans", "no indices", "quantised", "sparse", "morphed", "morphed by nodes", "instanced"],
+    [as_strips, as_fans, without_indices, quantised, sparse, morphed(False), morphed(True), instanced, hidden_twins],
+    ids=["strips", "fans", "no indices", "quantised", "sparse", "morphed", "morphed by nodes", "instanced", "hidden"],
 )
 def test_glb_is_the_same_in_other_words(
     tmp_path: Path, edit: Callable[[dict[str, Any], bytes], bytes], caplog: pytest.LogCaptureFixture

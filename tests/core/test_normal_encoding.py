@@ -15,6 +15,7 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.normal_encoding import read_vectors, write_vectors
+from mpsnet_core.scene.normal_map import read_normals
 
 SIDE = 256
 FLAT = np.array([0, 0, 1.0])
@@ -130,6 +131,22 @@ def test_z_is_made_where_a_file_has_none(
     assert alpha is None
     assert "z is made" in caplog.text or (name, surface) == ("blue 255.png", "gentle")
     assert degrees_between(read_base_map(tmp_path / name), SURFACES[surface]).max() < 0.9
+
+
+@pytest.mark.parametrize("other", [lambda x, y: 0.5 + 0.4 * np.cos(x / 9), lambda x, y: np.full_like(x, 0.3)])
+def test_an_alpha_of_other_data_hides_no_normals(
+    other: Callable[[np.ndarray, np.ndarray], np.ndarray], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Game engines keep heights or gloss there."""
+    caplog.set_level(logging.INFO)
+    colours = BYTES["128"](SURFACES["waves"])
+    y, x = np.mgrid[: len(colours), : len(colours)].astype(float)
+    written(tmp_path / "n.png", np.dstack([colours, np.rint(255 * other(x, y))]))
+    assert read_normals(tmp_path / "n.png").mask.all()
+    assert "alpha is no mask" in caplog.text
+    disc = np.clip(30 - np.hypot(x - 30, y - 30), 0, 1)
+    written(tmp_path / "n.png", np.dstack([colours, np.rint(255 * disc)]))
+    assert (read_normals(tmp_path / "n.png").mask == (np.rint(255 * disc) > 127)).all()
 
 
 def test_floats_of_either_kind_are_read(tmp_path: Path) -> None:

@@ -50,6 +50,26 @@ def test_colours_are_not_divided_by_an_alpha_that_does_not_multiply_them(tmp_pat
     assert image.alpha is not None and image.alpha[0, 0] == pytest.approx(128 / 255)
 
 
+@pytest.mark.parametrize("suffix", [".bmp", ".tga"])
+def test_a_fourth_byte_that_is_unused_is_no_alpha(tmp_path: Path, suffix: str) -> None:
+    rows = np.full((4, 4, 4), (50, 100, 200, 0), np.uint8).tobytes()  # blue first
+    head = struct.pack("<BBBHHBHHHHBB", 0, 0, 2, 0, 0, 0, 0, 0, 4, 4, 32, 8)
+    if suffix == ".bmp":
+        head = b"BM" + struct.pack("<IHHI", 54 + 64, 0, 0, 54)
+        head += struct.pack("<IiiHHIIiiII", 40, 4, 4, 1, 32, 0, 64, 0, 0, 0, 0)
+    (tmp_path / f"photo{suffix}").write_bytes(head + rows)
+    image = read_image(tmp_path / f"photo{suffix}")
+    assert image.alpha is None
+    assert image.pixels[0, 0] == pytest.approx(srgb_to_linear(np.array([200, 100, 50]) / 255), abs=1e-4)
+
+
+def test_a_radiance_picture_is_what_its_header_says_was_exposed(tmp_path: Path) -> None:
+    lines = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE= 2\nEXPOSURE=4\nCOLORCORR=1 2 0.5\nEXPOSURE=none\n\n"
+    stored = bytes([128, 128, 128, 129] * 2)  # 1, 1, 1, of which a half level is lost
+    (tmp_path / "photo.hdr").write_bytes(lines + b"-Y 1 +X 2\n" + stored)
+    assert read_image(tmp_path / "photo.hdr").pixels[0, 0] == pytest.approx([1 / 8, 1 / 16, 1 / 4], rel=0.01)
+
+
 def test_a_webp_stands_upright(tmp_path: Path) -> None:
     plain = write_file(tmp_path / "plain.webp", PIXELS, "uint8", Compression="lossless:9")
     exif = b"II*\0" + struct.pack("<IHHHIII", 8, 1, 274, 3, 1, 6, 0)
@@ -210,9 +230,22 @@ def multiplied(folder: Path, suffix: str) -> Path:
     return write_file(folder / "photo.png", np.dstack([colours, alpha]), "uint8", oiio__UnassociatedAlpha=1)
 
 
+def with_a_table(folder: Path, suffix: str) -> Path:
+    """A TIFF that states its curve by TIFF 6.0's TransferFunction."""
+    tags = [(256, 4, 1, 1), (257, 4, 1, 1), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 2), (273, 4, 1, 8)]
+    tags += [(277, 3, 1, 3), (278, 4, 1, 1), (279, 4, 1, 3)]
+    tags += [(301, 3, 256, 12 + 2 + 12 * 10 + 4)] if suffix == ".tif" else []
+    directory = struct.pack("<H", len(tags)) + b"".join(struct.pack("<HHII", *tag) for tag in tags) + bytes(4)
+    table = struct.pack("<256H", *(257 * level for level in range(256)))
+    (folder / "photo.tif").write_bytes(b"II*\0" + struct.pack("<I", 12) + bytes([9, 99, 199, 0]) + directory + table)
+    return folder / "photo.tif"
+
+
 @pytest.mark.parametrize(
     ("write", "suffix", "words"),
     [
+        (with_a_table, ".tif", "states its curve by a table"),
+        (with_a_table, "none", ""),
         *((palette, suffix, "has a palette") for suffix in (".png", ".bmp", ".tga", ".tif")),
         (multiplied, ".png", "look multiplied by its alpha"),
         (multiplied, "straight", ""),
