@@ -15,6 +15,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import tomllib
 import zipfile
 from collections.abc import Iterable, Sequence
@@ -30,6 +31,7 @@ from mpsnet_core import __version__
 
 ADDON = Path(__file__).resolve().parent
 PROJECT = ADDON.parent
+CORE = PROJECT / "mpsnet_core"
 WORK = PROJECT / "build" / "extension"
 
 # The oldest NumPy that a Blender with this Python ships; bundled wheels must work with it. 4.5 and 5.0 have Python
@@ -110,11 +112,15 @@ def find_blender_ext() -> Path:
 
 
 def build_core_wheel(folder: Path) -> Path:
-    """Build the wheel of mpsnet_core in `folder`."""
+    """Build the wheel of mpsnet_core in `folder`, without training and evaluation, which nobody does inside Blender."""
     shutil.rmtree(folder, ignore_errors=True)
-    run(
-        [sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", PROJECT], "no wheel of mpsnet_core"
-    )
+    with tempfile.TemporaryDirectory() as temporary:  # outside of the checkout, whose .gitignore the build obeys
+        source = Path(temporary)
+        shutil.copytree(CORE, source / CORE.name, ignore=shutil.ignore_patterns("__pycache__", "learning"))
+        for name in ("pyproject.toml", "LICENSE", "README.md"):
+            shutil.copy2(PROJECT / name, source)
+        options = ["--no-deps", f"--wheel-dir={folder}"]
+        run([sys.executable, "-m", "pip", "wheel", *options, source], "no wheel of mpsnet_core")
     return next(folder.glob("*.whl"))
 
 
@@ -226,6 +232,21 @@ def manual_notices() -> str:
     return "\n".join(parts)
 
 
+def compile_catalogs(source: Path) -> None:
+    """Replace the translators' catalogs in the staged extension by compiled ones."""
+    for catalog in sorted(source.glob("locale/*.po")):
+        options = [f"--input-file={catalog}", f"--output-file={catalog.with_suffix('.mo')}"]
+        run([sys.executable, "-m", "babel.messages.frontend", "compile", *options], f"{catalog.name} is no catalog")
+        catalog.unlink()
+
+
+def warn_of_missing_translations() -> None:
+    """Say what the catalogs lack, if bpy is there to look. That is a warning: what they lack stays English."""
+    check = [sys.executable, "-m", "blender_addon.update_translations", "--check"]
+    if importlib.util.find_spec("bpy") is not None and subprocess.run(check, cwd=PROJECT).returncode:
+        print("the translations could not be checked; see above")
+
+
 def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None) -> Path:
     """Lay out the extension's source with its wheels and their notices, and name the wheels in its manifest.
 
@@ -235,6 +256,7 @@ def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None
     if source.exists():
         shutil.rmtree(source)
     shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
+    compile_catalogs(source)
     shutil.copy2(PROJECT / "LICENSE", source)
     words = notices(wheels)
     if manual is not None:
@@ -278,6 +300,7 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
     manual = WORK / "manual" if build_manual(WORK / "manual") else None
     output.mkdir(parents=True, exist_ok=True)
     packager = [sys.executable, str(blender_ext)]
+    warn_of_missing_translations()
     for target in (Target(python, platform) for platform in platforms for python in pythons):
         pins = resolve(requirements, target)
         print(f"{target}: {', '.join(pins)}", flush=True)

@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import importlib.util
 import io
 import json
 import logging
@@ -25,16 +26,6 @@ from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
-from mpsnet_core.learning.evaluation.operations import (
-    EvaluateColour,
-    EvaluateDiligent,
-    EvaluateMaterials,
-    EvaluatePatchSizes,
-    EvaluateRendered,
-    EvaluateSamples,
-    EvaluateStatues,
-)
-from mpsnet_core.learning.operations import Quantize, Train
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
@@ -43,6 +34,31 @@ from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesiz
 
 # Bytes that the libraries and the smallest photo need.
 MIN_MEMORY = 256 << 20
+
+LEARNING: tuple[type[Operation], ...] = ()
+if importlib.util.find_spec("mpsnet_core.learning"):  # Blender's extension comes without training and evaluation
+    from mpsnet_core.learning.evaluation.operations import (
+        EvaluateColour,
+        EvaluateDiligent,
+        EvaluateMaterials,
+        EvaluatePatchSizes,
+        EvaluateRendered,
+        EvaluateSamples,
+        EvaluateStatues,
+    )
+    from mpsnet_core.learning.operations import Quantize, Train
+
+    LEARNING = (
+        Train,
+        Quantize,
+        EvaluateDiligent,
+        EvaluateMaterials,
+        EvaluateRendered,
+        EvaluateStatues,
+        EvaluateColour,
+        EvaluateSamples,
+        EvaluatePatchSizes,
+    )
 
 # The help lists them in this order.
 OPERATIONS: tuple[type[Operation], ...] = (
@@ -65,15 +81,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     MakeSamples,
     ShowSamples,
     Work,
-    Train,
-    Quantize,
-    EvaluateDiligent,
-    EvaluateMaterials,
-    EvaluateRendered,
-    EvaluateStatues,
-    EvaluateColour,
-    EvaluateSamples,
-    EvaluatePatchSizes,
+    *LEARNING,
 )
 
 

@@ -1,5 +1,7 @@
 """The build script: what it makes of wheels, and where it has to judge as Blender does."""
 
+import gettext
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -14,6 +16,7 @@ from blender_addon.build_extension import (
     ADDON,
     PROJECT,
     Target,
+    compile_catalogs,
     find_blender_ext,
     missing_requirements,
     notices,
@@ -72,3 +75,11 @@ def test_notices_hold_each_wheels_licence_by_name_and_its_files(tmp_path):
     assert "plain 1.0: its own\n" in found and "bare 1.0: Apache-2.0\n" in found
     assert all(words in found for words in ("Ann's words", "of zlib", "of others"))
     assert "code" not in found
+
+
+def test_the_extension_holds_compiled_catalogs(tmp_path):
+    shutil.copytree(ADDON / "locale", tmp_path / "locale")
+    compile_catalogs(tmp_path)
+    assert sorted(path.name for path in (tmp_path / "locale").iterdir()) == ["de_DE.mo", "zh_HANS.mo"]
+    with (tmp_path / "locale" / "de_DE.mo").open("rb") as file:
+        assert gettext.GNUTranslations(file).gettext("Bake Texture") == "Textur backen"

@@ -1,0 +1,87 @@
+"""Bring the translators' catalogs up to date with what the add-on shows.
+
+Run it by ``python -m blender_addon.update_translations``. Messages that are new get an empty translation, those that
+are gone move to the end of the file. ``--check`` writes nothing and only says what is missing; the build of the
+extension does that.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+
+import bpy
+from babel.messages.catalog import Catalog
+from babel.messages.pofile import read_po, write_po
+
+import blender_addon
+from blender_addon.manual import groups, operators, shown
+from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
+from blender_addon.panels.step import Kind
+from blender_addon.rig.calibrate import CHANNEL, EQUATION_2, UNEXPLAINED
+from blender_addon.rig.light_rig import COLOURS
+from blender_addon.translations import LOCALE, one_line
+
+HERE = Path(__file__).parent
+_WIDTH = 120
+# What the code hands to the panel in variables.
+_IN_VARIABLES = {
+    *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, EQUATION_2, *COLOURS, "Slant", "Tilt"),
+    *(kind.word for kind in Kind),
+}
+
+
+def described() -> Iterator[str]:
+    """The names and tooltips of operators, settings and their choices, and the labels of panels and menus."""
+    for _, rna in operators():
+        yield from (rna.name, one_line(rna.description))
+    for _, rna in (*operators(), *groups()):
+        for one in shown(rna):
+            if one.name != one.identifier:  # a group of settings has no words of its own
+                yield from (one.name, one.description)
+            if one.type == "ENUM":
+                for item in one.enum_items:
+                    yield from (item.name, item.description)
+    for name in dir(bpy.types):
+        if name.startswith(("MPS_PT_", "MPS_MT_", "MPS_FH_")):
+            yield getattr(bpy.types, name).bl_label
+
+
+def drawn(file: Path) -> Iterator[str]:
+    """The texts that a file gives to what it draws, as they stand there."""
+    for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for given in getattr(call, "keywords", ()):
+            if isinstance(call, ast.Call) and given.arg in {"text", "placeholder", "heading"}:
+                either = [given.value.body, given.value.orelse] if isinstance(given.value, ast.IfExp) else [given.value]
+                yield from (one.value for one in either if isinstance(one, ast.Constant) and isinstance(one.value, str))
+
+
+def template() -> Catalog:
+    """Every message that the add-on shows as it stands."""
+    found = {*described(), *_IN_VARIABLES}
+    for file in (*HERE.glob("panels/*.py"), HERE / "preferences.py"):
+        found |= set(drawn(file))
+    catalog = Catalog()
+    for text in sorted(found):
+        if any(map(str.isalpha, text)):
+            catalog.add(text)
+    return catalog
+
+
+def main(arguments: list[str]) -> None:
+    blender_addon.register()
+    wanted = template()
+    for path in sorted(LOCALE.glob("*.po")):
+        catalog = read_po(BytesIO(path.read_bytes()))
+        catalog.update(wanted, no_fuzzy_matching=True)
+        missing = [message.id for message in catalog if message.id and not message.string]
+        for text in missing:
+            sys.stderr.write(f"{path.name} has no translation of: {text}\n")
+        if "--check" not in arguments:
+            with path.open("wb") as file:
+                write_po(file, catalog, width=_WIDTH, sort_output=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
