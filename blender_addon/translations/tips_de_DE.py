@@ -790,7 +790,9 @@ TIPS = {
     "The copies that show the coverage, while it is shown": (
         "Die Kopien, die die Abdeckung zeigen, solange sie gezeigt wird"
     ),
-    "The default in 8-bit numbers and one pass: quicker": "Die Vorgabe mit 8-Bit-Zahlen und einem Durchlauf: schneller",
+    "The default in one pass: a sixth to half of the time, a little less accurate": (
+        "Die Vorgabe mit einem Durchlauf: ein Sechstel bis die Hälfte der Zeit, etwas ungenauer"
+    ),
     "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is": (
         "Die Vorgabe: ein Netz von grob nach fein, mit Gleichung 2 darin, das sagt, wie sicher es ist"
     ),
@@ -820,12 +822,6 @@ TIPS = {
     ),
     "The normals of that photo": "Die Normalen dieses Fotos",
     "The objects that use the texture": "Die Objekte, die die Textur verwenden",
-    "The old name of the default with --passes 3: three passes averaged, for sequences too": (
-        "Der alte Name der Vorgabe mit --passes 3: drei Durchläufe gemittelt, auch für Sequenzen"
-    ),
-    "The paper's layers over the whole picture: quick, and not the same network": (
-        "Die Schichten der Veröffentlichung über das ganze Bild: schnell und nicht dasselbe Netz"
-    ),
     "The paper's network, patch by patch: only for rigs like the paper's": (
         "Das Netz der Veröffentlichung, Stück für Stück: nur für Aufbauten wie dort"
     ),

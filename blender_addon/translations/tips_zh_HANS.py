@@ -617,7 +617,9 @@ TIPS = {
         "集群的地址不必是 tls://。其网络中的任何人都可能在本机运行代码"
     ),
     "The copies that show the coverage, while it is shown": "显示覆盖范围期间的副本",
-    "The default in 8-bit numbers and one pass: quicker": "默认网络的 8 位版本，只算一次：更快",
+    "The default in one pass: a sixth to half of the time, a little less accurate": (
+        "默认网络只算一次：耗时为六分之一到一半，精度略低"
+    ),
     "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is": (
         "默认：一个由粗到细的网络，内含公式 2，并给出其把握程度"
     ),
@@ -642,12 +644,6 @@ TIPS = {
     ),
     "The normals of that photo": "该照片的法线",
     "The objects that use the texture": "使用该纹理的物体",
-    "The old name of the default with --passes 3: three passes averaged, for sequences too": (
-        "默认网络加 --passes 3 的旧名称：三次结果取平均，也用于序列"
-    ),
-    "The paper's layers over the whole picture: quick, and not the same network": (
-        "论文的各层作用于整张图片：快，但不是同一个网络"
-    ),
     "The paper's network, patch by patch: only for rigs like the paper's": (
         "论文的网络，逐块计算：仅适用于与论文相似的灯光装置"
     ),

@@ -34,7 +34,7 @@ from mpsnet_core.learning.evaluation.operations import (
     EvaluateSamples,
     EvaluateStatues,
 )
-from mpsnet_core.learning.operations import Quantize, Train
+from mpsnet_core.learning.operations import Train
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
@@ -66,7 +66,6 @@ OPERATIONS: tuple[type[Operation], ...] = (
     ShowSamples,
     Work,
     Train,
-    Quantize,
     EvaluateDiligent,
     EvaluateMaterials,
     EvaluateRendered,

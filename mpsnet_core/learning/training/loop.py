@@ -353,7 +353,7 @@ class _Run:
 
     @torch.no_grad()
     def _batch(self, scales: list[Scale], seed: int) -> Batch:
-        batch = concatenate_scales(scales, inputs_with_previous_scale(self.network, self.network.inputs, scales))
+        batch = concatenate_scales(scales, inputs_with_previous_scale(self.network, scales))
         if self.network.kind != "patch":
             return batch
         return sample_patches(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(seed))
