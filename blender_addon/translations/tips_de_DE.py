@@ -757,7 +757,7 @@ TIPS = {
     "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces": (
         "Das Rauschen im Bild jedes Lichts mit OpenImageDenoise entfernen, wo Licht zwischen Oberflächen geht"
     ),
-    "Take this message away; the step may be run again": "Diese Meldung ausblenden; der Schritt kann erneut laufen",
+    "Dismiss this message; you can run the step again": "Diese Meldung ausblenden; der Schritt kann erneut laufen",
     (
         "Texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for each "
         "tile, material or object; a folder for a sequence, or to take the name from a preset. Empty: in the "
@@ -959,7 +959,7 @@ TIPS = {
         "Ob die Fotos das Relief der vorhandenen Map auch zeigen; dann wird es nicht noch einmal addiert"
     ),
     "Whether the surface may break": "Ob die Oberfläche brechen darf",
-    "Whether the work shall stop": "Ob die Arbeit anhalten soll",
+    "Whether to stop the work": "Ob die Arbeit anhalten soll",
     "Which objects are baked onto, in one go: they hide one another from the cameras": (
         "Auf welche Objekte in einem Zug gebacken wird: sie verdecken einander vor den Kameras"
     ),

@@ -592,7 +592,7 @@ TIPS = {
     "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces": (
         "在光线在表面之间反弹之处，用 OpenImageDenoise 去除每盏灯画面的噪点"
     ),
-    "Take this message away; the step may be run again": "关闭此消息；该步骤可以再次运行",
+    "Dismiss this message; you can run the step again": "关闭此消息；该步骤可以再次运行",
     (
         "Texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for each "
         "tile, material or object; a folder for a sequence, or to take the name from a preset. Empty: in the "
@@ -752,7 +752,7 @@ TIPS = {
         "照片是否也显示了现有贴图的浮雕；若是，则不再重复叠加"
     ),
     "Whether the surface may break": "表面是否可以断开",
-    "Whether the work shall stop": "是否应停止工作",
+    "Whether to stop the work": "是否应停止工作",
     "Which objects are baked onto, in one go: they hide one another from the cameras": (
         "一次烘焙到哪些物体上：它们会在摄像机前相互遮挡"
     ),

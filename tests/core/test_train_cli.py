@@ -312,26 +312,26 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, "--resume", b.text("c.onnx", "hello")),
                 "c.onnx is damaged or was not trained here; resume from another",
             ),
-            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged or not one of ours"),
+            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged, or is not a checkpoint"),
             (
                 "checkpoint behind something else",
                 lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())),
-                "checkpoint…c is damaged or not one of ours",
+                "checkpoint…c is damaged, or is not a checkpoint",
             ),
             (
                 "spoilt checkpoint",
                 lambda b: resume(b, spoilt(checkpoint(b))),
-                "checkpoint…c is damaged or not one of ours",
+                "checkpoint…c is damaged, or is not a checkpoint",
             ),
             (
                 "text as checkpoint",
                 lambda b: train(b, "--resume", b.text("c", "hello")),
-                "c is damaged or not one of ours",
+                "c is damaged, or is not a checkpoint",
             ),
             (
                 "checkpoint with code",
                 lambda b: train(b, "--resume", with_code(b, True)),
-                "c is damaged or not one of ours",
+                "c is damaged, or is not a checkpoint",
             ),
             (
                 "bare checkpoint with code",
@@ -341,7 +341,7 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
             (
                 "checkpoint of the optimiser alone",
                 lambda b: (torch_file(b / "c", {"format": "mpsnet-checkpoint"}), train(b, "--resume", b / "c")),
-                "c is damaged or not one of ours",
+                "c is damaged, or is not a checkpoint",
             ),
             (
                 "checkpoint of another network",
