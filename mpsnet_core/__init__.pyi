@@ -48,7 +48,6 @@ from mpsnet_core.estimate.sequence.run import estimate_sequence as estimate_sequ
 from mpsnet_core.io.image_reading import read_image as read_image
 from mpsnet_core.io.image_reading import read_mask as read_mask
 from mpsnet_core.io.image_writing import write_image as write_image
-from mpsnet_core.learning.operations import Quantize as Quantize
 from mpsnet_core.learning.operations import Train as Train
 from mpsnet_core.operation import Operation as Operation
 from mpsnet_core.operation import Result as Result

@@ -38,7 +38,7 @@ def _opened(path: Path) -> bpy.types.Scene:
     except RuntimeError as error:
         raise FormatError(f"{path} cannot be read as a video ({operator_report(error)}); is it whole?") from None
     if clip.source != "MOVIE" or not all(clip.size) or clip.fps <= 0 or clip.frame_duration < 1:
-        raise FormatError(f"{path} cannot be read as a video; is it a video file, and whole?")
+        raise FormatError(f"{path} cannot be read as a video; check that it is a complete video file")
     scene = bpy.data.scenes.new("Decoded")
     bpy.context.window_manager.windows[0].scene = scene  # of another scene, the renderer would keep the first frame
     scene.frame_end = clip.frame_duration

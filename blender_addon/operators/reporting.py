@@ -112,7 +112,7 @@ def verb_of(idname: str) -> str:
 
 
 class MPS_OT_dismiss(bpy.types.Operator):
-    """Take this message away; the step may be run again"""
+    """Dismiss this message; you can run the step again"""
 
     bl_idname = "mps.dismiss"
     bl_label = "Dismiss Message"

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from mpsnet_core.estimate.registry import STILL_PASSES
+
 from ..settings.estimate import MODELS
 from .models import MPS_MT_estimate_models, model_menu
 from .photo_inputs import camera_of, lacks_of_estimate, lights_of
@@ -44,7 +46,7 @@ class MPS_PT_estimate_options(Step):
         photo = context.scene.mps.photo.image
         moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
         column = self.column()
-        if estimate.model != "FILE" and MODELS[estimate.model].passes and not moves:
+        if estimate.model != "FILE" and MODELS[estimate.model].passes == STILL_PASSES and not moves:
             column.prop(estimate, "average_passes")
         column.prop(estimate, "file_format")
         column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")

@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_iface as iface
 from ..settings.estimate import MODELS
 
 # Names in the menus. Other models have the same names as in evaluations and scripts.
-NAMES = {"MULTISCALE": "Default", "MULTISCALE_INT8": "Quick", "LAMBERTIAN": "Equation 2", "FILE": "File…"}
+NAMES = {"MULTISCALE": "Default", "MULTISCALE_QUICK": "Quick", "LAMBERTIAN": "Equation 2", "FILE": "File…"}
 
 
 class _Models:

@@ -285,7 +285,7 @@ def refuse_glow(obj: Any, owner: str) -> None:
     for slot in obj.material_slots:
         if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
             raise InputError(
-                f'material "{slot.material.name}" of "{owner}" glows, but the three lights alone shall shine; '
+                f'material "{slot.material.name}" of "{owner}" glows, but only the three lights may light the photo; '
                 "set its emission to 0"
             )
 

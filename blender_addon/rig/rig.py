@@ -159,7 +159,7 @@ def _selected(context: Any) -> list[Any]:
     if not selected:
         if objects.active is not None:  # a click in the outliner can make a hidden object active
             refuse_unselectable(objects.active)
-        raise InputError("nothing is selected; select the object that the rig shall stand around")
+        raise InputError("nothing is selected; select the object that the rig goes around")
     return selected
 
 

@@ -9,7 +9,7 @@ from mpsnet_core.estimate.registry import known_models
 from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, format_setting, from_option, identifier
 
 MODELS = {identifier(entry.name): entry for entry in known_models()}
-MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items()]
+MODEL_ITEMS = [(name, entry.label, entry.title, entry.number) for name, entry in MODELS.items()]
 
 
 class EstimateSettings:
@@ -73,7 +73,7 @@ class EstimateSettings:
     model: from_option(
         Estimate,
         "model",
-        items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file")],
+        items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file", 9)],
     )
     average_passes: BoolSetting(
         name="Average Passes",

@@ -93,7 +93,7 @@ class MPS_PG_job(bpy.types.PropertyGroup):
     progress: FloatProperty(name="Progress", description="How much is done, as a fraction", min=0.0, max=1.0)
     message: StringProperty(name="Message", description="What is being done")
     left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")
-    cancel: BoolProperty(name="Cancel", description="Whether the work shall stop")
+    cancel: BoolProperty(name="Cancel", description="Whether to stop the work")
     run_scripts: BoolProperty(
         name="Run Scripts Once",
         description="Let the Python of this file, drivers and text blocks, run in the next render. "

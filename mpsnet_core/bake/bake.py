@@ -143,24 +143,29 @@ def bake_texture_sets(
         width, height = width_and_height(baking.size)
         raise GeometryError(f"no texel of a {width} x {height} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        if not mesh_seen and masks_hide_all(meshes, bake.projectors):
-            raise GeometryError(
-                "no view sees any of the mesh within its mask, although the cameras see it; check that the masks (the "
-                "normal maps' alpha) show the object, and that each camera is that of its photo"
-            )
-        if mesh_seen:
-            raise GeometryError(
-                "none of what the views see lands in the texture: in tangent space, it may not point away from the "
-                "mesh's normals. Check these, or bake in object space"
-            )
-        raise GeometryError(
-            "no view sees any of the mesh; check that the cameras and the mesh share one world (axes and unit: --up, "
-            "--unit), and that its normals point outwards"
-        )
+        raise GeometryError(_why_unseen(meshes, bake, mesh_seen))
     for texture_set in waiting:
         texture = bake.texture(texture_set, part(progress, 1.0, 1.0))
         if texture is not None:
             yield texture_set, _finished(texture, baking)
+
+
+def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", mesh_seen: bool) -> str:
+    """Why no view sees a texel. mesh_seen: whether some view sees some triangle."""
+    if mesh_seen:
+        return (
+            "none of what the views see lands in the texture: in tangent space, it may not point away from the "
+            "mesh's normals. Check these, or bake in object space"
+        )
+    if masks_hide_all(meshes, bake.projectors):
+        return (
+            "no view sees any of the mesh within its mask, although the cameras see it; check that the masks (the "
+            "normal maps' alpha) show the object, and that each camera is that of its photo"
+        )
+    return (
+        "no view sees any of the mesh; check that the cameras and the mesh share one world (axes and unit: --up, "
+        "--unit), and that its normals point outwards"
+    )
 
 
 def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, progress: Progress) -> "_Bake":

@@ -46,11 +46,10 @@ if importlib.util.find_spec("mpsnet_core.learning"):  # Blender's extension come
         EvaluateSamples,
         EvaluateStatues,
     )
-    from mpsnet_core.learning.operations import Quantize, Train
+    from mpsnet_core.learning.operations import Train
 
     LEARNING = (
         Train,
-        Quantize,
         EvaluateDiligent,
         EvaluateMaterials,
         EvaluateRendered,

@@ -81,7 +81,7 @@ class OnnxModel:
     ) -> None:
         self.path = existing_file(path, "model file")
         if self.path.stat().st_size > MAX_MODEL_BYTES:
-            raise FormatError(f"model file {self.path} is larger than 2 GiB; it is not one of ours")
+            raise FormatError(f"model file {self.path} is larger than 2 GiB, the limit for networks; check the path")
         if tile < 64:
             raise SettingsError(f"a tile of {tile} pixels is too small; use 64 or more")
         if not 0 <= threads <= MAX_THREADS or threads != int(threads):

@@ -12,11 +12,9 @@ from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, MASK, MAX_SMOOTHING
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import (
-    AVERAGED_MODEL,
     BASELINES,
     DEFAULT_MODEL,
     DEFAULT_TILE,
-    STILL_PASSES,
     find_network,
     known_models,
 )
@@ -334,7 +332,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         known = [frame.source for frame in frames] if isinstance(frames, list) else []
         photos = PhotoSet(known, self.read_options(), moving=step is not None)
         # One pass per frame unless more are requested: three take three times as long.
-        passes = self.passes or (STILL_PASSES if self.model == AVERAGED_MODEL else 1)
+        passes = self.passes or 1
         return estimate_sequence(
             frames,
             lambda frame: photos.open(frame.source),

@@ -11,7 +11,7 @@ LAMBERTIAN = "lambertian"
 LAMBERTIAN_GREY_WORLD = "lambertian-grey-world"
 BASELINES = (LAMBERTIAN, LAMBERTIAN_GREY_WORLD)
 DEFAULT_MODEL = "multiscale"
-AVERAGED_MODEL = "multiscale-averaged"
+QUICK_MODEL = "multiscale-quick"
 STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence get one
 DEFAULT_TILE = 448  # side of a dense network's tiles, in pixels
 
@@ -24,10 +24,12 @@ COMPARISON_FOLDER = MODELS_FOLDER / "comparison"
 class RegisteredModel:
     """A model that comes with the package.
 
-    label: display name. file: None if it is no network. passes: for stills, replaces the number on the card.
-    comparison: whether it is for comparisons and scripts, and left out of menus. sha256: of a file that wheels lack.
+    number: .blend files store it. label: display name. file: None for the baselines, which are not networks. passes:
+    for stills, replaces the number on the card. comparison: whether it is for comparisons and scripts, and left out of
+    menus. sha256: of a file that wheels lack.
     """
 
+    number: int
     name: str
     label: str
     title: str
@@ -51,67 +53,61 @@ class RegisteredModel:
         )
 
 
-def _network(
-    name: str, label: str, title: str, passes: Literal[1, 3] | None = None, comparison: bool = False, file: str = ""
-) -> RegisteredModel:
-    return RegisteredModel(name, label, title, MODELS_FOLDER / f"{file or name}.onnx", passes, comparison)
-
-
-def _comparison(name: str, label: str, title: str, sha256: str) -> RegisteredModel:
-    return RegisteredModel(name, label, title, COMPARISON_FOLDER / f"{name}.onnx", comparison=True, sha256=sha256)
-
-
-# Names and titles of the networks, readable without onnxruntime. .blend files store a model's index in this order:
-# append new ones at the end.
+# Names and titles of the networks, readable without onnxruntime.
 _MODELS = (
-    _network(
+    RegisteredModel(
+        0,
         DEFAULT_MODEL,
         "Multiscale",
         "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is",
+        MODELS_FOLDER / "multiscale.onnx",
         STILL_PASSES,
     ),
-    _network(
-        AVERAGED_MODEL,
-        "Multiscale Averaged",
-        "The old name of the default with --passes 3: three passes averaged, for sequences too",
-        STILL_PASSES,
-        comparison=True,
-        file=DEFAULT_MODEL,
+    RegisteredModel(
+        2,
+        QUICK_MODEL,
+        "Multiscale Quick",
+        "The default in one pass: a sixth to half of the time, a little less accurate",
+        MODELS_FOLDER / "multiscale.onnx",
+        1,
     ),
-    _network("multiscale-int8", "Multiscale 8-Bit", "The default in 8-bit numbers and one pass: quicker"),
-    _network(
+    RegisteredModel(
+        3,
         "mpsnet",
         "MPS-Net (2019)",
         "The paper's network, patch by patch: only for rigs like the paper's",
+        MODELS_FOLDER / "mpsnet.onnx",
     ),
-    _comparison(
-        "mpsnet-dense",
-        "MPS-Net Dense",
-        "The paper's layers over the whole picture: quick, and not the same network",
-        "0bfe5be3a918c746e07c8927e9ee0b588689efa94051fc990f983dcf5aacf942",
-    ),
-    _comparison(
+    RegisteredModel(
+        5,
         "psfcn",
         "PS-FCN",
         "Chen et al. 2018 for three lights, half the published width",
-        "a14a058c95d291335b943945f0ff12b55fe3d8bc1259e6f450dbe896655c2096",
+        COMPARISON_FOLDER / "psfcn.onnx",
+        comparison=True,
+        sha256="a14a058c95d291335b943945f0ff12b55fe3d8bc1259e6f450dbe896655c2096",
     ),
-    _comparison(
+    RegisteredModel(
+        6,
         "demultiplexer",
         "Demultiplexer",
         "Ju et al. 2018: three intensities from each pixel, then equation 2",
-        "6b355a5b53681663a7fff50806dc57162557dc0cef8431b855255db49b60d998",
+        COMPARISON_FOLDER / "demultiplexer.onnx",
+        comparison=True,
+        sha256="6b355a5b53681663a7fff50806dc57162557dc0cef8431b855255db49b60d998",
     ),
     RegisteredModel(
-        LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
+        7, LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
     ),
     RegisteredModel(
+        8,
         LAMBERTIAN_GREY_WORLD,
         "Lambertian Grey World",
         "The baseline for flat, matt cloth, leather or plaster of one colour: each channel divided by its mean",
         comparison=True,
     ),
 )
+_OLD_NAMES = {"multiscale-int8": QUICK_MODEL}  # 0.2.0's quick network
 
 
 def known_models() -> list[RegisteredModel]:
@@ -136,7 +132,7 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
 
     Raises SettingsError if there is no such network, FileError if its file is missing.
     """
-    name = os.fspath(name)
+    name = _OLD_NAMES.get(os.fspath(name), os.fspath(name))
     for entry in known_models():
         if entry.name == name:
             if entry.file is None:

@@ -29,7 +29,7 @@ def describe_unexpected_error(error: BaseException, folder: Path | None = None) 
     log = _write_log(error, folder)
     advice = f"its traceback is in {log}; please send that file" if log else "no log could be written; please send this"
     return in_one_line(
-        f"this is a fault of the program, not yours ({reason}); {advice} to whoever you have the program from"
+        f"this is a fault of the program, not yours ({reason}); {advice} to the people you got the program from"
     )
 
 

@@ -38,7 +38,7 @@ def open_image(path: Path) -> Any:
     if source is None:
         existing_file(path, "image")
         reason = reason or f"it is {kind or 'a file of another kind'}"
-        mend = "save it as PNG, TIFF or EXR" if kind else "is it PNG, JPEG, TIFF or EXR, and whole?"
+        mend = "save it as PNG, TIFF or EXR" if kind else "check that it is a complete PNG, JPEG, TIFF or EXR file"
         raise FormatError(f"{path} cannot be read as an image ({reason}); {mend}")
     return source
 

@@ -1,6 +1,6 @@
-"""Operations train and quantize: from samples to a network, and to its int8 version.
+"""The operation train: from samples to a network.
 
-They are not in :mod:`mpsnet_core.learning.training`, which cannot be imported without PyTorch (extra ``train``).
+It is not in :mod:`mpsnet_core.learning.training`, which cannot be imported without PyTorch (extra ``train``).
 """
 
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.errors import FileError
-from mpsnet_core.estimate.registry import find_network, registered_models
+from mpsnet_core.estimate.registry import registered_models
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -140,46 +140,6 @@ class Train(Operation):
         )
         check_no_overwrite([checkpoint, *([paths.resume] if paths.resume else [])], [output])
         return paths
-
-
-@dataclass(frozen=True)
-class ModelQuantized(Result):
-    """File of the int8 model, and mean angular errors of both models on the samples."""
-
-    model: str
-    mae_deg: float
-    mae_deg_of_model: float
-
-
-@dataclass(frozen=True)
-class Quantize(Operation):
-    """Quantize a model to int8: smaller and faster."""
-
-    command: ClassVar[str] = "quantize"
-
-    model: str = option(
-        positional=True, metavar="MODEL", help="shipped network by its name, or an .onnx file of mpsnet train"
-    )
-    samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to calibrate on")
-    count: int = option(default=64, low=1, help="how many photographs of the samples to calibrate on")
-    output: str = option(metavar="MODEL", help="the .onnx file", provenance="none")
-
-    def run(self, progress: Progress = silent) -> ModelQuantized:
-        """Write the int8 model, and report what it costs in accuracy."""
-        from mpsnet_core.io.files import check_no_overwrite
-        from mpsnet_core.learning.training.quantize import quantise
-
-        output = _model_path(self.output)
-        model = find_network(self.model).path
-        check_no_overwrite([model], [output])
-        samples = [Path(folder) for folder in self.samples]
-        errors = quantise(model, samples, output, count=self.count, progress=progress)
-        return ModelQuantized(
-            str(output),
-            round(errors.mae_deg, 4),
-            round(errors.model_mae_deg, 4),
-            text=f"wrote {output}: {errors.mae_deg:.2f}° on the samples, the model itself {errors.model_mae_deg:.2f}°",
-        )
 
 
 @contextmanager

@@ -94,7 +94,7 @@ class HeightScale:
 
     def __str__(self) -> str:
         if (self.black, self.white) == (0, 1):
-            return f"its values are heights in {self.unit}"
+            return f"its values are the heights, in {self.unit}"
         return f"black is {self.black:.6g} {self.unit}, white {self.white:.6g} {self.unit}"
 
 
@@ -171,11 +171,7 @@ def write_height(
     bits = checked_bits(path, bits)
     inside = heights.values[heights.mask]
     span = float(inside.min()), float(inside.max())
-    if ends is not None and not (np.isfinite(ends).all() and ends[0] <= ends[1]):
-        raise SettingsError(
-            f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give a lower and a higher one"
-        )
-    scale = _scale(heights, (0.0, 1.0) if bits == 32 else ends or span, unit)
+    scale = _scale(heights, (0.0, 1.0) if bits == 32 else _checked_ends(ends) or span, unit)
     data = _scale_data(scale, heights, *span)
     data["mask"] = None if heights.mask.all() else mask_file.name
     data["camera"] = None if on_uvs else camera_data(heights.camera)
@@ -191,6 +187,14 @@ def write_height(
         _remove_earlier(path)
         write_image(path, values, bits=bits, description=json.dumps(data))
     return scale
+
+
+def _checked_ends(ends: tuple[float, float] | None) -> tuple[float, float] | None:
+    if ends is not None and not (np.isfinite(ends).all() and ends[0] <= ends[1]):
+        raise SettingsError(
+            f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give a lower and a higher one"
+        )
+    return ends
 
 
 def _scale(heights: HeightMap, ends: tuple[float, float], unit: str) -> HeightScale:

@@ -109,12 +109,9 @@ def surface_mesh(
     if not len(triangles):
         raise NoFaceError("no face is left of the surface; allow more faces, or leave fewer steps open")
     used, triangles = _numbered(triangles)
-    return SurfaceMesh(
-        points[used],
-        triangles,
-        (normals.vectors[rows[used], columns[used]] @ camera.rotation.T).astype(np.float32),
-        _uvs(camera, rows[used], columns[used]),
-    )
+    rows, columns = rows[used], columns[used]
+    vectors = (normals.vectors[rows, columns] @ camera.rotation.T).astype(np.float32)
+    return SurfaceMesh(points[used], triangles, vectors, _uvs(camera, rows, columns))
 
 
 def _numbered(triangles: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

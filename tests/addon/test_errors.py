@@ -289,7 +289,7 @@ TRAINING_DATA_CASES = [
         lambda _, here: mps.render_samples(source="MESHES", meshes=str(here / "none"), output=str(here / "samples")),
         "none does not exist; check the path",
     ),
-    (no_mesh_selected, "no mesh object is selected; select what the samples shall show"),
+    (no_mesh_selected, "no mesh object is selected; select what the samples are to show"),
     (painted_image_not_saved, 'the image "Painted" was changed and not saved; save or pack it first'),
 ]
 

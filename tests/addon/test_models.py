@@ -18,7 +18,7 @@ def test_the_menu_offers_the_default_its_quick_variant_the_paper_s_network_and_e
     offered = []
     layout = SimpleNamespace(prop_enum=lambda *item, text: offered.append((item[-1], text)))
     menu.draw(SimpleNamespace(layout=layout, step=menu.step, also=menu.also), bpy.context)
-    names = {"MULTISCALE": "Default", "MULTISCALE_INT8": "Quick", "MPSNET": "MPS-Net (2019)"}
+    names = {"MULTISCALE": "Default", "MULTISCALE_QUICK": "Quick", "MPSNET": "MPS-Net (2019)"}
     assert offered[:4] == [*names.items(), ("LAMBERTIAN", "Equation 2")]
     assert [identifier for identifier, _ in offered[4:]] == [last]
 
@@ -27,10 +27,8 @@ def test_models_that_are_not_offered_keep_their_names_and_their_places_in_files(
     items = scene.mps.estimate.bl_rna.properties["model"].enum_items
     assert {item.identifier: item.value for item in items} == {
         "MULTISCALE": 0,
-        "MULTISCALE_AVERAGED": 1,
-        "MULTISCALE_INT8": 2,
+        "MULTISCALE_QUICK": 2,
         "MPSNET": 3,
-        "MPSNET_DENSE": 4,
         "PSFCN": 5,
         "DEMULTIPLEXER": 6,
         "LAMBERTIAN": 7,
@@ -48,7 +46,7 @@ def test_a_still_is_averaged_unless_set_otherwise(photographed, scene, tmp_path)
     averaged = estimated(model="MULTISCALE")
     once = estimated(average_passes=False)
     assert angular_error(once.vectors, averaged.vectors)[averaged.mask].mean() > 0.05
-    np.testing.assert_array_equal(estimated(model="MULTISCALE_AVERAGED", average_passes=True).vectors, averaged.vectors)
+    np.testing.assert_array_equal(estimated(model="MULTISCALE_QUICK", average_passes=True).vectors, once.vectors)
 
 
 def test_a_network_that_is_not_offered_still_estimates(photographed, scene, tmp_path):

@@ -137,7 +137,6 @@ def main() -> None:
             name: Estimator(path, threads=THREADS)
             for name, path in (
                 ("default", ours),  # one pass, as sequences have
-                ("int8", find_network("multiscale-int8").path),
                 ("psfcn", fresh(build_network("psfcn"), folder / "psfcn.onnx")),
                 ("mpsnet", find_network("mpsnet").path),
                 ("mpsnet, its layers as they stand", fresh(build_network("mpsnet", shipped), folder / "layers.onnx")),
@@ -151,7 +150,6 @@ def main() -> None:
                 f"default, lights at {tilt}°": (partial(models["default"], capture(SIDE, rig)), 1)
                 for tilt, rig in odd.items()
             },
-            "multiscale-int8": (lambda: models["int8"](whole), 1),
             "psfcn": (lambda: models["psfcn"](whole), 1),
             **{
                 name: (partial(model, part), SIDE**2 / few**2)

@@ -101,7 +101,7 @@ def run_page(page: Path, folder: Path, programs: Mapping[str, str] | None = None
     """
     if sys.platform == "win32" or shutil.which("bash") is None:
         pytest.skip("pages are for bash")
-    if find_spec("torch") is None and re.search(r"\.training\b|mpsnet (quantize|evaluate samples)", script(page)):
+    if find_spec("torch") is None and re.search(r"\.training\b|mpsnet evaluate samples", script(page)):
         pytest.skip("needs PyTorch (the extra train)")
     tools = folder / ".tools"
     tools.mkdir()

@@ -5,7 +5,6 @@ from typing import Any
 SMALL: dict[str, dict[str, Any]] = {
     "demultiplexer": {"width": 0.1},
     "mpsnet": {"width": 0.02},
-    "mpsnet-dense": {"width": 0.02},
     "multiscale": {"widths": [4, 6, 8, 10]},
     "psfcn": {"width": 0.05},
 }

@@ -122,7 +122,6 @@ def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
     np.testing.assert_allclose(estimated(photo.parent), once, atol=1e-6)
     np.testing.assert_allclose(estimated(photo.parent, "--passes", "3"), thrice, atol=1e-6)
     np.testing.assert_allclose(estimated(photo.parent, "--passes", "1"), once, atol=1e-6)
-    np.testing.assert_allclose(estimated(photo.parent, "--model", "multiscale-averaged"), thrice, atol=1e-6)
 
 
 @pytest.mark.parametrize("style", ["none", "json", "bar", "auto"])
@@ -155,8 +154,8 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
     assert all(model["title"] for model in models)
     offered = [model["name"] for model in models if not model["comparison"]]
     compared = [model["name"] for model in models if model["comparison"]]
-    assert offered == ["multiscale", "multiscale-int8", "mpsnet", "lambertian"]
-    assert set(compared) >= {"mpsnet-dense", "psfcn", "demultiplexer", "lambertian-grey-world"}
+    assert offered == ["multiscale", "multiscale-quick", "mpsnet", "lambertian"]
+    assert set(compared) >= {"psfcn", "demultiplexer", "lambertian-grey-world"}
     first, _, second = mpsnet("models").stdout.partition("\nto compare with")
     assert [line.split()[0] for line in first.splitlines() if line] == offered
     assert [line.split()[0] for line in second.splitlines()[1:]] == compared

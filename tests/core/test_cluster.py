@@ -142,7 +142,7 @@ def test_an_address_where_nobody_answers_is_reported(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (b"", "it says nothing"),
+        (b"", "it does not answer"),
         (b"HTTP/1.0 200 OK\r\n\r\n" * 9, "Unable to allocate .*"),
         (b"\xff" * 99, "Maximum .* exceeded"),
     ],

@@ -13,10 +13,10 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import Estimator, estimate_normals
 from mpsnet_core.estimate.registry import (
-    AVERAGED_MODEL,
     COMPARISON_FOLDER,
     DEFAULT_MODEL,
     MODELS_FOLDER,
+    QUICK_MODEL,
     known_models,
     registered_models,
 )
@@ -162,14 +162,13 @@ def test_three_passes_are_better_than_one_on_the_mean_of_eight_scenes() -> None:
     assert np.mean(errors[3]) < np.mean(errors[1])
 
 
-def test_a_still_is_averaged_by_either_name_and_quick_variants_are_not() -> None:
+def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too() -> None:
     capture, ours = upright()
     once, thrice = estimate_normals(capture, passes=1), estimate_normals(capture, passes=3)
     np.testing.assert_array_equal(ours.vectors, thrice.vectors)
-    np.testing.assert_array_equal(estimate_normals(capture, AVERAGED_MODEL).vectors, ours.vectors)
     assert moved(once) > 0.1
-    quick = estimate_normals(capture, "multiscale-int8").vectors
-    np.testing.assert_array_equal(quick, estimate_normals(capture, "multiscale-int8", passes=1).vectors)
+    for name in (QUICK_MODEL, "multiscale-int8"):
+        np.testing.assert_array_equal(estimate_normals(capture, name).vectors, once.vectors)
 
 
 @pytest.mark.parametrize("seed", [(1 << 62) + 1, (1 << 62) + 2])
@@ -192,7 +191,7 @@ def test_default_is_better_than_every_other(seed: int) -> None:
 
 def test_package_stays_small() -> None:
     sizes = {file.stem: file.stat().st_size for file in MODELS_FOLDER.glob("*.onnx")}
-    assert set(sizes) == {"multiscale", "multiscale-int8", "mpsnet"}
+    assert set(sizes) == {"multiscale", "mpsnet"}
     assert sum(sizes.values()) <= 19_000_000, "wheels have 20 MB at most"
 
 

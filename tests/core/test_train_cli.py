@@ -1,4 +1,4 @@
-"""The commands train and quantize: what they refuse."""
+"""The command train: what it refuses."""
 
 import json
 import os
@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 from bad_input import Bench, cut, gets_one_clear_sentence
-from networks import pass_through
 from sphere_sample import sphere_sample
 
 from mpsnet_core.errors import FileError
@@ -309,35 +308,30 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
                 "c is of another recipe; resume with",
             ),
             (
-                "8-bit network to train further",
-                lambda b: train(b, "--resume", "multiscale-int8"),
-                "multiscale-int8.onnx is quantized to int8; resume from the model that it was made from",
-            ),
-            (
                 "text as a network to train further",
                 lambda b: train(b, "--resume", b.text("c.onnx", "hello")),
                 "c.onnx is damaged or was not trained here; resume from another",
             ),
-            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged or not one of ours"),
+            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged, or is not a checkpoint"),
             (
                 "checkpoint behind something else",
                 lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())),
-                "checkpoint…c is damaged or not one of ours",
+                "checkpoint…c is damaged, or is not a checkpoint",
             ),
             (
                 "spoilt checkpoint",
                 lambda b: resume(b, spoilt(checkpoint(b))),
-                "checkpoint…c is damaged or not one of ours",
+                "checkpoint…c is damaged, or is not a checkpoint",
             ),
             (
                 "text as checkpoint",
                 lambda b: train(b, "--resume", b.text("c", "hello")),
-                "c is damaged or not one of ours",
+                "c is damaged, or is not a checkpoint",
             ),
             (
                 "checkpoint with code",
                 lambda b: train(b, "--resume", with_code(b, True)),
-                "c is damaged or not one of ours",
+                "c is damaged, or is not a checkpoint",
             ),
             (
                 "bare checkpoint with code",
@@ -347,51 +341,12 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
             (
                 "checkpoint of the optimiser alone",
                 lambda b: (torch_file(b / "c", {"format": "mpsnet-checkpoint"}), train(b, "--resume", b / "c")),
-                "c is damaged or not one of ours",
+                "c is damaged, or is not a checkpoint",
             ),
             (
                 "checkpoint of another network",
                 lambda b: resume(b, renamed(checkpoint(b))),
                 "c does not fit the network: Error…resume from another",
-            ),
-        ]
-    )
-)
-
-
-test_a_bad_int8_version_gets_one_clear_sentence = NEEDS_TORCH(
-    gets_one_clear_sentence(
-        [
-            (
-                "int8 version over its model",
-                lambda b: b.run(
-                    "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "m.onnx"
-                ),
-                "the result would overwrite …m.onnx, a file that it needs",
-            ),
-            (
-                "int8 version of no model",
-                lambda b: b.run(
-                    "quantize", b.bytes("m.onnx", b"x"), "--samples", sample_folder(b), "-o", b / "out.onnx"
-                ),
-                "m.onnx is not an ONNX model that can be run",
-            ),
-            (
-                "int8 version of a single layer",
-                lambda b: b.run(
-                    "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "out.onnx"
-                ),
-                "m.onnx has no layer between its first and its last; leave it as it is",
-            ),
-            (
-                "int8 version without samples",
-                lambda b: b.run("quantize", pass_through(b / "m.onnx"), "-o", b / "out.onnx"),
-                "--samples; see mpsnet quantize --help",
-            ),
-            (
-                "int8 version in another format",
-                lambda b: b.run("quantize", pass_through(b / "m.onnx"), "--samples", b.folder, "-o", b / "out.pth"),
-                "out.pth: models are written as .onnx; change the suffix",
             ),
         ]
     )

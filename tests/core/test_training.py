@@ -231,14 +231,16 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     exported, checkpoint = tmp_path / "model.onnx", tmp_path / "c"
     export_onnx(run(recipe(network, steps=4), samples, tmp_path / "first"), exported)
     further = recipe(network, steps=6)
-    still = run(replace(further, learning_rate=1e-8), samples, tmp_path / "still", resume=exported, stop_after=5)
+    # A step moves the statistics of batch norms, and so the answers: by 0.026 here, half floats by 0.0003.
+    held = replace(further, learning_rate=1e-8, frozen_norms=True)
+    still = run(held, samples, tmp_path / "still", resume=exported, stop_after=5)
     seen = [torch.rand(2, 3, 5, 5)] * 2
     if network == "multiscale":
         rig = torch.cat([torch.eye(3).reshape(1, 9), torch.ones(1, 6)], dim=1).reshape(1, 15, 1, 1)
         seen = [torch.rand(2, 8, 32, 32), rig.repeat(2, 1, 1, 1)]
     given = dict(zip(still.network.inputs, (values.numpy() for values in seen), strict=True))
     answer = still.network.eval()(*seen).normals.detach().numpy()
-    np.testing.assert_allclose(answer, OnnxModel(exported).session.run(None, given)[0], atol=0.04)  # half floats
+    np.testing.assert_allclose(answer, OnnxModel(exported).session.run(None, given)[0], atol=1e-4)
     first = run(further, samples, checkpoint, resume=exported, stop_after=5)
     assert (first.step, first.continues) == (5, OnnxModel(exported).record)
     last = run(further, samples, checkpoint, resume=checkpoint)

@@ -110,7 +110,6 @@ VERBS = [
     "calibrate lights red.exr green.exr blue.exr --per-light --circle 100,80,70 -o o.json",
     "integrate normals.png --height o.exr --mesh om.glb --occlusion oo.png --relit or.png --albedo albedo.png",
     "synthesize --count 1 --size 24 --seed 3 --shapes blobs --processes 1 -o job",
-    "quantize net.onnx --samples empty -o o.onnx",
     "evaluate samples empty --model lambertian",
     "estimate shots --rig rig.json --model lambertian -o o",
 ]

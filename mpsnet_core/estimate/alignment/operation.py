@@ -235,7 +235,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
         if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
-            log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
+            log.warning("the mesh's outline and normals contradict the pairs of points; the camera is found from the pairs alone")
             fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
         progress(0.9, "comparing with the mirrored mesh")
@@ -259,24 +259,8 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         from mpsnet_core.scene.camera import write_camera
 
         best = fits[0]
-        poor = _is_poor(best, capture.mask)
-        quality = _quality(best)
-        if turned_over:
-            log.warning(
-                "the mirror image of the mesh fits better than the mesh; if an export or import turned one of its axes "
-                "over, so that its left is on the right, mirror it [mirrored-mesh]"
-            )
-        elif poor:
-            log.warning(
-                "the fit is poor: %s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
-                quality,
-            )
-        elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * best.cost:
-            log.warning(
-                "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
-                "[poor-alignment]",
-                self._others()[0].name,
-            )
+        poor, quality = _is_poor(best, capture.mask), _quality(best)
+        self._warn(fits, quality, turned_over, poor)
         left_out = by_points.left_out if by_points else ()
         if left_out:
             log.warning("pair %d contradicts the others and was left out", left_out[0] + 1)
@@ -289,9 +273,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
-        residuals = (
-            None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
-        )
+        apart = None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
         return CameraFound(
             self.output,
             round(best.outline, 2),
@@ -299,11 +281,30 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             round(best.overlap, 4),
             poor or turned_over,
             turned_over,
-            residuals,
+            apart,
             [number + 1 for number in left_out] or None,
             [str(path) for path, _ in others] or None,
             text=f"{self.output}: camera with a lens of {best.camera.focal_35mm:.0f} mm; {quality}",
         )
+
+    def _warn(self, fits: "list[Fit]", quality: str, turned_over: bool, poor: bool) -> None:
+        """Warn of a fit that may be wrong."""
+        if turned_over:
+            log.warning(
+                "the mirror image of the mesh fits better than the mesh; if an export or import turned one of its axes "
+                "over, so that its left is on the right, mirror it [mirrored-mesh]"
+            )
+        elif poor:
+            log.warning(
+                "the fit is poor: %s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
+                quality,
+            )
+        elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * fits[0].cost:
+            log.warning(
+                "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
+                "[poor-alignment]",
+                self._others()[0].name,
+            )
 
     def _picture(
         self,

@@ -86,9 +86,8 @@ def estimate_sequence(
     step : int
         Least difference between the numbers of successive frames.
     apart : bool
-        Whether the frames are photos that are made although others fail. By default the first that fails ends the run,
-        as the frames of a video have to; smoothing needs it, too: frames near one that failed would be averaged
-        without it.
+        Whether the frames are photos that are made although others fail. By default the first that fails ends the run:
+        a video has to be read in order, and smoothing would average the frames near a failed one without it.
     convention : {"opengl", "directx"}
         Green up or green down.
     count : int

@@ -62,6 +62,11 @@ class UniformAlbedo:
     density: float
     share: float
 
+    def sharp(self, peak: float) -> bool:
+        """Whether the lengths have one narrow peak, of density `peak`, that determines the gains."""
+        narrow = self.spread < SHARPEST and peak > PEAK * self.density
+        return narrow and self.share > MIN_SHARE and self.determined > DETERMINED
+
 
 def find_uniform_albedo(
     light: Floats, lights: NDArray[np.float64], normals: Floats, expected_error: Floats
@@ -118,13 +123,7 @@ def find_uniform_albedo(
         max(density_outside, MIN_DENSITY),
         float(close.mean()),
     )
-    proven = (
-        result.share > MIN_SHARE
-        and result.spread < SHARPEST
-        and _density(length, 0.98, 1.02) > PEAK * result.density
-        and result.determined > DETERMINED
-        and _directions(vectors, weights * positive) > DIRECTIONS
-    )
+    proven = result.sharp(_density(length, 0.98, 1.02)) and _directions(vectors, weights * positive) > DIRECTIONS
     return result if proven else None
 
 

@@ -69,10 +69,10 @@ def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> No
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
-    """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or none of ours."""
+    """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or not written here."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:
-        raise FormatError(f"checkpoint {path} is larger than 4 GiB; it is not one of ours")
+        raise FormatError(f"checkpoint {path} is larger than 4 GiB, the limit for checkpoints; check the path")
     try:
         with path.open("rb") as file:  # torch.load accepts other formats, and zipfile a ZIP appended to any data
             whole = file.read(4) == b"PK\3\4"
@@ -85,10 +85,10 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     except _DAMAGED:
         data = None
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT or set(data) != set(_TYPES):
-        raise FormatError(f"checkpoint {path} is damaged or not one of ours; resume from another")
+        raise FormatError(f"checkpoint {path} is damaged, or is not a checkpoint of this program; resume from another")
     for name, kind in _TYPES.items():
         if not isinstance(data[name], kind):
-            raise FormatError(f"checkpoint {path} is not one of ours: {name} is of another type; resume from another")
+            raise FormatError(f"checkpoint {path} is not a checkpoint of this program ({name} has another type); resume from another")
     if isinstance(data["step"], bool) or not (0 <= data["step"] < MAX_STEPS and 0 <= data["seconds"] < MAX_STEPS):
         raise FormatError(f"checkpoint {path} is damaged: its steps or seconds are out of range; resume from another")
     try:

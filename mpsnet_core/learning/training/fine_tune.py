@@ -54,16 +54,12 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
         raise FormatError(refusal)
     try:
         model = onnx.load(str(path), load_external_data=False)
-        if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
-            raise FormatError(f"model {path} is quantized to int8; resume from the model that it was made from")
         record = json.loads({entry.key: entry.value for entry in model.metadata_props}[TRAINING_KEY])
         values = {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}
         filters = _filters(model.graph, values)
         exported = Exported(str(path), record, filters)
         if exported.step < 0 or not isinstance(record["minutes"], int | float):
             raise ValueError
-    except FormatError:
-        raise
     except (DecodeError, LookupError, TypeError, ValueError):
         raise FormatError(refusal) from None
     return exported

@@ -1,6 +1,6 @@
 """Inputs of networks: stacked maps, with the output on the previous scale for pyramids, or cut into patches."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import torch
@@ -25,22 +25,19 @@ class Batch(NamedTuple):
 
 
 @torch.no_grad()
-def inputs_with_previous_scale(
-    predict: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
-) -> list[tuple[Tensor, ...]]:
+def inputs_with_previous_scale(network: Network, scales: Sequence[Scale]) -> list[tuple[Tensor, ...]]:
     """A network's inputs for each scale, with its output on the previous scale.
 
-    names: the maps stacked into each input. predict: the network, in evaluation mode.
+    network: in evaluation mode.
     """
     mask = scales[0].maps["mask"]
     inputs, previous = [], mask.new_zeros(len(mask), 4, *mask.shape[2:])
     for scale, finer in zip(scales, [*scales[1:], None], strict=True):
         maps = {**scale.maps, "previous": previous * scale.maps["mask"]}
-        inputs.append(
-            tuple(torch.cat([feature_tensor(name, maps) for name in stacked], dim=1) for stacked in names.values())
-        )
+        stacks = network.inputs.values()
+        inputs.append(tuple(torch.cat([feature_tensor(name, maps) for name in names], dim=1) for names in stacks))
         if finer is not None:
-            previous = _enlarged(predict(*inputs[-1]), scale, finer)
+            previous = _enlarged(network(*inputs[-1]), scale, finer)
     return inputs
 
 

@@ -139,15 +139,7 @@ def train(
         _check_paths(paths, anneal)
         run = _Run(recipe, samples, validation, paths, processes, precision, progress)
         run.begin(paths.resume)
-        if 0 < stop_after <= run.step:
-            raise SettingsError(
-                f"{paths.resume} has had {run.step} steps already, which --stop-after counts too; give it more"
-            )
-        end = min(recipe.steps, stop_after or recipe.steps)
-        if anneal and learning_rate(recipe, run.step) <= 0:
-            raise SettingsError(f"the learning rate of {paths.resume} is zero already; anneal from before its decay")
-        if anneal:
-            run.anneal, end = (run.step, anneal), run.step + anneal
+        end = run.begin_anneal(anneal, paths) if anneal else run.end(stop_after, paths)
         if anneal or processes.rank:  # only rank 0 writes
             paths = TrainingPaths(logs=None if processes.rank else paths.logs)
         figures = _learn(run, paths, end, 60 * minutes, progress)
@@ -293,6 +285,21 @@ class _Run:
         self.optimisers = _optimisers(recipe, network, self.precision)
         self.mean_weights = self._weights()
 
+    def end(self, stop_after: int, paths: TrainingPaths) -> int:
+        """The step to end at: the recipe's last one, or an earlier one."""
+        if 0 < stop_after <= self.step:
+            raise SettingsError(
+                f"{paths.resume} has had {self.step} steps already, which --stop-after counts too; give it more"
+            )
+        return min(self.recipe.steps, stop_after or self.recipe.steps)
+
+    def begin_anneal(self, steps: int, paths: TrainingPaths) -> int:
+        """Lower the learning rate to zero over this many steps from here on. Returns the step that it ends at."""
+        if learning_rate(self.recipe, self.step) <= 0:
+            raise SettingsError(f"the learning rate of {paths.resume} is zero already; anneal from before its decay")
+        self.anneal = (self.step, steps)
+        return self.step + steps
+
     def rate(self, step: int) -> float:
         """The learning rate of a step."""
         if self.anneal is None:
@@ -353,7 +360,7 @@ class _Run:
 
     @torch.no_grad()
     def _batch(self, scales: list[Scale], seed: int) -> Batch:
-        batch = concatenate_scales(scales, inputs_with_previous_scale(self.network, self.network.inputs, scales))
+        batch = concatenate_scales(scales, inputs_with_previous_scale(self.network, scales))
         if self.network.kind != "patch":
             return batch
         return sample_patches(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(seed))

@@ -79,7 +79,7 @@ class PhotoSimulator:
     samples : PackedSamples
         Every epoch shows all of them.
     model : CaptureModel, optional
-        Of the capture's numbers.
+        Changes to the capture model.
     seed : int
         Of all that is drawn.
     window : int
@@ -267,8 +267,7 @@ def _simulated(
     # Of the photos, which have the examples' numbers, and then of the white ones.
     exposure, means = torch.ones(2 * count, device=device), torch.ones(count, 3, device=device)
     white_fits: dict[int, WhitePhoto | None] = {}
-    chosen = list(range(count))
-    places = np.zeros((count, 2), np.int64)
+    chosen, places = list(range(count)), np.zeros((count, 2), np.int64)
     scales: list[Scale] = []
     for level in range(max(example.finest for example in examples) + 1):
         windows = [_window(examples[k], level, window) for k in chosen]
@@ -282,8 +281,7 @@ def _simulated(
         finer = torch.tensor([examples[k].finest - level for k in owners], device=device)
         if level == 0:
             exposure[numbers] = _exposures(light, mask[shown], drawn)
-        light = _shot(light, drawn, exposure[numbers], finer, generator)
-        light, white = light[:photos], light[photos:]
+        light, white = _shot(light, drawn, exposure[numbers], finer, generator).tensor_split([photos])
         seen = _known(mask, drawn.mask_error[:photos], finer[:photos])
         shot, light = light, unmixed(light, drawn.known_mixing[:photos])
         for number, k, white_image in zip(whites, owners[photos:], white, strict=True):
@@ -295,20 +293,17 @@ def _simulated(
         light = light * seen.float()
         if level == 0:
             means = _means(light, seen)
-            means = torch.maximum(means, MIN_MEAN * means.mean(dim=1, keepdim=True))
         mean = means[chosen]
-        photo = light / mean.mean(dim=1)[:, None, None, None]
         counts = (mask & seen).float()
         painted = torch.tensor([float(white_fits.get(k) is not None) for k in chosen], device=device)
-        given = torch.stack([torch.full((photos,), float(level > 0), device=device), painted], dim=1)
         scales.append(
             Scale(
                 maps={
-                    "photo": photo,
+                    "photo": light / mean.mean(dim=1)[:, None, None, None],
                     "mask": seen.float(),
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean / mean.mean(dim=1, keepdim=True))[:, :, None, None],
-                    "given": given[:, :, None, None],
+                    "given": torch.stack([torch.full_like(painted, level > 0), painted], dim=1)[:, :, None, None],
                     "exact": drawn.exact[:photos, None, None, None],
                 },
                 truth=unit(planes[:, NORMALS]) * counts,
@@ -318,9 +313,9 @@ def _simulated(
                 places=places,
             )
         )
-        zoomed = [number for number, k in enumerate(chosen) if examples[k].finest > level]
-        places = np.array([_zoom(examples[chosen[n]], mask[n, 0], window, rng) for n in zoomed]).reshape(-1, 2)
-        chosen = [chosen[n] for n in zoomed]
+        finer_ones = [(n, k) for n, k in enumerate(chosen) if examples[k].finest > level]
+        places = np.array([_zoom(examples[k], mask[n, 0], window, rng) for n, k in finer_ones]).reshape(-1, 2)
+        chosen = [k for _, k in finer_ones]
     return scales
 
 
@@ -494,7 +489,8 @@ def _normalise_by_white_photo(
     if fit is None:
         return light
     gains, lower_limits, unmixing_before, unmixing_after, mean_factors = (
-        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit[:5]
+        torch.tensor(values, dtype=torch.float32, device=photo.device)
+        for values in (fit.gains, fit.lower_limits, fit.unmixing_before, fit.unmixing_after, fit.mean_factors)
     )
     albedo = (
         torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
@@ -590,6 +586,8 @@ def unmixed(photo: Tensor, mixing: Tensor) -> Tensor:
 
 
 def _means(light: Tensor, used: Tensor) -> Tensor:
-    """(N, 3) means of photos, zero where they are not used, over where they are; 1 where not above zero."""
+    """(N, 3) means of photos, zero where they are not used, over where they are; 1 where not above zero, and at least
+    :data:`MIN_MEAN` of the channels' mean."""
     means = light.sum(dim=(2, 3)) / used.sum(dim=(2, 3)).clamp(min=1)
-    return torch.where(means > 0, means, 1)
+    means = torch.where(means > 0, means, 1)
+    return torch.maximum(means, MIN_MEAN * means.mean(dim=1, keepdim=True))

@@ -152,7 +152,7 @@ class TrainingRecipe:
 
 
 def capture_model(changes: Any) -> CaptureModel:
-    """The capture model with some of its ranges and chances changed. Raises SettingsError where a change is none."""
+    """The capture model with some of its ranges and chances changed. Raises SettingsError where a change is invalid."""
     if not isinstance(changes, Mapping):
         raise SettingsError(f"the recipe's capture must be a table, not {changes!r}")
     own = CaptureModel()
@@ -194,7 +194,7 @@ def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
         raise SettingsError(f"there is no recipe {name!r}; choose {', '.join(recipe_names())} or give a .toml file")
     path = existing_file(path, "recipe")
     if path.stat().st_size > MAX_RECIPE_BYTES:
-        raise FormatError(f"recipe {path} is larger than 8 KiB; it is not one of ours")
+        raise FormatError(f"recipe {path} is larger than 8 KiB, the limit for recipes; check the path")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:  # ValueError also for numbers of 5,000 digits

@@ -1,6 +1,5 @@
 """Validation: a network's errors on held-out samples."""
 
-from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.learning.training.inputs import Batch, concatenate_scales, inputs_with_previous_scale, sample_patches
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction
-from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
 
 PATCHES_A_PICTURE = 200
 PATCHES_AT_ONCE = 1000
@@ -44,29 +43,17 @@ def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int
         for scale in scales:  # the last batch repeats samples that were counted already; ignore them
             scale.weights[scale.examples >= len(simulator.samples) - start] = 0
         if network.kind == "patch":
-            batch = concatenate_scales(scales, inputs_with_previous_scale(network, network.inputs, scales))
+            batch = concatenate_scales(scales, inputs_with_previous_scale(network, scales))
             patches = _patches(network, batch, patches_a_picture, start)
             errors += [_errors(network(*some.inputs), some)[0] for some in patches]
         else:
-            for found, prediction in validation_errors(network, network.inputs, scales):
+            for scale, seen in zip(scales, inputs_with_previous_scale(network, scales), strict=True):
+                found, prediction = _errors(network(*seen), concatenate_scales([scale], [seen]))
                 errors.append(found)
                 expected += [] if prediction is None else [prediction]
     error = np.concatenate(errors).astype(np.float64)
     rank = rank_correlation(np.concatenate(expected), error) if expected else None
     return Figures(float(error.mean()), float(error.max()), rank)
-
-
-def validation_errors(
-    predict: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
-) -> list[tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
-    """For each scale: angular errors in degrees of the pixels that count, and their expected errors in radians.
-
-    predict, names: as in :func:`mpsnet_core.learning.training.inputs.inputs_with_previous_scale`.
-    """
-    return [
-        _errors(predict(*seen), concatenate_scales([scale], [seen]))
-        for scale, seen in zip(scales, inputs_with_previous_scale(predict, names, scales), strict=True)
-    ]
 
 
 def _errors(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:

@@ -126,8 +126,7 @@ def displacement(
     progress(0.0, "laying out the UVs")
     vectors = np.asarray(vectors, np.float32)
     own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
-    covered = laid.triangle >= 0
-    areas = laid.areas()[laid.triangle[covered]]
+    areas = laid.areas()[laid.triangle[covered := laid.triangle >= 0]]
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
     wanted = chords(vectors, seen, space, own, laid, bool(scale) and base is None, part(progress, 0.02, 0.2))
     seams = laid.seams()
@@ -138,7 +137,6 @@ def displacement(
         heights -= _means(graph, areas, heights - (wanted.outwards if mean is None else np.float32(mean)))
     progress(0.9, "growing the margin")
     values = _meeting(_with_margin(graph, heights, covered, margin), graph, heights, covered, seams)
-    progress(1.0, "displaced")
     return _measured(values, covered, areas, trust, apart)
 
 

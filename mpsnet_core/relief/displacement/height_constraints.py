@@ -92,18 +92,9 @@ def chords(
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
         facing_out += int(np.count_nonzero(dot(wanted, normal)[: len(inside)][inside] >= 0))
         for number, axis in enumerate((1, 0)):
-            # np.roll wraps around at the last column and row, but there is no neighbour there.
-            towards = wanted + np.roll(wanted, -1, axis)
-            chord = np.roll(point, -1, axis) - point
-            if shaded:
-                mean = normalised(upright + np.roll(upright, -1, axis))
-                chord -= dot(chord, mean)[..., None] * mean
-            step = dot(towards, chord)
-            first, second = dot(towards, normal), dot(towards, np.roll(normal, -1, axis))
-            least = np.maximum(MIN_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
-            facing = np.maximum((first + second) / 2, least)
-            flat[number, here] = (step / facing)[: len(inside)][inside]
-            curved[number, here] = ((second - first) / facing)[: len(inside)][inside]
+            step, turn = _to_neighbour(point, normal, wanted, upright if shaded else None, axis)
+            flat[number, here] = step[: len(inside)][inside]
+            curved[number, here] = turn[: len(inside)][inside]
         if own is not base:
             (own_point,) = own.at(rows, own_surface[0])
             apart = dot(own_point - point[: len(inside)], normal[: len(inside)])
@@ -114,6 +105,29 @@ def chords(
             "that it was baked in, and the mesh that it was baked onto"
         )
     return Chords(flat, curved, outwards)
+
+
+def _to_neighbour(
+    point: NDArray[np.floating[Any]],
+    normal: NDArray[np.floating[Any]],
+    wanted: NDArray[np.floating[Any]],
+    upright: NDArray[np.floating[Any]] | None,
+    axis: int,
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+    """The chord to the next texel along an axis, and the difference of the normals, relative to the mean target normal.
+
+    upright: shading normals that the heights are relative to, None for the facets.
+    """
+    # np.roll wraps around at the last column and row, but there is no neighbour there.
+    towards = wanted + np.roll(wanted, -1, axis)
+    chord = np.roll(point, -1, axis) - point
+    if upright is not None:
+        mean = normalised(upright + np.roll(upright, -1, axis))
+        chord -= dot(chord, mean)[..., None] * mean
+    first, second = dot(towards, normal), dot(towards, np.roll(normal, -1, axis))
+    least = np.maximum(MIN_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
+    facing = np.maximum((first + second) / 2, least)
+    return dot(towards, chord) / facing, (second - first) / facing
 
 
 def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.float64]]:

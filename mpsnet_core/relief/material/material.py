@@ -126,11 +126,9 @@ def flat_material(
     _check_overlap(min(joined), overlap)
     progress(0.5, "joining the borders")
     features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
-    pictures, cut = make_seamless(features, joined)
-    del features
-    pictures = remove_low_frequencies(pictures, bend)
+    features, cut = make_seamless(features, joined)
     progress(0.7, "integrating the height")
-    return _material(pictures, cut, tiling, tilt, pixel_mm)
+    return _material(remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
 
 
 def _material(

@@ -111,7 +111,7 @@ async def _reach(address: str, security: Security) -> None:
     try:  # an open port that never answers would block connect() forever
         comm = await asyncio.wait_for(connecting, CONNECT_SECONDS + 1)
     except TimeoutError:
-        raise OSError("it says nothing") from None
+        raise OSError("it does not answer") from None
     await comm.close()
 
 

@@ -137,7 +137,7 @@ class Worker:
     def make(self, number: int) -> SampleResult:
         """Make a sample. If the worker dies or does not answer, a new one tries once more.
 
-        Raises InputError if the worker cannot be started or is not one of ours, ChildEnded if :meth:`end` ended it.
+        Raises InputError if the worker cannot be started or does not answer as one, ChildEnded if :meth:`end` ended it.
         """
         for attempt in (1, 2):
             try:

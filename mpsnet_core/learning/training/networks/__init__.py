@@ -4,7 +4,7 @@ from typing import Any
 
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.learning.training.networks.demultiplexer import Demultiplexer
-from mpsnet_core.learning.training.networks.mps_net import MpsNet, MpsNetDense
+from mpsnet_core.learning.training.networks.mps_net import MpsNet
 from mpsnet_core.learning.training.networks.multiscale import Multiscale
 from mpsnet_core.learning.training.networks.network import Network, Prediction
 from mpsnet_core.learning.training.networks.ps_fcn import PsFcn
@@ -14,7 +14,6 @@ __all__ = ["NETWORKS", "Network", "Prediction", "build_network"]
 NETWORKS: dict[str, type[Network]] = {
     "demultiplexer": Demultiplexer,
     "mpsnet": MpsNet,
-    "mpsnet-dense": MpsNetDense,
     "multiscale": Multiscale,
     "psfcn": PsFcn,
 }

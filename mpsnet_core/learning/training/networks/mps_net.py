@@ -17,9 +17,7 @@ overlapping patches share only the 1 x 1 layers (conv1, conv2, conv8) and conv3,
 way in which the patch's edge cuts its 3 x 3 window. From conv4 on, the values at all 25 places differ. Sharing those
 values would save 0.03 of 0.72 × 10⁹ multiply-adds per patch (4%), and sharing conv4's products with conv3's nine
 variants, too, another 6%. So patches are computed one by one, but exported in a form that multiplies a quarter as often
-(:mod:`.fast_patches`). :class:`MpsNetDense` is a
-different network: the same layers over the whole image, with neighbours in place of zeros, and conv9's stride as
-conv10's dilation.
+(:mod:`.fast_patches`).
 """
 
 import torch
@@ -32,13 +30,22 @@ from mpsnet_core.learning.training.networks.patch_convolutions import SIDE, conv
 DROPOUT = 0.1
 
 
-class _Layers(Network):
-    """conv1 to conv8, common to both forms. width: factor of all published numbers of maps."""
+class MpsNet(Network):
+    """The patch-wise form, as published: one normal for the middle of each patch.
+
+    width: factor of the published numbers of maps. patch: side of a patch, 5 as published; 1, 3, 7 and 9 for the
+    paper's table 1, where conv9 halves the side, rounded up, and conv10 covers the result. normals: False omits the
+    initial normals and their shortcut (table 1).
+    """
 
     inputs = {"photo": ("photo",), "initial_normals": ("initial_normals",)}
+    kind = "patch"
 
-    def __init__(self, width: float = 1.0, normals: bool = True) -> None:
+    def __init__(self, width: float = 1.0, patch: int = 5, normals: bool = True) -> None:
         super().__init__()
+        if not isinstance(patch, int) or patch % 2 == 0 or not 1 <= patch <= 15:
+            raise ValueError(f"patch {patch!r} is not an odd number from 1 to 15")
+        self.patch = patch
         small, middle, large = scaled((256, 512, 1024), width)
         self.conv1 = convolution(3, small, 1)
         self.conv2 = convolution(small, small, 1)
@@ -48,48 +55,22 @@ class _Layers(Network):
         self.conv6 = _normed(large, large)
         self.conv7 = _normed(large, large)
         self.conv8 = convolution(3, large, 1) if normals else None
-        self.dropout = nn.Dropout(DROPOUT)
-        self.elu = nn.ELU()
-        self.maps = (middle, large)
-
-    def _features(self, photo: Tensor, initial_normals: Tensor) -> Tensor:
-        image = self.elu(self.conv2(self.elu(self.conv1(photo))))
-        maps = image if self.conv8 is None else torch.cat([image, initial_normals.to(image.dtype)], dim=1)
-        maps = self.conv4(self.dropout(self.conv3(maps)))
-        maps = self.conv7(self.conv6(self.dropout(self.conv5(maps))))
-        result: Tensor = maps if self.conv8 is None else maps + self.conv8(initial_normals)
-        return result
-
-
-def _normed(channels: int, maps: int, stride: int = 1) -> nn.Sequential:
-    return nn.Sequential(convolution(channels, maps, bias=False, stride=stride), nn.BatchNorm2d(maps), nn.ELU())
-
-
-class MpsNet(_Layers):
-    """The patch-wise form, as published: one normal for the middle of each patch.
-
-    width: factor of the published numbers of maps. patch: side of a patch, 5 as published; 1, 3, 7 and 9 for the
-    paper's table 1, where conv9 halves the side, rounded up, and conv10 covers the result. normals: False omits the
-    initial normals and their shortcut (table 1).
-    """
-
-    kind = "patch"
-
-    def __init__(self, width: float = 1.0, patch: int = 5, normals: bool = True) -> None:
-        super().__init__(width, normals)
-        if not isinstance(patch, int) or patch % 2 == 0 or not 1 <= patch <= 15:
-            raise ValueError(f"patch {patch!r} is not an odd number from 1 to 15")
-        self.patch = patch
-        middle, large = self.maps
         # On a single pixel the stride does not matter, but oneDNN's bfloat16 gradients of stride 2 are not finite.
         self.conv9 = _normed(large, middle, stride=2 if patch > 1 else 1)
         self.conv10 = convolution(middle, 3, (patch + 1) // 2, padding=0)
+        self.dropout = nn.Dropout(DROPOUT)
+        self.elu = nn.ELU()
 
     def forward(self, *inputs: Tensor) -> Prediction:
         photo, initial_normals = inputs
         if self.training and self.patch == SIDE and not torch.is_autocast_enabled("cpu") and photo.device.type == "cpu":
             return self._predict_quickly(photo, initial_normals)
-        return Prediction(unit(self.conv10(self.conv9(self._features(photo, initial_normals))).flatten(1)))
+        image = self.elu(self.conv2(self.elu(self.conv1(photo))))
+        maps = image if self.conv8 is None else torch.cat([image, initial_normals.to(image.dtype)], dim=1)
+        maps = self.conv4(self.dropout(self.conv3(maps)))
+        maps = self.conv7(self.conv6(self.dropout(self.conv5(maps))))
+        maps = maps if self.conv8 is None else maps + self.conv8(initial_normals)
+        return Prediction(unit(self.conv10(self.conv9(maps)).flatten(1)))
 
     def _predict_quickly(self, *inputs: Tensor) -> Prediction:
         """The same with values stored place by place, (25, N, C): a step of training takes half of the time."""
@@ -108,6 +89,10 @@ class MpsNet(_Layers):
         return Prediction(unit(functional.linear(places, self.conv10.weight.flatten(1), self.conv10.bias)))
 
 
+def _normed(channels: int, maps: int, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(convolution(channels, maps, bias=False, stride=stride), nn.BatchNorm2d(maps), nn.ELU())
+
+
 def _pixelwise(layer: nn.Conv2d, values: Tensor) -> Tensor:
     """A convolution of side 1 of values (..., C)."""
     return functional.linear(values, layer.weight.flatten(1), layer.bias)
@@ -121,23 +106,3 @@ def _normed_patches(layers: nn.Sequential, values: Tensor) -> Tensor:
     # The norm wants (N, C, side, side); the view has the values of each channel, which is all that counts.
     normed: Tensor = elu(norm(result.flatten(0, 1)[..., None, None]))
     return normed.view(result.shape)
-
-
-class MpsNetDense(_Layers):
-    """The dense form, which runs over whole images and is fast; not the paper's network.
-
-    conv9 runs at every pixel and conv10 takes every second of its values: both see the same places of a patch as in the
-    patch-wise form. SAME padding happens at the image border only. The receptive field is 17 x 17 pixels.
-    """
-
-    halo = 8
-
-    def __init__(self, width: float = 1.0) -> None:
-        super().__init__(width)
-        middle, large = self.maps
-        self.conv9 = _normed(large, middle)
-        self.conv10 = convolution(middle, 3, 3, padding=2, dilation=2)
-
-    def forward(self, *inputs: Tensor) -> Prediction:
-        photo, initial_normals = inputs
-        return Prediction(unit(self.conv10(self.conv9(self._features(photo, initial_normals)))))

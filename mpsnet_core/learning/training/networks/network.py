@@ -106,9 +106,8 @@ def convolution(
     *,
     stride: int = 1,
     padding: int | None = None,
-    dilation: int = 1,
     bias: bool = True,
 ) -> nn.Conv2d:
     """A convolution, by default zero-padded to keep the size (the paper's SAME)."""
     padding = side // 2 if padding is None else padding
-    return nn.Conv2d(channels, maps, side, stride, padding, dilation, bias=bias)
+    return nn.Conv2d(channels, maps, side, stride, padding, bias=bias)
