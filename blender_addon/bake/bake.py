@@ -182,10 +182,10 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         if self._frames:
             self._assign_frames(scene, Path(result["first_output"]))
             counts = f"{result['count']} textures are in {self._output}, {result['made']} made now"
-            self.report({"INFO"}, f"{counts}{turned}")
+            self.tell(f"{counts}{turned}")
             return
         self.assign_result(scene, result)
-        self.report({"INFO"}, f"{self.written(result)}{turned}")
+        self.tell(f"{self.written(result)}{turned}")
 
     def _assign_frames(self, scene: Any, first: Path) -> None:
         """Load a sequence of textures and assign it to the target."""
@@ -200,7 +200,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             store_base_map(image, self._bases[None, None])
         assigned = [AssignedTexture(target, (image,), onto.uv_map)]
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
-            self.report({"INFO"}, sentence)
+            self.tell(sentence)
         mark_assets(assigned, self.mark_asset)
 
 

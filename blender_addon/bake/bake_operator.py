@@ -136,8 +136,9 @@ class BakeOperator(RunsCore):
         name = (active if active in targets else targets[0]).name
         # "<" and ">" are not allowed in file names; tokens are added after the path is checked.
         name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
-        path = output_path(bake.output, name, bake.file_format)
-        if SPLITS[bake.split] and requested_folder(bake.output) is not None:
+        given = getattr(self, "output", bake.output)
+        path = output_path(given, name, bake.file_format)
+        if SPLITS[bake.split] and requested_folder(given) is not None:
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
         self._notes = overruled_format(path, bake)
         return with_tokens(path, bake.split, bake.tiles)
@@ -159,7 +160,7 @@ class BakeOperator(RunsCore):
         assigned = _assigned(there, images)
         sentences = assign_textures(assigned, bake.space, bake.convention)
         for sentence in [*sentences, *self._assign_albedo(there, result)]:
-            self.report({"INFO"}, sentence)
+            self.tell(sentence)
         for sentence in [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]:
             self.note(sentence)
         mark_assets(assigned, bake.mark_asset)

@@ -145,7 +145,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
         scene = self.scene(f"its texture is in {self._output}")
         scene.mps.views.report_file = self._report
         self.assign_result(scene, result)
-        self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
+        self.tell(f"{len(result['views'])} views baked. {self.written(result)}")
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:

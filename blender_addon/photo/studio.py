@@ -45,10 +45,11 @@ def no_render_progress(done: int, renders: int, words: str) -> None:
 
 
 class Rendered(NamedTuple):
-    """A rendered file, or the first one of several frames, with notes as sentences."""
+    """A rendered file, or the first one of several frames, with notes as sentences, and all files that belong to it."""
 
     file: Path
     notes: list[str]
+    files: list[Path]
 
 
 def render(what: RenderKind, scene: Any, output: Path, progress: RenderProgress = no_render_progress) -> Rendered:
@@ -93,7 +94,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
             write_camera(sidecar(path, "camera"), taken_by)
             images = tuple(map(str, parts))
             Superpose(image=images, encoding="auto", channels=False, output=str(path)).run()
-    return Rendered(path, notes)
+    return Rendered(path, notes, [path, sidecar(path, "rig"), sidecar(path, "camera")])
 
 
 def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render_progress) -> Rendered:
@@ -130,7 +131,7 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
     others = {file for file in folder.glob(f"{glob.escape(folder.name)}_*.exr") if file not in files}
     if others:
         notes.append(f"{len(others)} frame(s) of an earlier render are in the folder too, and are estimated with these")
-    return rendered[0]
+    return Rendered(rendered[0].file, notes, [file for one in rendered for file in one.files])
 
 
 def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
@@ -153,7 +154,7 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
         seen_by = camera.evaluated_get(studio.view_layers[0].depsgraph)
         write_camera(sidecar(path, "camera"), scene_camera(seen_by, scene, (photo.width, photo.height)))
         _render(studio, path, "OPEN_EXR_MULTILAYER")
-    return Rendered(path, notes)
+    return Rendered(path, notes, [path, sidecar(path, "camera")])
 
 
 @contextmanager
