@@ -14,6 +14,7 @@ from . import commands, manual, menu, panels, preferences, presets, settings, tr
 # Aliases, because the package's name already stands for the subpackage.
 from .bake import bake as bake_step
 from .bake import coverage, many_views, node_group, relight
+from .bake.gltf_export import GltfExtension
 from .estimate import error_map
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
@@ -26,6 +27,9 @@ from .rig import rig as rig_step
 from .settings import choices
 from .start import try_it
 from .training import training_data
+
+# Blender's glTF exporter finds it by this name.
+glTF2ExportUserExtension = GltfExtension
 
 _MODULES = (
     settings,
@@ -70,6 +74,8 @@ def register() -> None:
     for module in _MODULES:
         module.register()
     if bpy.app.module:
+        # As an extension is. The glTF exporter looks there for what changes its images.
+        bpy.context.preferences.addons.new().module = preferences.PACKAGE
         # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs.
         atexit.register(unregister)
 
@@ -77,5 +83,7 @@ def register() -> None:
 def unregister() -> None:
     """Remove everything that :func:`register` added."""
     atexit.unregister(unregister)
+    if bpy.app.module and (entry := bpy.context.preferences.addons.get(preferences.PACKAGE)):
+        bpy.context.preferences.addons.remove(entry)
     for module in reversed(_MODULES):
         module.unregister()

@@ -26,6 +26,7 @@ from .assign_textures import assign_textures, mark_assets
 from .bake_operator import BakeOperator, bake_target, target_provenance, texture_name
 from .base_maps import store_base_map
 from .coverage import coverage_folder
+from .gltf_export import export_notes
 from .options import bits, level, sampling
 from .texture_owners import FRAME
 from .texture_sets import AssignedTexture
@@ -178,14 +179,13 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
-        turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
         if self._frames:
             self._assign_frames(scene, Path(result["first_output"]))
             counts = f"{result['count']} textures are in {self._output}, {result['made']} made now"
-            self.tell(f"{counts}{turned}")
+            self.tell(counts)
             return
         self.assign_result(scene, result)
-        self.tell(f"{self.written(result)}{turned}")
+        self.tell(self.written(result))
 
     def _assign_frames(self, scene: Any, first: Path) -> None:
         """Load a sequence of textures and assign it to the target."""
@@ -199,6 +199,8 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         if (None, None) in self._bases:
             store_base_map(image, self._bases[None, None])
         assigned = [AssignedTexture(target, (image,), onto.uv_map)]
+        for sentence in export_notes(self.space, self.convention):
+            self.note(sentence)
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
             self.tell(sentence)
         mark_assets(assigned, self.mark_asset)

@@ -24,6 +24,7 @@ from ..settings.declared import round_as_typed
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
+from .gltf_export import export_notes
 from .options import Detail
 from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
@@ -161,7 +162,8 @@ class BakeOperator(RunsCore):
         sentences = assign_textures(assigned, bake.space, bake.convention)
         for sentence in [*sentences, *self._assign_albedo(there, result)]:
             self.tell(sentence)
-        for sentence in [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]:
+        unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
+        for sentence in [*unshown, *export_notes(bake.space, bake.convention)]:
             self.note(sentence)
         mark_assets(assigned, bake.mark_asset)
 

@@ -2,6 +2,8 @@
 
 from typing import Any, Literal, TypedDict
 
+from mpsnet_core.bake.presets import check_preset
+
 
 class Detail(TypedDict, total=False):
     strength: float
@@ -21,7 +23,12 @@ class Sampling(TypedDict):
 
 
 def sampling(settings: Any) -> Sampling:
-    """The core's options for size, samples, padding, space and convention."""
+    """The core's options for size, samples, padding, space and convention.
+
+    Raises SettingsError if the preset's program cannot show them.
+    """
+    if settings.preset != "CUSTOM":
+        check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
     return {
         "size": str(settings.size),
         "samples": int(settings.samples),

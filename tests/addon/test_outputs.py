@@ -119,7 +119,7 @@ def test_a_result_is_not_written_over_what_another_step_made(photographed, scene
 def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_reported(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
     assert "ending" not in "".join(notes_of(scene, "estimate")), "no format was chosen"
-    bpy.ops.mps.estimate(file_format="TIFF")
+    bpy.ops.mps.estimate(file_format="TIFF", output=str(tmp_path / "n.exr"))
     bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "t.exr"))
     bpy.ops.mps.integrate(file_format="PNG", mesh=False, output=str(tmp_path / "h.tif"))
     told = {verb: scene.mps.records[verb].notes for verb in ("estimate", "bake", "integrate")}

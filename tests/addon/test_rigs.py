@@ -107,7 +107,7 @@ def test_a_result_goes_to_the_rig_that_it_was_begun_with(estimated, scene, tmp_p
         _photo=0,
         _lens=0,
         made=lambda _: None,
-        report=lambda *_: None,
+        tell=lambda *_: None,
     )
     own.scene = partial(MPS_OT_estimate.scene, own)
     bpy.ops.mps.choose_rig(index=0)
