@@ -54,7 +54,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
-            **chosen(BakeSettings, settings, without=("output", "mark_asset")),
+            **chosen(BakeSettings, settings, without=("output", "assign", "mark_asset")),
             **target_provenance(settings),
             **camera_provenance(context.scene, context.scene.mps.estimate.image),
         }
@@ -188,7 +188,9 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         self.tell(self.written(result))
 
     def _assign_frames(self, scene: Any, first: Path) -> None:
-        """Load a sequence of textures and assign it to the target."""
+        """Load a sequence of textures and assign it to the target, unless the files alone are wanted."""
+        if not self.assign:
+            return
         (onto,) = self._bake_targets
         target = by_session_uid(bpy.data.objects, onto.uid)
         if target is None:

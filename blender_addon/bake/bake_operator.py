@@ -82,7 +82,8 @@ class BakeOperator(RunsCore):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         check_in_scene(context.scene, target, "target")
-        check_shows_normals(target)
+        if settings.assign:
+            check_shows_normals(target)
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
@@ -94,9 +95,10 @@ class BakeOperator(RunsCore):
         targets = [obj for obj in selected if obj.type == "MESH"]
         if not targets:
             raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
-        for target in targets:
-            check_shows_normals(target)
-        refuse_shared(targets, settings.split)
+        if settings.assign:
+            for target in targets:
+                check_shows_normals(target)
+            refuse_shared(targets, settings.split)
         return targets
 
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
@@ -145,7 +147,9 @@ class BakeOperator(RunsCore):
         return with_tokens(path, bake.split, bake.tiles)
 
     def assign_result(self, scene: Any, result: dict[str, Any]) -> None:
-        """Load the core's textures and assign them to their objects."""
+        """Load the core's textures and assign them to their objects, unless the files alone are wanted."""
+        if not scene.mps.bake.assign:
+            return
         there = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
