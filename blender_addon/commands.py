@@ -116,6 +116,8 @@ def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
     _select(names)
     if save and not Path(save).resolve().parent.is_dir():
         raise FileError(f"cannot save {save}: its folder does not exist; create it first")
+    if verb == "render_photo" and not any(word.startswith(("-P", "--python")) for word in sys.argv):
+        options.setdefault("resume", True)  # the scene is what its file holds
     operator = getattr(bpy.ops.mps, verb)
     if not operator.poll():
         raise InputError(_obstacle(verb))

@@ -167,7 +167,8 @@ class BakeOperator(RunsCore):
         for sentence in [*sentences, *self._assign_albedo(there, result)]:
             self.tell(sentence)
         unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
-        for sentence in [*unshown, *export_notes(bake.space, bake.convention)]:
+        mixed = bake.tiles and any(len({*one.target.material_slots.keys()}) > 1 for one in assigned)
+        for sentence in [*unshown, *export_notes(bake.space, bake.convention, mixed=mixed)]:
             self.note(sentence)
         mark_assets(assigned, bake.mark_asset)
 

@@ -23,8 +23,16 @@ from ..openimageio import load_openimageio
 _SUFFIXES = {"image/jpeg": ".jpg", "image/webp": ".webp", "image/png": ".png"}
 
 
-def export_notes(space: str, convention: str) -> list[str]:
-    """A sentence if exporters would misread a texture of this space and convention; otherwise nothing."""
+def export_notes(space: str, convention: str, *, mixed: bool = False) -> list[str]:
+    """A sentence if exporters would misread a texture of this space and convention; otherwise nothing.
+
+    mixed: whether it has UDIM tiles on an object of several materials.
+    """
+    if mixed:
+        return [
+            "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object one "
+            "material, or bake without tiles"
+        ]
     if space == "OBJECT":
         return ["Object space: a glTF export leaves it out, and other exporters misread it; bake Tangent for them"]
     if convention == "DIRECTX":

@@ -102,7 +102,7 @@ class ReportingOperator(bpy.types.Operator):
         return {"FINISHED"} if self.done(lambda: self._act_in_range(context)) else {"CANCELLED"}
 
     def _act_in_range(self, context: Any) -> None:
-        for one in self.bl_rna.properties:
+        for one in self.properties.bl_rna.properties:
             if one.type in {"INT", "FLOAT"} and self.properties.is_property_set(one.identifier):
                 value = getattr(self, one.identifier)
                 if not one.is_array and not one.soft_min <= value <= one.soft_max:

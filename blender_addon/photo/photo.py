@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
@@ -31,7 +31,7 @@ from ..settings.declared import PATH, apply_given_settings
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
-from .studio import RenderKind, render
+from .studio import RenderKind, render, scene_facts
 
 _LIGHTS = ("first", "second", "third")
 
@@ -43,6 +43,13 @@ class _Renders(RunsCore):
         name="Target",
         description="Name of the mesh object that is baked onto later. It is left out of the picture where the "
         "detailed object is in its place. Empty: the target of the step Bake",
+        options={"SKIP_SAVE"},
+    )
+    resume: BoolProperty(
+        name="Resume",
+        description="Of an animation, keep the frames that an interrupted run rendered from the same saved file, "
+        "settings and rig. Only if this script changes nothing else in the scene",
+        default=False,
         options={"SKIP_SAVE"},
     )
     _first_job: dict[str, Any] | None = None  # its copy of the file serves all rigs
@@ -79,7 +86,8 @@ class _Renders(RunsCore):
         self.check_outputs([output])
         self._notes = not_found(context.scene)
         with cursor_progress(context.window_manager) as progress:
-            rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words))
+            facts = scene_facts(output) if self.resume and what == "frames" else ""
+            rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words), facts)
         self._notes += [*blocked_scripts_note(), *rendered.notes]
         self._made_from = self.provenance(context)
         self._finished(context, {"output": str(rendered.file), "written": [*map(str, rendered.files)]})

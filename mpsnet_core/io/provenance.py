@@ -14,8 +14,12 @@ from mpsnet_core.operation import Operation, Provenance, settings
 
 def provenance_line(what: str, *facts: str) -> str:
     """The description of an image: what it is, and a hash of the facts that it was computed from."""
-    digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
-    return f"{made(what)}, {digest[:32]}"
+    return f"{made(what)}, {digest(*facts)}"
+
+
+def digest(*facts: str) -> str:
+    """A hash of facts, as 32 hexadecimal digits."""
+    return hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()[:32]
 
 
 def is_up_to_date(picture: Path, line: str) -> bool:

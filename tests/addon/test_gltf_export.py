@@ -187,6 +187,7 @@ def test_a_texture_is_turned_however_it_is_exported(seen: "bpy.types.Object", tm
         tree.links.new(node.outputs["Normal"], shader_of(tree).inputs["Normal"])
     check("node group")
 
+    seen.data.materials.pop(index=1)
     uvs = array_of(seen.data.uv_layers[0].uv, "vector", 2)
     uvs[:, 0] *= 2
     for face in seen.data.polygons:  # a face that lies in two tiles goes where its middle is
@@ -197,6 +198,9 @@ def test_a_texture_is_turned_however_it_is_exported(seen: "bpy.types.Object", tm
     bpy.ops.mps.bake(tiles=True, size=1024, output=f"{tmp_path}/tiles/")
     assert len(list((tmp_path / "tiles").iterdir())) == 2
     check("tiles")
+    seen.data.materials.append(seen.data.materials[0].copy())
+    bpy.ops.mps.bake(size=32, output=f"{tmp_path}/tiles/")
+    assert "several materials" in notes()  # the exporter shows those of one alone
 
 
 @pytest.mark.parametrize("wrong", [{"space": "OBJECT"}, {"convention": "DIRECTX"}])

@@ -106,7 +106,9 @@ def pressed():
     manager = bpy.context.window_manager
     manager.mps.running, manager.mps.cancel = MPS_OT_try_it.bl_idname, False
     timer = manager.event_timer_add(0.1, window=bpy.context.window)
-    one = SimpleNamespace(bl_idname=MPS_OT_try_it.bl_idname, _ticks=2, _timer=timer, report=lambda *_: None, tell=lambda *_: None)
+    one = SimpleNamespace(
+        bl_idname=MPS_OT_try_it.bl_idname, _ticks=2, _timer=timer, report=lambda *_: None, tell=lambda *_: None
+    )
     one._scene_uid = one._before = bpy.context.scene.session_uid
     one._failed = one.report
     for name in ("done", "_end", "_step", "_take_away"):
