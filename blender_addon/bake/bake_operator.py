@@ -12,6 +12,7 @@ from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import InputError
+from mpsnet_core.operation import Operation
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
@@ -20,11 +21,11 @@ from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
-from ..settings.declared import round_as_typed
+from ..settings.bake import BakeSettings
+from ..settings.declared import options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
-from .options import Detail
 from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
     SPLITS,
@@ -98,16 +99,19 @@ class BakeOperator(RunsCore):
         refuse_shared(targets, settings.split)
         return targets
 
-    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
-        """The core's options for the photo's detail and the base maps."""
-        options: Detail = {"strength": round_as_typed(settings.strength), "fill": settings.fill}
+    def texture_options(
+        self, operation: type[Operation], settings: Any, targets: Sequence[Any], folder: Path
+    ) -> dict[str, Any]:
+        """The core's options for the texture and the base maps that it goes on top of."""
+        options = options_of(operation, BakeSettings, settings, without=("preset",))
+        options["size"] = str(settings.size)
+        if settings.padding != "NEAREST":
+            del options["margin"]
         self._bases = maps_before_bake(targets, self._bake_targets, self._output)
         if not settings.onto:
-            return options
-        options["onto_shown"] = settings.onto_shown.lower()
+            return {name: value for name, value in options.items() if not name.startswith("onto")}
         if settings.onto_file:
-            file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
-            return {**options, "onto": file, "onto_convention": convention.lower()}
+            return options
         maps = base_map_files(targets, self._bake_targets, self._output)
         if list(maps) == [(None, None)]:
             one: Any = maps[None, None]
@@ -201,6 +205,11 @@ def _assigned(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any
 def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
     """The data of an object, as its mesh file is started, that is needed when the textures are ready."""
     return BakeTarget(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
+
+
+def low_frequencies(settings: Any) -> str:
+    """The core's option for the size above which shapes come from the mesh instead of the photo."""
+    return f"{settings.level_scale:g}" if settings.level else "off"
 
 
 def target_provenance(settings: Any) -> Provenance:

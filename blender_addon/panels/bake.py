@@ -140,18 +140,12 @@ class MPS_PT_texture(Step):
         else:
             column.prop(bake, "uv_map")
         column.prop(bake, "output", text="File", placeholder="Automatic")
-        column.prop(bake, "split")
-        column.prop(bake, "tiles")
-        column.prop(bake, "space")
-        column.prop(bake, "convention")
-        column.prop(bake, "samples")
-        column.prop(bake, "fill")
-        column.prop(bake, "padding")
+        for name in ("split", "tiles", "space", "convention", "samples", "fill", "padding"):
+            column.prop(bake, name)
         if bake.padding == "NEAREST":
             column.prop(bake, "margin")
-        column.prop(bake, "file_format")
-        column.prop(bake, "bits")
-        column.prop(bake, "mark_asset")
+        for name in ("file_format", "bits", "mark_asset"):
+            column.prop(bake, name)
         self.layout.template_ID(bake, "image", open="image.open")
         self.layout.operator("mps.make_node_group", icon="NODETREE")
         self.failure(context.scene, "make_node_group")

@@ -163,8 +163,8 @@ def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", mesh_seen: bool) -> str:
             "normal maps' alpha) show the object, and that each camera is that of its photo"
         )
     return (
-        "no view sees any of the mesh; check that the cameras and the mesh share one world (axes and unit: --up, "
-        "--unit), and that its normals point outwards"
+        "no view sees any of the mesh; check that the cameras and the mesh share one world, its axes and unit "
+        "(--up, --unit), and that its normals point outwards"
     )
 
 
