@@ -360,40 +360,6 @@ def read(path: Path, told: Recipe | None = None):
     return sample_from_cycles(path, told or four_materials(), shape.vertices, shape.triangles, "test")
 
 
-def test_one_part_or_a_part_a_pass_read_the_same(layers, tmp_path):
-    """Blender 4.5 writes the first, 5.0 and later the second; whichever is running, both are tried."""
-    source, images, part = oiio.ImageInput.open(str(layers)), {}, 0
-    while source.seek_subimage(part, 0):
-        spec = source.spec()
-        pixels = source.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
-        images |= {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
-        part += 1
-    one = {"": list(images)}
-    many = {}
-    for name in images:
-        many.setdefault(name.rpartition(".")[0], []).append(name)
-    truth = read(layers)
-    assert len(np.unique(truth.material)) == 5
-    for number, layout in enumerate((one, many)):
-        path = tmp_path / f"{number}.exr"
-        specs = []
-        for title, names in layout.items():
-            spec = oiio.ImageSpec(SIZE, SIZE, len(names), "float")
-            spec.channelnames = names
-            spec.attribute("oiio:subimagename", title)
-            specs.append(spec)
-        target = oiio.ImageOutput.create(str(path))
-        target.open(str(path), specs)
-        for index, (spec, names) in enumerate(zip(specs, layout.values(), strict=True)):
-            if index:
-                target.open(str(path), spec, "AppendSubimage")
-            target.write_image(np.ascontiguousarray(np.stack([images[name] for name in names], -1)))
-        target.close()
-        sample = read(path)
-        for field in ("lights", "normals", "depth", "alpha", "material", "lit"):
-            assert np.array_equal(getattr(sample, field), getattr(truth, field)), field
-
-
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
 def test_a_render_that_was_cut_short(layers, tmp_path, share):
     cut = tmp_path / "cut.exr"

@@ -145,7 +145,7 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
 @pytest.mark.parametrize(
     ("operation", "kind", "step", "own"),
     [
-        (Bake, BakeSettings, "bake", {"margin": 16}),
+        (Bake, BakeSettings, "bake", {"margin": 16, "convention": "opengl"}),
         (BakeViews, ViewsSettings, "views", {}),
         (CalibrateLights, CalibrateSettings, "calibrate", {"radius": 1.0}),
         (Estimate, EstimateSettings, "estimate", {"model": "MULTISCALE"}),
