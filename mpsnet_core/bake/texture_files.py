@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.bake.base_detail_removal import Shown
+from mpsnet_core.bake.base_detail_removal import BaseMapInPhotos
 from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.presets import PRESETS, preset_output
@@ -107,7 +107,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Made:
+class WrittenTexture:
     """A texture that was written.
 
     pattern: see :class:`Plan`. seen, covered: number of texels that a view saw, and of all. albedo: file of the
@@ -133,7 +133,7 @@ def planned(
     *,
     onto: str | None = None,
     onto_convention: Convention = "opengl",
-    onto_shown: Shown = "auto",
+    onto_shown: BaseMapInPhotos = "auto",
     albedo: bool = False,
     coverage: str | None = None,
 ) -> Plan:
@@ -169,7 +169,7 @@ def _named(mesh: Mesh, name: str) -> Mesh:
     return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
 
 
-def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[Made, Texture]]:
+def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[WrittenTexture, Texture]]:
     """Write textures one by one, as they are baked. Yields the record of each, and the texture.
 
     Raises InputError if one cannot be baked or written.
@@ -191,7 +191,9 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
         if coverage is not None:
             write_coverage(coverage, texture)
         yield (
-            Made(plan.files[place], plan.patterns[place], texture_set, seen, covered, albedo, filled, coverage),
+            WrittenTexture(
+                plan.files[place], plan.patterns[place], texture_set, seen, covered, albedo, filled, coverage
+            ),
             texture,
         )
         del texture
@@ -226,7 +228,7 @@ class TextureFacts:
     coverage_tiles: str | None
 
 
-def texture_facts(texture: Made) -> TextureFacts:
+def texture_facts(texture: WrittenTexture) -> TextureFacts:
     """The facts of a texture that was written."""
     texture_set, tiled, albedo = texture.texture_set, texture.texture_set.tile is not None, texture.albedo
     return TextureFacts(
@@ -244,18 +246,18 @@ def texture_facts(texture: Made) -> TextureFacts:
     )
 
 
-def seen_share(made: Sequence[Made]) -> float:
+def seen_share(made: Sequence[WrittenTexture]) -> float:
     """The fraction of all textures' surface that some view saw."""
     return sum(texture.seen for texture in made) / sum(texture.covered for texture in made)
 
 
-def filled_share(made: Sequence[Made]) -> float | None:
+def filled_share(made: Sequence[WrittenTexture]) -> float | None:
     """The fraction of all textures' surface that was filled, None without filling."""
     filled = [texture.filled for texture in made if texture.filled is not None]
     return round(sum(filled) / sum(texture.covered for texture in made), 4) if filled else None
 
 
-def format_textures(made: Sequence[Made], facts: str) -> str:
+def format_textures(made: Sequence[WrittenTexture], facts: str) -> str:
     """A line for each texture: its file, texture set and seen fraction. facts: properties that all share."""
     lines = [
         f"{texture.file}: {facts}, {texture.seen / texture.covered:.1%} of its surface seen"

@@ -1,4 +1,4 @@
-"""Baking, where the answer is known: spheres under any transform, and planes whose views disagree."""
+"""BakeSettings, where the answer is known: spheres under any transform, and planes whose views disagree."""
 
 from dataclasses import replace
 

@@ -13,9 +13,9 @@ from synthetic import degrees_between, matt_fits
 from mpsnet_core.learning.evaluation.colour import CHANGE, COLOURINGS, NEAR, near_colour_edges, surface_colours
 from mpsnet_core.learning.evaluation.operations import EvaluateColour, EvaluateMaterials, EvaluateRendered
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, published_view
-from mpsnet_core.synthesis.draws import generator, new_seed
-from mpsnet_core.synthesis.recipe import Material
+from mpsnet_core.synthesis.random_sampling import generator, new_seed
 from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.scene_description import Material
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 

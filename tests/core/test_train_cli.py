@@ -312,7 +312,11 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, "--resume", b.text("c.onnx", "hello")),
                 "c.onnx is damaged or was not trained here; resume from another",
             ),
-            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged, or is not a checkpoint"),
+            (
+                "cut checkpoint",
+                lambda b: resume(b, cut(checkpoint(b))),
+                "checkpoint…c is damaged, or is not a checkpoint",
+            ),
             (
                 "checkpoint behind something else",
                 lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())),
