@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.multi_view import ViewCaptureSettings
     from mpsnet_core.bake.settings import BakeSettings
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureFacts, TextureTarget
+    from mpsnet_core.bake.texture_files import Plan, TextureTarget, WrittenTexture
     from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.scene.camera import Camera
@@ -239,7 +239,7 @@ class TexturesBaked(Result):
     """
 
     output: str
-    outputs: "list[TextureFacts]"
+    outputs: "list[WrittenTexture]"
     seen: float
     filled: float | None
 
@@ -357,13 +357,7 @@ class Bake(BakesDetail):
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import (
-            filled_share,
-            format_textures,
-            seen_share,
-            texture_facts,
-            write_textures,
-        )
+        from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
         from mpsnet_core.io.files import writable_image, write_transaction
 
         writable_image(target.output, target.bits)
@@ -383,10 +377,9 @@ class Bake(BakesDetail):
             seen = matched_views(seen, plan.meshes, baking.feather)
         baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
         with write_transaction():
-            made = [one for one, _ in write_textures(plan, baked)]
-        text = format_textures(made, self.texture_words(target))
-        seen_of = round(seen_share(made), 4)
-        return TexturesBaked(target.output, [*map(texture_facts, made)], seen_of, filled_share(made), text=text)
+            written = [one for _, one, _ in write_textures(plan, baked)]
+        text = format_textures(written, self.texture_words(target))
+        return TexturesBaked(target.output, written, *shares_of(written), text=text)
 
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "BakeSettings", progress: Progress
@@ -674,29 +667,22 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     ) -> ViewsBaked:
         """Write textures, report and figures: all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import (
-            filled_share,
-            format_textures,
-            seen_share,
-            texture_facts,
-            write_textures,
-        )
+        from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, write_transaction
 
-        made, maps = [], []
+        written, maps = [], []
         with write_transaction():
-            for one, texture in write_textures(plan, baked):
-                made.append(one)
+            for texture_set, one, texture in write_textures(plan, baked):
+                written.append(one)
                 if self.report:
-                    maps += texture_maps(texture, one.texture_set.named)
+                    maps += texture_maps(texture, texture_set.named)
                 del texture
-            text = format_textures(made, self.texture_words(plan.target))
+            text = format_textures(written, self.texture_words(plan.target))
             result = ViewsBaked(
                 plan.target.output,
-                [*map(texture_facts, made)],
-                round(seen_share(made), 4),
-                filled_share(made),
+                written,
+                *shares_of(written),
                 table_rows(table),
                 self.level_scale(),
                 model,
