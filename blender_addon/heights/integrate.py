@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.relief.height_names import scale_sidecar
+from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
@@ -67,7 +67,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         outputs = [self._output, *self._pictures.values(), *([self._mesh] if self._mesh else [])]
         # Heights have a scale file. Without one, the existing files do not belong to earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
-        if foreign and not scale_sidecar(self._output).exists():
+        if foreign and not height_names(self._output)[1].exists():
             raise FileError(
                 f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
                 "heights another name"

@@ -279,7 +279,8 @@ class Check(ReadsPhotos):
     """Check a photo and its lights, and say how to improve them.
 
     It checks the exposure, clipping, whether the channels show different lights, the lights' directions and order, how
-    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo does not raise an error.
+    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no
+    reason to raise.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.cycles import sample_from_cycles
-from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.scene_description import Bump, Dirt, Material, Paint, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shapes.shape import Shape, joined, smooth_shape
 
@@ -35,8 +35,8 @@ def camera(projection: str, distance: float = 10.0, size: int = SIZE) -> Camera:
     return Camera(projection, size, size, [focal, focal], [size * 0.53, size * 0.48], pose)
 
 
-def recipe(projection: str = "orthographic", **changes) -> Recipe:
-    plain = Recipe(
+def recipe(projection: str = "orthographic", **changes) -> SceneDescription:
+    plain = SceneDescription(
         seed=1,
         number=2,
         shape={"kind": "test"},
@@ -351,11 +351,11 @@ def layers(tmp_path_factory) -> Path:
     return path
 
 
-def four_materials() -> Recipe:
+def four_materials() -> SceneDescription:
     return recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=Pattern("stripes", scale=2.0))
 
 
-def read(path: Path, told: Recipe | None = None):
+def read(path: Path, told: SceneDescription | None = None):
     shape = sphere(rings=16)
     return sample_from_cycles(path, told or four_materials(), shape.vertices, shape.triangles, "test")
 
