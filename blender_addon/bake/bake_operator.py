@@ -11,8 +11,10 @@ from mathutils import Matrix
 from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.bake.texture_names import albedo_file
+from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import InputError
 from mpsnet_core.operation import Operation
+from mpsnet_core.operation_json import from_facts
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
@@ -148,11 +150,12 @@ class BakeOperator(RunsCore):
 
     def assign_result(self, scene: Any, result: dict[str, Any]) -> None:
         """Load the core's textures and assign them to their objects."""
-        there = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
-        if not any(target for _, target in there):
+        existing = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
+        if not any(target for _, target in existing):
             raise InputError(f"the target is gone; its texture is in {self._output}")
-        images = load_textures(result["outputs"], self._bake_targets[0].name)
-        coverage = self._load_maps(result, "coverage")
+        written = [from_facts(WrittenTexture, facts) for facts in result["outputs"]]
+        images = load_textures(written, self._bake_targets[0].name)
+        coverage = load_textures(written, self._bake_targets[0].name, "coverage")
         for part, image in images.items():
             self.made(image)
             store_coverage(image, coverage[part])
@@ -160,28 +163,23 @@ class BakeOperator(RunsCore):
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
-        assigned = _assigned(there, images)
+        assigned = _assigned(existing, images)
         sentences = assign_textures(assigned, bake.space, bake.convention)
-        for sentence in [*sentences, *self._assign_albedo(there, result)]:
+        for sentence in [*sentences, *self._assign_albedo(existing, written)]:
             self.report({"INFO"}, sentence)
         for sentence in [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]:
             self.note(sentence)
         mark_assets(assigned, bake.mark_asset)
 
-    def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], result: dict[str, Any]) -> list[str]:
+    def _assign_albedo(
+        self, existing: Sequence[tuple[BakeTarget, Any]], written: Sequence[WrittenTexture]
+    ) -> list[str]:
         """Load the albedos and assign them to their objects. Returns notes."""
-        images = self._load_maps(result, "albedo")
+        images = load_textures(written, self._bake_targets[0].name, "albedo")
         for image in images.values():
             self.made(image)
         names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
-        return [*names, *assign_albedo(_assigned(there, images))]
-
-    def _load_maps(self, result: dict[str, Any], what: str) -> dict[Part, Any]:
-        """The images "coverage" or "albedo" that belong to the textures, loaded by :func:`load_textures`."""
-        pictures = [
-            {**one, "output": one[what], "tiles": one.get(f"{what}_tiles")} for one in result["outputs"] if what in one
-        ]
-        return load_textures(pictures, self._bake_targets[0].name, what.title())
+        return [*names, *assign_albedo(_assigned(existing, images))]
 
     def written(self, result: dict[str, Any]) -> str:
         """A sentence on the files that were written."""
@@ -197,9 +195,9 @@ class BakeOperator(RunsCore):
         return [f"{result['seen']:.0%} of the surface seen{filled}{moved}"]
 
 
-def _assigned(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
+def _assigned(existing: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
     """The textures of the objects that still exist."""
-    return [found for one, target in there if target and (found := texture_of(one, target, images))]
+    return [found for one, target in existing if target and (found := texture_of(one, target, images))]
 
 
 def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.multi_view import ViewCaptureSettings
     from mpsnet_core.bake.settings import BakeSettings
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureTarget, WrittenTexture
+    from mpsnet_core.bake.texture_files import Plan, TextureTarget
     from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
+    from mpsnet_core.bake.written_texture import WrittenTexture
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.rig import LightRig
     from mpsnet_core.scene.view_photos import ViewPhoto

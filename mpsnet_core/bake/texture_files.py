@@ -14,6 +14,7 @@ from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
+from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder, file_suffix, writable_path
@@ -104,30 +105,6 @@ class Plan:
     patterns: Sequence[Path]
     base_maps: BaseMaps
     coverage: Path | None
-
-
-@dataclass(frozen=True)
-class WrittenTexture:
-    """A texture that was written: its files and texture set, and what the views saw of it.
-
-    output: its file. seen, filled: the fractions of its surface that some view saw and that were filled, None without
-    filling. texels: number of texels with surface under them. tile, material, object: of the texture set, None where
-    textures are not split by them. albedo: file of the colours, if the views have any. coverage: file of the coverage
-    map, if requested. tiles, albedo_tiles, coverage_tiles: the file name of all tiles, with <UDIM>.
-    """
-
-    output: str
-    seen: float
-    filled: float | None
-    texels: int
-    tile: int | None
-    material: str | None
-    object: str | None
-    albedo: str | None
-    coverage: str | None
-    tiles: str | None
-    albedo_tiles: str | None
-    coverage_tiles: str | None
 
 
 def planned(
