@@ -183,10 +183,10 @@ class CompareNormals(Operation):
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""
         from mpsnet_core.io.files import check_no_overwrite, writable_image
-        from mpsnet_core.io.image_writing import write_picture
+        from mpsnet_core.io.image_writing import write_picture_bands
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
-        from mpsnet_core.scene.pictures import scaled_error_picture
+        from mpsnet_core.scene.pictures import scaled_error_bands
 
         if self.output:
             writable_image(self.output)
@@ -196,7 +196,7 @@ class CompareNormals(Operation):
         errors = normal_errors(estimate, read_true_normals(self.truth, self.camera, convention=self.truth_convention))
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
-            write_picture(self.output, scaled_error_picture(errors.degrees, errors.mask))
+            write_picture_bands(self.output, *scaled_error_bands(errors.degrees, errors.mask))
         progress(1.0, "done")
         share = float(errors.mask.sum() / estimate.mask.sum())
         text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
