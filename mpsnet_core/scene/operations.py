@@ -125,9 +125,9 @@ class WriteCameras(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.io.files import prefix_errors, write_transaction
-        from mpsnet_core.io.image import warn_of_saturation
+        from mpsnet_core.io.image import Image, warn_of_saturation
         from mpsnet_core.io.image_reading import read_image
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_photo
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
@@ -138,10 +138,9 @@ class WriteCameras(ReadsPictures):
             pixels = undistorted(image.pixels, view.camera, view.lens)
             shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
             alpha = undistorted_mask(shown, view.camera, view.lens)
-        stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
         with write_transaction():
             write_camera(camera, view.camera)
-            write_image(photo, stored, bits=16, color_space="lin_rec709_scene")
+            write_photo(photo, Image(pixels, alpha.astype(np.float32), np.inf, assumed=image.assumed), bits=16)
 
 
 @dataclass(frozen=True)
