@@ -6,67 +6,26 @@ with pip's bpy.
 """
 
 import atexit
+from importlib import import_module
 
 import bpy
 
-from . import commands, manual, menu, panels, preferences, presets, settings, translations
-
-# Aliases, because the package's name already stands for the subpackage.
-from .bake import bake as bake_step
-from .bake import coverage, many_views, node_group, relight
 from .bake.gltf_export import GltfExtension
-from .estimate import error_map
-from .estimate import estimate as estimate_step
-from .heights import displace, integrate
-from .material import material as material_step
-from .operators import core_run, reporting
-from .photo import align, check, drop, look_through, paint_mask, pick_points
-from .photo import photo as photo_step
-from .rig import calibrate, light_preview, several_rigs
-from .rig import rig as rig_step
-from .settings import choices
-from .start import try_it
-from .training import training_data
 
 # Blender's glTF exporter finds it by this name.
 glTF2ExportUserExtension = GltfExtension
 
-_MODULES = (
-    settings,
-    preferences,
-    choices,
-    presets,
-    reporting,
-    core_run,
-    rig_step,
-    several_rigs,
-    light_preview,
-    calibrate,
-    photo_step,
-    drop,
-    align,
-    pick_points,
-    check,
-    look_through,
-    paint_mask,
-    estimate_step,
-    error_map,
-    bake_step,
-    node_group,
-    displace,
-    integrate,
-    many_views,
-    coverage,
-    material_step,
-    training_data,
-    relight,
-    try_it,
-    panels,
-    menu,
-    manual,
-    commands,
-    translations,
+# Modules with classes or handlers, in the order in which they are registered.
+_NAMES = (
+    *("settings.scene", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
+    *("rig.rig", "rig.several_rigs", "rig.light_preview", "rig.calibrate"),
+    *("photo.photo", "photo.drop", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
+    *("photo.paint_mask", "estimate.estimate", "estimate.error_map"),
+    *("bake.bake", "bake.node_group", "heights.displace", "heights.integrate", "bake.many_views", "bake.coverage"),
+    *("material", "training.training_data", "bake.relight", "start.try_it"),
+    *("panels", "menu", "manual", "commands", "translations"),
 )
+_MODULES = [import_module(f".{name}", __name__) for name in _NAMES]
 
 
 def register() -> None:

@@ -13,7 +13,7 @@ from mpsnet_core.bake.operations import BakeViews as BakeViews
 from mpsnet_core.bake.presets import PRESETS as PRESETS
 from mpsnet_core.bake.presets import Preset as Preset
 from mpsnet_core.bake.projection import View as View
-from mpsnet_core.bake.settings import Baking as Baking
+from mpsnet_core.bake.settings import BakeSettings as BakeSettings
 from mpsnet_core.bake.texture import Texture as Texture
 from mpsnet_core.bake.texture import write_texture as write_texture
 from mpsnet_core.bake.texture_sets import TextureSet as TextureSet

@@ -1,10 +1,16 @@
 """Operations as JSON, as a child process receives them: ``{"operation": "mask", "options": {"image": ...}}``."""
 
+import dataclasses
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.operation import Operation, Setting, settings
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Facts = TypeVar("Facts", bound="DataclassInstance")
 
 # Numbers of this magnitude or above, infinity and NaN are rejected: no option takes them.
 LARGEST = 2**63
@@ -40,6 +46,11 @@ def from_json(request: Mapping[str, Any], kinds: Iterable[type[Operation]]) -> O
         if setting.required and name not in options:
             raise SettingsError(f"{command} lacks its option {name}; give it")
     return kind(**{name: _value(command, known[name], value) for name, value in options.items()})
+
+
+def from_facts(kind: type[Facts], facts: Mapping[str, Any]) -> Facts:
+    """A record of a result again from its JSON, which leaves out what is None: see :meth:`.Result.facts`."""
+    return kind(**{one.name: facts.get(one.name) for one in dataclasses.fields(kind)})
 
 
 def _value(command: str, setting: Setting, value: Any) -> Any:

@@ -23,11 +23,10 @@ from ..settings.bake import BakeSettings
 from ..settings.declared import apply_given_settings
 from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
 from .assign_textures import assign_textures, mark_assets
-from .bake_operator import BakeOperator, bake_target, target_provenance, texture_name
+from .bake_operator import BakeOperator, bake_target, low_frequencies, target_provenance, texture_name
 from .base_maps import store_base_map
 from .coverage import coverage_folder
 from .gltf_export import export_notes
-from .options import bits, level, sampling
 from .texture_owners import FRAME
 from .texture_sets import AssignedTexture
 
@@ -92,10 +91,8 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             mesh=meshes,
             view=(f"{camera}={normals}", *self._other_views(scene, others, folder)),
             albedo=albedos,
-            **sampling(self),
-            bits=bits(self, suffix),
-            level=level(self),
-            **self.detail(self, targets, folder),
+            **self.texture_options(Bake, self, targets, folder),
+            level=low_frequencies(self),
             coverage=None if self._frames else coverage_folder(),
             format=suffix[1:] if self._frames else None,
             output=str(self._output),

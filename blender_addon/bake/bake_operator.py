@@ -9,9 +9,12 @@ from bpy.props import StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.bake.map_list import write_map_list
-from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.bake.texture_names import albedo_file
+from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import InputError
+from mpsnet_core.operation import Operation
+from mpsnet_core.operation_json import from_facts
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
@@ -20,12 +23,12 @@ from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
-from ..settings.declared import round_as_typed
+from ..settings.bake import BakeSettings
+from ..settings.declared import options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
 from .gltf_export import export_notes
-from .options import Detail
 from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
     SPLITS,
@@ -101,16 +104,21 @@ class BakeOperator(RunsCore):
             refuse_shared(targets, settings.split)
         return targets
 
-    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
-        """The core's options for the photo's detail and the base maps."""
-        options: Detail = {"strength": round_as_typed(settings.strength), "fill": settings.fill}
+    def texture_options(
+        self, operation: type[Operation], settings: Any, targets: Sequence[Any], folder: Path
+    ) -> dict[str, Any]:
+        """The core's options for the texture and the base maps that it goes on top of."""
+        if settings.preset != "CUSTOM":
+            check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
+        options = options_of(operation, BakeSettings, settings, without=("preset",))
+        options["size"] = str(settings.size)
+        if settings.padding != "NEAREST":
+            del options["margin"]
         self._bases = maps_before_bake(targets, self._bake_targets, self._output)
         if not settings.onto:
-            return options
-        options["onto_shown"] = settings.onto_shown.lower()
+            return {name: value for name, value in options.items() if not name.startswith("onto")}
         if settings.onto_file:
-            file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
-            return {**options, "onto": file, "onto_convention": convention.lower()}
+            return options
         maps = base_map_files(targets, self._bake_targets, self._output)
         if list(maps) == [(None, None)]:
             one: Any = maps[None, None]
@@ -150,11 +158,12 @@ class BakeOperator(RunsCore):
         """Load the core's textures and assign them to their objects, unless the files alone are wanted."""
         if not scene.mps.bake.assign:
             return
-        there = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
-        if not any(target for _, target in there):
+        existing = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
+        if not any(target for _, target in existing):
             raise InputError(f"the target is gone; its texture is in {self._output}")
-        images = load_textures(result["outputs"], self._bake_targets[0].name)
-        coverage = self._load_maps(result, "coverage")
+        written = [from_facts(WrittenTexture, facts) for facts in result["outputs"]]
+        images = load_textures(written, self._bake_targets[0].name)
+        coverage = load_textures(written, self._bake_targets[0].name, "coverage")
         for part, image in images.items():
             self.made(image)
             store_coverage(image, coverage[part])
@@ -162,9 +171,9 @@ class BakeOperator(RunsCore):
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
-        assigned = _assigned(there, images)
+        assigned = _assigned(existing, images)
         sentences = assign_textures(assigned, bake.space, bake.convention)
-        for sentence in [*sentences, *self._assign_albedo(there, result)]:
+        for sentence in [*sentences, *self._assign_albedo(existing, written)]:
             self.tell(sentence)
         unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
         mixed = bake.tiles and any(len({*one.target.material_slots.keys()}) > 1 for one in assigned)
@@ -172,20 +181,15 @@ class BakeOperator(RunsCore):
             self.note(sentence)
         mark_assets(assigned, bake.mark_asset)
 
-    def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], result: dict[str, Any]) -> list[str]:
+    def _assign_albedo(
+        self, existing: Sequence[tuple[BakeTarget, Any]], written: Sequence[WrittenTexture]
+    ) -> list[str]:
         """Load the albedos and assign them to their objects. Returns notes."""
-        images = self._load_maps(result, "albedo")
+        images = load_textures(written, self._bake_targets[0].name, "albedo")
         for image in images.values():
             self.made(image)
         names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
-        return [*names, *assign_albedo(_assigned(there, images))]
-
-    def _load_maps(self, result: dict[str, Any], what: str) -> dict[Part, Any]:
-        """The images "coverage" or "albedo" that belong to the textures, loaded by :func:`load_textures`."""
-        pictures = [
-            {**one, "output": one[what], "tiles": one.get(f"{what}_tiles")} for one in result["outputs"] if what in one
-        ]
-        return load_textures(pictures, self._bake_targets[0].name, what.title())
+        return [*names, *assign_albedo(_assigned(existing, images))]
 
     def written(self, result: dict[str, Any]) -> str:
         """A sentence on the files that were written."""
@@ -201,14 +205,19 @@ class BakeOperator(RunsCore):
         return [f"{result['seen']:.0%} of the surface seen{filled}{moved}"]
 
 
-def _assigned(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
+def _assigned(existing: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
     """The textures of the objects that still exist."""
-    return [found for one, target in there if target and (found := texture_of(one, target, images))]
+    return [found for one, target in existing if target and (found := texture_of(one, target, images))]
 
 
 def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
     """The data of an object, as its mesh file is started, that is needed when the textures are ready."""
     return BakeTarget(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
+
+
+def low_frequencies(settings: Any) -> str:
+    """The core's option for the size above which shapes come from the mesh instead of the photo."""
+    return f"{settings.level_scale:g}" if settings.level else "off"
 
 
 def target_provenance(settings: Any) -> Provenance:

@@ -25,12 +25,11 @@ from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.bake import BakeSettings
-from ..settings.declared import apply_given_settings
+from ..settings.declared import apply_given_settings, options_of
 from ..settings.estimate import EstimateSettings
 from ..settings.views import ViewsSettings
-from .bake_operator import BakeOperator, target_provenance
+from .bake_operator import BakeOperator, low_frequencies, target_provenance
 from .coverage import coverage_folder
-from .options import bits, level, sampling
 from .texture_sets import without_tokens
 
 # The rotation that Blender's OBJ and glTF importers apply to files with y up.
@@ -86,14 +85,11 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
             cameras=cameras,
             photos=photos,
             rig=self._rig(scene, folder, turn.inverted()),
-            lights_in=self.lights_in.lower(),
+            **options_of(BakeViews, ViewsSettings, self, without=("cameras", "photos", "keep")),
             **reading(estimate, unmasked="mesh"),
-            white=(bpy.path.abspath(self.white),) if self.white else (),
             **network(estimate),
-            level=level(self),
-            **sampling(bake),
-            bits=bits(bake, output.suffix.lower()),
-            **self.detail(bake, targets, folder),
+            **self.texture_options(BakeViews, bake, targets, folder),
+            level=low_frequencies(self),
             coverage=coverage_folder(),
             keep=str(requested_path(self.keep)) if self.keep else None,
             report=self._report or None,

@@ -11,6 +11,7 @@ from typing import Any
 
 import bpy
 
+from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import GeometryError
 
 from ..appearance.nodes import with_nodes
@@ -74,23 +75,26 @@ class AssignedTexture:
         return self.images[min(slot, len(self.images) - 1)], self.uv_map
 
 
-def load_textures(outputs: Sequence[Mapping[str, Any]], name: str, colours: str = "") -> dict[Part, Any]:
+def load_textures(written: Sequence[WrittenTexture], name: str, what: str = "") -> dict[Part, Any]:
     """Load the textures of the core's result as images, by the names of their object and material.
 
-    None stands for all; UDIM tiles are one image. colours: name of the images if they hold colours.
+    None stands for all; UDIM tiles are one image. what: "albedo" or "coverage" for those that go with the textures.
     """
-    kinds: dict[Part, list[Mapping[str, Any]]] = {}
-    for output in outputs:
-        kinds.setdefault((output.get("object"), output.get("material")), []).append(output)
+    parts: dict[Part, list[WrittenTexture]] = {}
+    for one in written:
+        parts.setdefault((one.object, one.material), []).append(one)
     images = {}
-    for key, files in kinds.items():
-        of_what = [*filter(None, key)] if any(key) else [name]
-        named = " ".join(filter(None, ["MPS", *of_what, colours]))
-        if "tile" in files[0]:
-            numbers = [file["tile"] for file in files]
-            images[key] = load_tiles(Path(files[0]["tiles"]), numbers, named, is_data=not colours)
+    for part, textures in parts.items():
+        file = getattr(textures[0], what or "output")
+        if file is None:  # nothing of that kind goes with the textures
+            continue
+        named = " ".join(["MPS", *(filter(None, part) if any(part) else [name]), *([what.title()] if what else [])])
+        numbers = [one.tile for one in textures if one.tile is not None]
+        if numbers:
+            pattern = Path(getattr(textures[0], f"{what}_tiles" if what else "tiles"))
+            images[part] = load_tiles(pattern, numbers, named, is_data=not what)
         else:
-            images[key] = load_image(Path(files[0]["output"]), named, is_data=not colours)
+            images[part] = load_image(Path(file), named, is_data=not what)
     return images
 
 

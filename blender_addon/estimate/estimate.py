@@ -20,7 +20,7 @@ from ..photo.options import network, painted_mask, reading, rig_and_camera_optio
 from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
-from ..settings.declared import apply_given_settings
+from ..settings.declared import apply_given_settings, options_of
 from ..settings.estimate import EstimateSettings
 
 
@@ -73,17 +73,18 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
             scene.mps.estimate.surface = find_object(scene, self.surface)
         self._camera, self._lens, self._photo = remembered(image, "camera"), self.lens, image.session_uid
         confidence, albedo = (self._beside(what) if getattr(self, what) else None for what in ("confidence", "albedo"))
+        of_one_photo, read = ("white", "white_light"), ("encoding", "dark", "flat")  # the latter are in `reading`
+        unused = ("smooth",) if not moves else of_one_photo
+        unused = unused if self.white else (*unused, *of_one_photo)
         operation = Estimate(
             image=(str(photo),),
             **rig_and_camera_options(context, image, folder, self.schedule, rig_file),
             **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
+            **options_of(Estimate, EstimateSettings, self, without=("focal", "distance", "model", *read, *unused)),
             passes=None if moves or self.average_passes else 1,
-            white=(bpy.path.abspath(self.white),) if self.white and not moves else (),
-            white_light=(self.white_light or None) if self.white and not moves else None,
             confidence=confidence,
             albedo=albedo,
-            smooth=self.smooth if moves else 0,
             format=FORMATS[self.file_format] if moves else None,
             output=str(self._output),
         )

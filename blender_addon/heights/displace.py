@@ -31,7 +31,7 @@ from ..provenance import Provenance, chosen, stamp
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import world_scale
-from ..settings.declared import apply_given_settings, round_as_typed
+from ..settings.declared import apply_given_settings, options_of, round_as_typed
 from ..settings.displace import DisplaceSettings
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
@@ -98,7 +98,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
             object_space=str(self._normals) if self._normals else None,
             space=known["space"].lower(),
             convention=known["convention"].lower(),
-            scale=round_as_typed(self.scale),
+            **options_of(Integrate, DisplaceSettings, self),
             margin=bake.margin,
         )
         return operation, self._files()

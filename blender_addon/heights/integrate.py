@@ -8,9 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from mpsnet_core.defaults import FACES
 from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.relief.height_names import scale_sidecar
+from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
@@ -19,11 +18,11 @@ from ..images import fine_preview, image_file, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
-from ..photo.options import Viewpoint, seen_through
+from ..photo.options import seen_through
 from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..scene.surfaces import middle_of
-from ..settings.declared import apply_given_settings, round_as_typed
+from ..settings.declared import apply_given_settings, options_of, round_as_typed
 from ..settings.heights import HeightsSettings
 
 PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}
@@ -54,37 +53,34 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
         }
         self._mesh = self._output.with_suffix(".ply") if self.mesh else None
-        seen = self._viewpoint(context, image, folder)
+        made: dict[str, Any] = {what: str(picture) for what, picture in self._pictures.items()}
+        if self._mesh is not None:
+            made["mesh"] = str(self._mesh)
+        unused = ("distance",) if self._mesh else ("distance", "faces")
         operation = Integrate(
             normals=str(normals),
             height=str(self._output),
-            method=self.method.lower(),
-            camera=seen.get("camera"),
-            focal=seen.get("focal"),
-            distance=seen.get("distance"),
-            mesh=_text(self._mesh),
-            faces=self.faces if self.mesh else FACES,
-            curvature=_text(self._pictures.get("curvature")),
-            occlusion=_text(self._pictures.get("occlusion")),
-            relit=_text(self._pictures.get("relit")),
+            **options_of(Integrate, HeightsSettings, self, without=unused),
+            **self._viewpoint(context, image, folder),
+            **made,
         )
         outputs = [self._output, *self._pictures.values(), *([self._mesh] if self._mesh else [])]
         # Heights have a scale file. Without one, the existing files do not belong to earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
-        if foreign and not scale_sidecar(self._output).exists():
+        if foreign and not height_names(self._output)[1].exists():
             raise FileError(
                 f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
                 "heights another name"
             )
         return operation, outputs
 
-    def _viewpoint(self, context: Any, image: Any, folder: Path) -> Viewpoint:
+    def _viewpoint(self, context: Any, image: Any, folder: Path) -> dict[str, Any]:
         """The core's options for the photo's camera, and its distance to the object."""
         scene = context.scene
         lens = scene.mps.estimate.lens
         with suppress(ValueError):
             lens = float(remembered(image, "lens") or lens)
-        seen = seen_through(scene, image, lens, folder)
+        seen: dict[str, Any] = {**seen_through(scene, image, lens, folder)}
         if self.distance:
             return {**seen, "distance": round_as_typed(self.distance)}
         target = mesh_of_photo(context)
@@ -108,10 +104,6 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         if self._mesh is not None:
             estimate.mesh = _import_surface(scene, self._mesh, estimate.mesh)
         self.tell(f"Heights written to {self._output}")
-
-
-def _text(path: Path | None) -> str | None:
-    return None if path is None else str(path)
 
 
 def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:

@@ -16,6 +16,7 @@ from mpsnet_core.io.files import resolved, temporary_folder
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..outputs import is_permanent
 from ..provenance import refuse_to_overwrite
+from ..settings.messages import in_blender
 from ..slices import Slices, close_slices
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
@@ -180,6 +181,7 @@ class RunsCore(ReportingOperator):
 
     def note(self, sentence: str) -> None:
         """Report a sentence that stays with the step; called by `finish`."""
+        sentence = in_blender(sentence)
         self.tell(sentence)
         self._stored.append(sentence)
 

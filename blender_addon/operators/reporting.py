@@ -15,6 +15,7 @@ from ..child_process.core_process import CoreCrashed
 from ..errors import system_report
 from ..provenance import Provenance, store_provenance
 from ..scene.objects import by_session_uid
+from ..settings.messages import in_blender
 from ..settings.record import store_record
 
 log = logging.getLogger(__name__)
@@ -128,7 +129,7 @@ class ReportingOperator(bpy.types.Operator):
         return False
 
     def _failed(self, sentence: str) -> None:
-        sentence = f"{self._whose}{sentence}"
+        sentence = f"{self._whose}{in_blender(sentence)}"
         self._store_record(error=sentence)
         self.report({"ERROR"}, sentence)
 

@@ -141,18 +141,12 @@ class MPS_PT_texture(Step):
         else:
             column.prop(bake, "uv_map")
         column.prop(bake, "output", text="File", placeholder="Automatic")
-        column.prop(bake, "split")
-        column.prop(bake, "tiles")
-        column.prop(bake, "space")
-        column.prop(bake, "convention")
-        column.prop(bake, "samples")
-        column.prop(bake, "fill")
-        column.prop(bake, "padding")
+        for name in ("split", "tiles", "space", "convention", "samples", "fill", "padding"):
+            column.prop(bake, name)
         if bake.padding == "NEAREST":
             column.prop(bake, "margin")
-        column.prop(bake, "file_format")
-        column.prop(bake, "bits")
-        column.prop(bake, "assign")
+        for name in ("file_format", "bits", "assign"):
+            column.prop(bake, name)
         if bake.assign:
             column.prop(bake, "mark_asset")
         self.layout.template_ID(bake, "image", open="image.open")

@@ -25,9 +25,8 @@ class MPS_PT_heights(Step):
     def draw(self, context: Any) -> None:
         heights = context.scene.mps.heights
         column = self.column()
-        column.prop(heights, "method")
-        column.prop(heights, "distance")
-        column.prop(heights, "file_format")
+        for name in ("method", "distance", "file_format"):
+            column.prop(heights, name)
         column.prop(heights, "output", text="File", placeholder="Automatic")
         column = self.column(heading="Make")
         column.prop(heights, "mesh")
@@ -59,9 +58,8 @@ class MPS_PT_displace(Step):
         column.prop(displace, "levels")
         if displace.levels:
             column.prop(displace, "subdivision")
-        column.prop(displace, "scale")
-        column.prop(displace, "keep_normals")
-        column.prop(displace, "file_format")
+        for name in ("scale", "keep_normals", "file_format"):
+            column.prop(displace, name)
         column.prop(displace, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "displace", "MOD_DISPLACE")
         self.picture(displace.image, folded="displacement")

@@ -30,13 +30,8 @@ class MPS_PT_material(Step):
         material = context.scene.mps.material
         model_menu(self.layout, material, MPS_MT_material_models)
         column = self.column()
-        column.prop(material, "width")
-        column.prop(material, "size")
-        column.prop(material, "overlap")
-        column.prop(material, "bend")
-        column.prop(material, "grey")
-        column.prop(material, "relief")
-        column.prop(material, "repeats")
+        for name in ("width", "size", "overlap", "bend", "grey", "relief", "repeats"):
+            column.prop(material, name)
         column.prop(material, "output", placeholder="Automatic")
         self.progress_or(context, "make_material", "MATERIAL")
         if material.summary:

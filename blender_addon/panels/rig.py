@@ -75,10 +75,8 @@ class MPS_PT_rig(Step):
     def _virtual(self, context: Any) -> None:
         scene, rig = context.scene, context.scene.mps.rig
         column = self.column()
-        column.prop(rig, "light_type")
-        column.prop(rig, "slant")
-        column.prop(rig, "tilt")
-        column.prop(rig, "view")
+        for name in ("light_type", "slant", "tilt", "view"):
+            column.prop(rig, name)
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
         if rig.lights and (error := _standing_lights(scene).lacks):
             wrapped(self.layout, sentence(error), icon="ERROR")
@@ -146,9 +144,8 @@ class MPS_PT_rig_placement(Step):
         self.layout.popover("MPS_PT_rig_presets", text="Presets", icon="PRESET")
         rig = context.scene.mps.rig
         column = self.column()
-        column.prop(rig, "distance")
-        column.prop(rig, "light_size")
-        column.prop(rig, "strength")
+        for name in ("distance", "light_size", "strength"):
+            column.prop(rig, name)
         column = self.column()
         column.prop(rig, "projection")
         if rig.projection == "PERSPECTIVE":
@@ -187,9 +184,8 @@ class MPS_PT_calibrate(Step):
         column = self.column()
         column.prop(calibrate, "ball")
         column.prop(calibrate, "second_ball", placeholder="For positions")
-        column.prop(calibrate, "lens")
-        column.prop(calibrate, "ball_radius")
-        column.prop(calibrate, "encoding")
+        for name in ("lens", "ball_radius", "encoding"):
+            column.prop(calibrate, name)
         column.prop(calibrate, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
         self.column().prop(calibrate, "grey")

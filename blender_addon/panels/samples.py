@@ -28,15 +28,13 @@ class MPS_PT_samples(Step):
         elif samples.source == "MESHES":
             column.prop(samples, "meshes")
         column = self.column()
-        column.prop(samples, "count")
-        column.prop(samples, "seed")
-        column.prop(samples, "size")
+        for name in ("count", "seed", "size"):
+            column.prop(samples, name)
         if samples.source != "SCENE":
             column.prop(samples, "views")
         column = self.column()
-        column.prop(samples, "samples")
-        column.prop(samples, "bounces")
-        column.prop(samples, "denoise")
+        for name in ("samples", "bounces", "denoise"):
+            column.prop(samples, name)
         column = self.column()
         target = samples_folder(context.scene)
         column.prop(samples, "output", placeholder="Automatic" if is_permanent(target) else "Name one")

@@ -7,7 +7,6 @@ notes, progress, time left and the inputs of a result come from the operators (`
 ``provenance``).
 """
 
-import re
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -19,6 +18,7 @@ from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import is_safe_to_open
 from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
+from ..settings.messages import in_blender
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 
@@ -214,6 +214,6 @@ def _changed(context: Any, image: Any) -> list[str]:
 
 
 def sentence(text: str) -> str:
-    """A message of the core for the panel: without the options of the command line, which follow in brackets."""
-    text = re.sub(r" \(--[^()]*\)", "", text)
+    """A message as a sentence of the panel."""
+    text = in_blender(text)
     return text[:1].upper() + text[1:]

@@ -8,6 +8,7 @@ import bpy
 
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 from ..image_records import remembered
@@ -17,8 +18,8 @@ from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import check_in_scene
-from ..settings.declared import round_as_typed
-from ..settings.estimate import MODELS
+from ..settings.declared import options_of, round_as_typed
+from ..settings.estimate import MODELS, EstimateSettings
 from ..slices import Slices
 from .camera import is_real, write_photo_camera
 
@@ -32,16 +33,6 @@ class Viewpoint(TypedDict, total=False):
 
 class RigAndViewpoint(Viewpoint):
     rig: str
-
-
-class ReadingWithoutMask(TypedDict):
-    encoding: Any
-    dark: str | None
-    flat: str | None
-
-
-class Reading(ReadingWithoutMask):
-    mask: str
 
 
 class Network(TypedDict):
@@ -144,7 +135,7 @@ def model_name(settings: Any) -> str:
     return bpy.path.abspath(settings.model_file)
 
 
-def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> Reading:
+def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> dict[str, Any]:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
     unmasked: the default for the mask. painted: the file from :func:`painted_mask`, "" if there is none.
@@ -180,10 +171,9 @@ def painted_mask(estimate: Any, folder: Path) -> str:
     return str(folder / "painted_mask.png")
 
 
-def reading_without_mask(settings: Any) -> ReadingWithoutMask:
+def reading_without_mask(settings: Any) -> dict[str, Any]:
     """The options of :func:`reading` without the mask."""
-    dark, flat = (bpy.path.abspath(path) if path else None for path in (settings.dark, settings.flat))
-    return {"encoding": settings.encoding.lower(), "dark": dark, "flat": flat}
+    return options_of(Estimate, EstimateSettings, settings, only=("encoding", "dark", "flat"))
 
 
 def _mask(settings: Any) -> str:

@@ -27,7 +27,7 @@ from ..provenance import Provenance, chosen, file_stamp, rounded
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import find_object
-from ..settings.declared import PATH, apply_given_settings
+from ..settings.declared import PATH, apply_given_settings, options_of
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
@@ -191,7 +191,8 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
                 raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
         output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
         images = tuple(map(bpy.path.abspath, photos))
-        return Superpose(image=images, channels=True, encoding=self.encoding.lower(), output=str(output)), [output]
+        options = options_of(Superpose, SuperposeSettings, self)
+        return Superpose(image=images, channels=True, output=str(output), **options), [output]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         photo = Path(result["output"])

@@ -19,7 +19,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
-from ..settings.declared import apply_given_settings, round_as_typed
+from ..settings.declared import apply_given_settings, options_of
 from .several_rigs import all_rigs, result_name, rig_at
 
 _OVERLAY = "MPS Calibration"
@@ -37,9 +37,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
         circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
         return {
-            "encoding": self.encoding.lower(),
-            "radius": round_as_typed(self.ball_radius),
-            "focal": round_as_typed(self.lens) if self.lens else None,
+            **options_of(CalibrateLights, CalibrateSettings, self),
             "circle": tuple(f"{x:g},{y:g},{radius:g}" for x, y, radius in circles) if circles[0][2] > 0 else (),
             "overlay": str(self._overlay),
             "output": str(rig),

@@ -3,7 +3,7 @@
 Options of the core's operations are described there, and :func:`from_option` makes properties from them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -11,6 +11,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from mpsnet_core.operation import Operation, Setting, settings
+
+from .messages import store_label
 
 # Without it, Blender fills an operator's unset properties from its last run instead of the scene's settings.
 GIVEN = {"SKIP_SAVE"}
@@ -48,6 +50,9 @@ _LABELS = {"auto": "Automatic", "srgb": "sRGB", "opengl": "OpenGL", "directx": "
 # An identifier, a label and a tooltip.
 Item = tuple[str, str, str]
 
+# The options that settings were made of, by the identity of the properties, see options_of.
+_OPTIONS: dict[int, str] = {}
+
 
 def option_of(operation: type[Operation], name: str) -> Setting:
     """The option of that name."""
@@ -64,12 +69,15 @@ def items_of(operation: type[Operation], option: str, labels: Mapping[Any, str] 
 
     labels: of choices whose label differs from their value.
     """
-    known = {**_LABELS, **(labels or {})}
+    shown = _choice_labels(option_of(operation, option), labels)
     choices = option_of(operation, option).option.choices
-    return [
-        (identifier(value), known.get(value, str(value).title()), _sentence(meaning))
-        for value, meaning in choices.items()
-    ]
+    return [(identifier(value), shown[str(value)], _sentence(meaning)) for value, meaning in choices.items()]
+
+
+def _choice_labels(setting: Setting, labels: Mapping[Any, str] | None) -> dict[str, str]:
+    """The label of each choice of an option, by its value."""
+    known = {**_LABELS, **(labels or {})}
+    return {str(value): known.get(value, str(value).title()) for value in setting.option.choices}
 
 
 def from_option(
@@ -108,24 +116,81 @@ def from_option(
     described = setting.option
     if default is None and not (setting.required or setting.several):
         default = setting.default
-    facts = {"name": name or option.replace("_", " ").title(), "description": _sentence(described.help), **facts}
+    label = name or option.replace("_", " ").title()
+    store_label(option, label, _choice_labels(setting, labels))
+    facts = {"name": label, "description": _sentence(described.help), **facts}
     if switch or setting.kind is bool:
-        return BoolSetting(default=bool(default), **facts)
-    if items is not None or described.choices:
+        made = BoolSetting(default=bool(default), **facts)
+    elif items is not None or described.choices:
         items = items_of(operation, option, labels) if items is None else list(items)
-        chosen = items[0][0] if default is None else identifier(default)
-        return EnumSetting(items=items, default=chosen, **facts)
-    empty = described.unset if unset is None else unset
-    if empty and not default:
-        facts["description"] += f". {'Empty' if setting.kind is str else '0'}: {empty}"
-    if setting.kind is str:
-        path = {"subtype": _SUBTYPES[described.path], "options": PATH} if described.path else {"options": GIVEN}
-        return StringProperty(default=default or "", **path, **facts)
-    bounds = {"min": 0 if default is None else described.low if low is None else low, "max": described.high}
-    facts.update({bound: value for bound, value in bounds.items() if value is not None})
+        made = EnumSetting(items=items, default=items[0][0] if default is None else identifier(default), **facts)
+    else:
+        empty = described.unset if unset is None else unset
+        if empty and not default:
+            facts["description"] += f". {'Empty' if setting.kind is str else '0'}: {empty}"
+        made = _text(setting, default, facts) if setting.kind is str else _number(setting, default, low, facts)
+    if not switch:
+        _OPTIONS[id(made)] = option
+    return made
+
+
+def _text(setting: Setting, default: str | None, facts: Mapping[str, Any]) -> Any:
+    path = setting.option.path
+    kind = {"subtype": _SUBTYPES[path], "options": PATH} if path else {"options": GIVEN}
+    return StringProperty(default=default or "", **kind, **facts)
+
+
+def _number(setting: Setting, default: float | None, low: float | None, facts: Mapping[str, Any]) -> Any:
+    described = setting.option
+    low, high = 0 if default is None else described.low if low is None else low, described.high
+    if setting.kind is int:
+        high = min(high or _LARGEST, _LARGEST)
+    bounds = {bound: value for bound, value in (("min", low), ("max", high)) if value is not None}
+    make = FloatSetting if setting.kind is float else IntSetting
+    return make(default=default or 0, **{**facts, **bounds})
+
+
+def options_of(
+    operation: type[Operation], kind: type, group: Any, *, only: Collection[str] = (), without: Collection[str] = ()
+) -> dict[str, Any]:
+    """The values of settings as options of an operation: the inverse of :func:`from_option`.
+
+    Settings at 0, "" or an item that is no choice of the option are left out, as is `output`: the operator decides on
+    the file.
+
+    Parameters
+    ----------
+    operation
+        The operation. Settings that were made of another one's option count by the option's name.
+    kind
+        The class that declares the settings.
+    group
+        The values: a group of settings, or an operator.
+    only, without
+        The options to take, if not all; and those to leave out.
+    """
+    found = {}
+    known = {setting.name: setting for setting in settings(operation)}
+    for name, declared in kind.__annotations__.items():
+        option = _OPTIONS.get(id(declared), "output")
+        if option in known and option not in ("output", *without) and (not only or option in only):
+            value = _core_value(known[option], getattr(group, name))
+            if value is not None:
+                found[option] = value
+    return found
+
+
+def _core_value(setting: Setting, value: Any) -> Any:
+    """The value of an option from that of its property; None if it is not given."""
+    if setting.option.choices:
+        return {identifier(one): one for one in setting.option.choices}.get(str(value))
     if setting.kind is float:
-        return FloatSetting(default=default or 0.0, **facts)
-    return IntSetting(default=default or 0, **{**facts, "max": min(described.high or _LARGEST, _LARGEST)})
+        value = round_as_typed(value)
+    elif setting.kind is str and setting.option.path and value:
+        value = bpy.path.abspath(value)
+    if not value and (setting.default is None or setting.kind is str):
+        return None
+    return (value,) if setting.several else value
 
 
 def format_setting(description: str, default: str = "PNG", **facts: Any) -> Any:

@@ -77,8 +77,9 @@ class EstimateSettings:
     )
     average_passes: BoolSetting(
         name="Average Passes",
-        description="Average the default network's answers on the scene turned and mirrored, and look twice at many "
-        "colours: better, at half to a sixth of its speed. For stills; frames of a sequence or video get one pass",
+        description="Average the default network's answers on the scene turned and mirrored, and estimate surfaces of "
+        "many colours twice: better, at half to a sixth of its speed. For stills; frames of a sequence or video get "
+        "one pass",
         default=True,
     )
     model_file: FileSetting(name="Model File", description="Network in an .onnx file")

@@ -13,7 +13,7 @@ from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
-from mpsnet_core.synthesis.operations import MakeSamples
+from mpsnet_core.synthesis.operations import MakeSamples, Synthesize
 
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
@@ -22,7 +22,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..scene.objects import by_session_uid
-from ..settings.declared import GIVEN, apply_given_settings
+from ..settings.declared import GIVEN, apply_given_settings, options_of
 from ..settings.samples import SamplesSettings
 
 SCENE_FILE = "scene.blend"
@@ -107,14 +107,11 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             objects, views = _chosen_objects(context, target), 1
         return SampleJob(
             renderer="cycles",
-            count=self.count,
-            seed=self.seed,
-            size=self.size,
+            **options_of(Synthesize, SamplesSettings, self, without=("meshes", "views", "processes")),
             shapes=shapes,
             meshes=meshes,
             objects=objects,
             views=views,
-            bounces=self.bounces,
             samples=self.samples,
             denoise=self.denoise,
         )

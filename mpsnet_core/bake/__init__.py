@@ -1,1 +1,1 @@
-"""Baking of normals and colours onto a mesh's UVs."""
+"""BakeSettings of normals and colours onto a mesh's UVs."""

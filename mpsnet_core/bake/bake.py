@@ -1,4 +1,4 @@
-"""Baking: camera-space normals of one or more views onto the UVs of one or more meshes."""
+"""BakeSettings: camera-space normals of one or more views onto the UVs of one or more meshes."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -15,8 +15,8 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.fill import fill_unseen
 from mpsnet_core.bake.padding import Padding, padded
 from mpsnet_core.bake.projection import Projector, View
-from mpsnet_core.bake.settings import Baking
-from mpsnet_core.bake.texel_surface import Place, UnderTexels
+from mpsnet_core.bake.settings import BakeSettings
+from mpsnet_core.bake.texel_surface import Barycentric, TexelSampler
 from mpsnet_core.bake.texture import Space, Texture
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.bake.uv_islands import islands_of
@@ -63,7 +63,7 @@ def bake_normals(
     views : sequence of View
         Read one after the other, and more than once if they do not all fit into memory.
     size, space, margin, padding, samples, feather, strength, fill
-        See :class:`mpsnet_core.bake.settings.Baking`.
+        See :class:`mpsnet_core.bake.settings.BakeSettings`.
     progress : Progress
         Receives the fraction done and a message.
 
@@ -83,7 +83,7 @@ def bake_normals(
     Cancelled
         If `progress` raises it.
     """
-    baking = Baking(size, space, margin, padding, samples, feather, strength, fill)
+    baking = BakeSettings(size, space, margin, padding, samples, feather, strength, fill)
     ((_, texture),) = bake_texture_sets([mesh], views, texture_sets([mesh]), baking, progress=progress)
     return texture
 
@@ -92,7 +92,7 @@ def bake_texture_sets(
     meshes: Sequence[Mesh],
     views: Sequence[View],
     chosen: Sequence[TextureSet],
-    baking: Baking,
+    baking: BakeSettings,
     *,
     progress: Progress = silent,
 ) -> Iterator[tuple[TextureSet, Texture]]:
@@ -106,7 +106,7 @@ def bake_texture_sets(
         See :func:`bake_normals`.
     chosen : sequence of TextureSet
         Texture sets of these meshes, from :func:`mpsnet_core.bake.texture_sets.texture_sets`.
-    baking : Baking
+    baking : BakeSettings
         How the textures are baked.
     progress : Progress
         Receives the fraction done and a message.
@@ -163,12 +163,12 @@ def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", mesh_seen: bool) -> str:
             "normal maps' alpha) show the object, and that each camera is that of its photo"
         )
     return (
-        "no view sees any of the mesh; check that the cameras and the mesh share one world (axes and unit: --up, "
-        "--unit), and that its normals point outwards"
+        "no view sees any of the mesh; check that the cameras and the mesh share one world, its axes and unit "
+        "(--up, --unit), and that its normals point outwards"
     )
 
 
-def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, progress: Progress) -> "_Bake":
+def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: BakeSettings, progress: Progress) -> "_Bake":
     if not len(views):
         raise GeometryError("there is no view to bake; give at least one camera with its normal map")
     progress(0.0, "laying out the UVs")
@@ -181,7 +181,7 @@ def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, pro
     return _Bake(meshes, projectors, seen, scene.middle, baking, islands)
 
 
-def _finished(texture: Texture, baking: Baking) -> Texture:
+def _finished(texture: Texture, baking: BakeSettings) -> Texture:
     colours = texture.colours
     if colours is not None:
         # Extrapolate colours smoothly to where no view sees the surface, and beyond the islands.
@@ -205,7 +205,7 @@ class _Bake:
     projectors: Projectors
     seen: Sequence[NDArray[np.bool_]]
     middle: NDArray[np.float64]
-    baking: Baking
+    baking: BakeSettings
     islands: Sequence[NDArray[np.int32]] | None
 
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
@@ -215,7 +215,7 @@ class _Bake:
         surfaces, seen = [], []
         for mesh, triangles, seen_of in zip(self.meshes, texture_set.parts, self.seen, strict=True):
             if triangles is None or len(triangles):
-                surfaces.append(UnderTexels(mesh, triangles, texture_set.corner, self.middle, fine_size))
+                surfaces.append(TexelSampler(mesh, triangles, texture_set.corner, self.middle, fine_size))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
         # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
         order = np.argsort(np.concatenate(seen), kind="stable")
@@ -317,8 +317,8 @@ class _Bake:
         self,
         points: Texture,
         texels: NDArray[np.int64],
-        surface: UnderTexels,
-        place: Place,
+        surface: TexelSampler,
+        place: Barycentric,
         normal: NDArray[np.float32],
         sums: ViewAccumulator,
     ) -> None:
@@ -354,11 +354,11 @@ class _Under:
     raster: rasterised triangles of all surfaces, concatenated and sorted by `order`.
     """
 
-    surfaces: Sequence[UnderTexels]
+    surfaces: Sequence[TexelSampler]
     order: NDArray[np.int64]
     raster: Raster
 
-    def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[UnderTexels, NDArray[np.int64], NDArray[np.int64]]]:
+    def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[TexelSampler, NDArray[np.int64], NDArray[np.int64]]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
 
         laid: (R, C) triangle numbers, rows of the raster.

@@ -27,8 +27,8 @@ from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
 
-Shown = Literal["auto", "yes", "no"]
-SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
+BaseMapInPhotos = Literal["auto", "yes", "no"]
+SHOWN: tuple[BaseMapInPhotos, ...] = ("auto", "yes", "no")
 
 # An estimated share below this is taken for chance.
 MIN_SHARE = 0.25
@@ -61,7 +61,7 @@ class BaseMap:
     """
 
     vectors: NDArray[np.float32]
-    shown: Shown = "auto"
+    shown: BaseMapInPhotos = "auto"
     triangles: NDArray[np.bool_] | None = None
     corner: tuple[int, int] | None = None
 

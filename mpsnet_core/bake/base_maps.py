@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bake.base_detail_removal import BaseMap, Shown
+from mpsnet_core.bake.base_detail_removal import BaseMap, BaseMapInPhotos
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
 from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
@@ -68,7 +68,7 @@ def base_map_files(
     return base_files
 
 
-def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
+def one_base_map(file: str, convention: Convention, shown: BaseMapInPhotos) -> BaseMap:
     """The base map of every texture of a sequence.
 
     Raises InputError if the file stands for several maps, or cannot be read.
@@ -95,7 +95,7 @@ class BaseMaps(Sequence[BaseMap]):
         base_files: Sequence[MapFile | None],
         texture_sets: Sequence[TextureSet],
         meshes: Sequence[Mesh],
-        shown: Shown,
+        shown: BaseMapInPhotos,
     ) -> None:
         self.shown = shown
         together: dict[tuple[MapFile, tuple[int, int] | None], list[TextureSet]] = {}

@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Photography:
+class ViewCaptureSettings:
     """How the photos of all views are read.
 
     rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks that have
@@ -107,7 +107,7 @@ def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Pat
 
 
 @dataclass(frozen=True)
-class KeptView:
+class CachedView:
     """One view's estimated normals and confidence on disk, and its albedo if it is `coloured`.
 
     The files' descriptions record the inputs that they were made from.
@@ -151,7 +151,7 @@ class KeptView:
         return View(camera, normals, read_albedo(self.albedo) if self.coloured else None)
 
 
-def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, recipe: str) -> list[str]:
+def sources_of(views: Sequence[ViewPhoto], photography: ViewCaptureSettings, mesh: Mesh, recipe: str) -> list[str]:
     """For each view a line that changes with everything its normals depend on: photo, camera, rig, mask and settings.
 
     The mesh is included if masks or depth come from it. recipe: fingerprint of the settings that all views share: the
@@ -170,7 +170,7 @@ def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh,
     return sources
 
 
-def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, recipe: str) -> str:
+def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape: str, recipe: str) -> str:
     rig = photography.rig_of(view.camera)
     needs_mesh = photography.mask == MESH or rig.near is not None
     white = photography.white_of(view)
@@ -198,7 +198,7 @@ def _shape(mesh: Mesh) -> str:
     return digest.hexdigest()
 
 
-class KeptViews(Sequence[View]):
+class CachedViews(Sequence[View]):
     """Views whose normals are on disk. Each access reads a view and levels it against the mesh.
 
     shares: how much of each base map's relief each view shows, known once the view was read. gains: (V, 3) factors on
@@ -206,7 +206,7 @@ class KeptViews(Sequence[View]):
     """
 
     def __init__(
-        self, kept: Sequence[KeptView], cameras: Sequence[Camera], mesh: Mesh, scene: RayScene, reader: ViewReader
+        self, kept: Sequence[CachedView], cameras: Sequence[Camera], mesh: Mesh, scene: RayScene, reader: ViewReader
     ) -> None:
         self.kept, self.cameras, self.mesh, self.scene, self.reader = kept, cameras, mesh, scene, reader
         self.gains = np.ones((len(kept), 3), np.float32)
@@ -235,9 +235,9 @@ class KeptViews(Sequence[View]):
 def estimate_views(
     views: Sequence[ViewPhoto],
     sources: Sequence[str],
-    photography: Photography,
+    photography: ViewCaptureSettings,
     estimator: Estimator,
-    stored: KeptViews,
+    stored: CachedViews,
     agreed: Agreement,
     *,
     progress: Progress,

@@ -18,12 +18,13 @@ from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
     from mpsnet_core.bake.inputs import BakeInputs
-    from mpsnet_core.bake.multi_view import Photography
-    from mpsnet_core.bake.settings import Baking
+    from mpsnet_core.bake.multi_view import ViewCaptureSettings
+    from mpsnet_core.bake.settings import BakeSettings
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureFacts, TextureTarget
+    from mpsnet_core.bake.texture_files import Plan, TextureTarget
     from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
+    from mpsnet_core.bake.written_texture import WrittenTexture
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.rig import LightRig
     from mpsnet_core.scene.view_photos import ViewPhoto
@@ -198,16 +199,16 @@ class BakesDetail(MakesTextures):
         # The photo shows the base map's large shapes, too; they must not be added to it again.
         return parse_scale(self.level or ("on" if self.onto else "off"))
 
-    def baking(self, feather: float) -> "Baking":
+    def baking(self, feather: float) -> "BakeSettings":
         """How the textures are baked.
 
         Raises SettingsError if an option is out of range, or a margin is given that the padding does not use.
         """
-        from mpsnet_core.bake.settings import Baking
+        from mpsnet_core.bake.settings import BakeSettings
 
         if self.margin is not None and self.padding in ("push-pull", "none"):
             raise SettingsError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
-        return Baking(
+        return BakeSettings(
             size=self.texture_size(),
             space=self.space,
             margin=MARGIN if self.margin is None else self.margin,
@@ -244,7 +245,7 @@ class TexturesBaked(Result):
     """
 
     output: str
-    outputs: "list[TextureFacts]"
+    outputs: "list[WrittenTexture]"
     seen: float
     filled: float | None
 
@@ -350,25 +351,19 @@ class Bake(BakesDetail):
             views.append((camera, normals))
         return views
 
-    def _baking(self) -> "Baking":
+    def _baking(self) -> "BakeSettings":
         from mpsnet_core.bake.feather import FEATHER
 
         # Levelled views agree in their low frequencies: feathering leaves no seam.
         return self.baking(FEATHER if self.level_scale() else 0.0)
 
     def _pose(
-        self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
+        self, views: list[tuple[str, str]], target: "TextureTarget", baking: "BakeSettings", progress: Progress
     ) -> TexturesBaked:
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import (
-            filled_share,
-            format_textures,
-            seen_share,
-            texture_facts,
-            write_textures,
-        )
+        from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
         from mpsnet_core.io.files import writable_image, write_transaction
 
         writable_image(target.output, target.bits)
@@ -388,13 +383,12 @@ class Bake(BakesDetail):
             seen = matched_views(seen, plan.meshes, baking.feather)
         baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
         with write_transaction():
-            made = [one for one, _ in write_textures(plan, baked)]
-        text = format_textures(made, self.texture_words(target))
-        seen_of = round(seen_share(made), 4)
-        return TexturesBaked(target.output, [*map(texture_facts, made)], seen_of, filled_share(made), text=text)
+            written = [one for _, one, _ in write_textures(plan, baked)]
+        text = format_textures(written, self.texture_words(target))
+        return TexturesBaked(target.output, written, *shares_of(written), text=text)
 
     def _sequence(
-        self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
+        self, views: list[tuple[str, str]], target: "TextureTarget", baking: "BakeSettings", progress: Progress
     ) -> FramesBaked:
         from mpsnet_core.bake.base_maps import one_base_map
         from mpsnet_core.bake.inputs import ViewReader
@@ -560,7 +554,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.inputs import ViewReader
-        from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
+        from mpsnet_core.bake.multi_view import CachedView, CachedViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, warn_of_doubts
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.provenance import operation_facts
@@ -587,9 +581,9 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         estimator = self.estimator(self.passes)
         with contextlib.ExitStack() as stack:
             folder = self._folder(stack)
-            kept = [KeptView(folder, view.name, bool(self.white)) for view in views]
+            kept = [CachedView(folder, view.name, bool(self.white)) for view in views]
             reader = ViewReader(level, plan.base_maps.in_photos())
-            stored = KeptViews(kept, [view.camera for view in views], mesh, scene, reader)
+            stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
             agreed = agreement(mesh, scene, FEATHER)
             known = estimate_views(
                 views, sources, photography, estimator, stored, agreed, progress=part(progress, 0.02, 0.72)
@@ -633,8 +627,8 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         check_no_overwrite(inputs, outputs)
         return inputs, outputs
 
-    def _photography(self) -> "Photography":
-        from mpsnet_core.bake.multi_view import Photography
+    def _photography(self) -> "ViewCaptureSettings":
+        from mpsnet_core.bake.multi_view import ViewCaptureSettings
         from mpsnet_core.scene.rig import read_rig
         from mpsnet_core.scene.world_lights import read_world_lights
 
@@ -646,14 +640,14 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
             def rig_of(camera: "Camera") -> "LightRig":
                 return rig
 
-        return Photography(rig_of, self.mask, self.read_options(), self.white)
+        return ViewCaptureSettings(rig_of, self.mask, self.read_options(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
         """The files that keep the views. Raises FileError if one exists that is not ours."""
-        from mpsnet_core.bake.multi_view import KeptView
+        from mpsnet_core.bake.multi_view import CachedView
         from mpsnet_core.io.files import check_own
 
-        kept = [KeptView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []
+        kept = [CachedView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []
         files = [file for view in kept for file in view.files]
         for file in files:
             check_own(file)
@@ -679,29 +673,22 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     ) -> ViewsBaked:
         """Write textures, report and figures: all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import (
-            filled_share,
-            format_textures,
-            seen_share,
-            texture_facts,
-            write_textures,
-        )
+        from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, write_transaction
 
-        made, maps = [], []
+        written, maps = [], []
         with write_transaction():
-            for one, texture in write_textures(plan, baked):
-                made.append(one)
+            for texture_set, one, texture in write_textures(plan, baked):
+                written.append(one)
                 if self.report:
-                    maps += texture_maps(texture, one.texture_set.named)
+                    maps += texture_maps(texture, texture_set.named)
                 del texture
-            text = format_textures(made, self.texture_words(plan.target))
+            text = format_textures(written, self.texture_words(plan.target))
             result = ViewsBaked(
                 plan.target.output,
-                [*map(texture_facts, made)],
-                round(seen_share(made), 4),
-                filled_share(made),
+                written,
+                *shares_of(written),
                 table_rows(table),
                 self.level_scale(),
                 model,

@@ -8,7 +8,7 @@ from pathlib import Path
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.inputs import BakeInputs, ViewReader
-from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.texture_files import TextureTarget
 from mpsnet_core.bake.texture_sets import texture_sets
@@ -38,7 +38,7 @@ class Outcome:
 def bake_sequence(
     frames: Mapping[Path, BakeInputs],
     reader: ViewReader,
-    baking: Baking,
+    baking: BakeSettings,
     target: TextureTarget,
     *,
     read_mesh: Callable[[Path], Mesh],

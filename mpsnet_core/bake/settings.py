@@ -14,7 +14,7 @@ SAMPLES = (1, 2, 4)
 
 
 @dataclass(frozen=True)
-class Baking:
+class BakeSettings:
     """How a texture is baked.
 
     Parameters

@@ -11,7 +11,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.scene.mesh import Mesh
 
 
-class Place(NamedTuple):
+class Barycentric(NamedTuple):
     """Sample points of a texture, each (N,): the triangle under them, and the offset in columns and rows from its first
     corner."""
 
@@ -19,8 +19,8 @@ class Place(NamedTuple):
     x: NDArray[np.float32]
     y: NDArray[np.float32]
 
-    def some(self, which: NDArray[np.int64]) -> "Place":
-        return Place(self.triangle.take(which), self.x.take(which), self.y.take(which))
+    def some(self, which: NDArray[np.int64]) -> "Barycentric":
+        return Barycentric(self.triangle.take(which), self.x.take(which), self.y.take(which))
 
 
 class SurfacePoints(NamedTuple):
@@ -32,7 +32,7 @@ class SurfacePoints(NamedTuple):
     outwards: NDArray[np.float32]
 
 
-class UnderTexels:
+class TexelSampler:
     """T triangles of a mesh under a texture. A layer is a value at the first corner and its steps per column and row.
 
     triangles: indices of the mesh's triangles, None for all. corner: lower left corner of the texture's unit square in
@@ -79,14 +79,14 @@ class UnderTexels:
         steps = np.einsum("tbk,tba->akt", differences, self.steps).reshape(6, -1)
         return np.concatenate([first.T, steps], dtype=np.float32)
 
-    def place(self, triangle: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]) -> Place:
+    def place(self, triangle: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]) -> Barycentric:
         """Sample points of the texture from the triangle under them, column and row, each (N,)."""
         x, y = column.astype(np.float32), row.astype(np.float32)
         x -= self.origin[0].take(triangle)
         y -= self.origin[1].take(triangle)
-        return Place(triangle, x, y)
+        return Barycentric(triangle, x, y)
 
-    def at(self, place: Place, layer: NDArray[np.float32]) -> NDArray[np.float32]:
+    def at(self, place: Barycentric, layer: NDArray[np.float32]) -> NDArray[np.float32]:
         """(3, N) values of a layer from :meth:`linear` at sample points."""
         values = layer.take(place.triangle, axis=1)
         values[3:6] *= place.x
@@ -95,13 +95,15 @@ class UnderTexels:
         values[:3] += values[6:]
         return values[:3]
 
-    def points(self, place: Place) -> "SurfacePoints":
+    def points(self, place: Barycentric) -> "SurfacePoints":
         """The surface under sample points. Positions are relative to `middle`."""
         normal = transformed(self.world_from_object_normals, self.at(place, self.normal))
         outwards = self.outwards.take(place.triangle, axis=1)
         return SurfacePoints(self.at(place, self.position), _scaled_to_unit(normal), outwards)
 
-    def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
+    def encoded(
+        self, place: Barycentric, vectors: NDArray[np.float32], space: Space, strength: float
+    ) -> NDArray[np.float32]:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
         strength: factor on the slopes relative to the surface's own normals.

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.bake.base_detail_removal import Shown
+from mpsnet_core.bake.base_detail_removal import BaseMapInPhotos
 from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
+from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder, file_suffix, writable_path
@@ -106,25 +107,6 @@ class Plan:
     coverage: Path | None
 
 
-@dataclass(frozen=True)
-class Made:
-    """A texture that was written.
-
-    pattern: see :class:`Plan`. seen, covered: number of texels that a view saw, and of all. albedo: file of the
-    colours, if the views have any. filled: number of filled texels, None without filling. coverage: file of the
-    coverage map, if requested.
-    """
-
-    file: Path
-    pattern: Path
-    texture_set: TextureSet
-    seen: int
-    covered: int
-    albedo: Path | None = None
-    filled: int | None = None
-    coverage: Path | None = None
-
-
 def planned(
     target: TextureTarget,
     mesh_files: Sequence[str],
@@ -133,7 +115,7 @@ def planned(
     *,
     onto: str | None = None,
     onto_convention: Convention = "opengl",
-    onto_shown: Shown = "auto",
+    onto_shown: BaseMapInPhotos = "auto",
     albedo: bool = False,
     coverage: str | None = None,
 ) -> Plan:
@@ -169,31 +151,44 @@ def _named(mesh: Mesh, name: str) -> Mesh:
     return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
 
 
-def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[Made, Texture]]:
-    """Write textures one by one, as they are baked. Yields the record of each, and the texture.
+def write_textures(
+    plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]
+) -> Iterator[tuple[TextureSet, WrittenTexture, Texture]]:
+    """Write textures one by one, as they are baked. Yields each texture's set, the record of it, and the texture.
 
     Raises InputError if one cannot be baked or written.
     """
     target = plan.target
     for texture_set, texture in baked:
         place = plan.texture_sets.index(texture_set)
+        file, tiled, pattern = plan.files[place], texture_set.tile is not None, plan.patterns[place]
         base_map = plan.base_maps.vectors_for(texture_set)
         if base_map is not None:
             texture = blend_detail(texture, base_map)
-        write_texture(plan.files[place], texture, convention=target.convention, bits=target.bits)
+        write_texture(file, texture, convention=target.convention, bits=target.bits)
         albedo = None
         if texture.colours is not None:
             albedo = plan.albedos[place]
             write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
-        seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
-        filled = None if texture.filled is None else int(texture.filled.sum())
-        coverage = plan.coverage / plan.files[place].name if plan.coverage else None
+        coverage = plan.coverage / file.name if plan.coverage else None
         if coverage is not None:
             write_coverage(coverage, texture)
-        yield (
-            Made(plan.files[place], plan.patterns[place], texture_set, seen, covered, albedo, filled, coverage),
-            texture,
+        filled = texture.filled_fraction
+        written = WrittenTexture(
+            str(file),
+            round(texture.seen_fraction, 4),
+            None if filled is None else round(filled, 4),
+            int(texture.covered.sum()),
+            texture_set.tile,
+            texture_set.material,
+            texture_set.object,
+            str(albedo) if albedo else None,
+            str(coverage) if coverage else None,
+            str(pattern) if tiled else None,
+            str(albedo_file(pattern)) if tiled and albedo else None,
+            str(coverage.with_name(pattern.name)) if tiled and coverage else None,
         )
+        yield texture_set, written, texture
         del texture
 
 
@@ -206,62 +201,21 @@ def write_coverage(path: Path, texture: Texture) -> None:
     write_mask(path, around)
 
 
-@dataclass(frozen=True)
-class TextureFacts:
-    """A texture's files and texture set, and the fractions of it that some view saw and that were filled.
-
-    tiles, albedo_tiles, coverage_tiles: the file name of all tiles, with <UDIM>.
-    """
-
-    output: str
-    seen: float
-    tile: int | None
-    material: str | None
-    object: str | None
-    tiles: str | None
-    albedo: str | None
-    albedo_tiles: str | None
-    filled: float | None
-    coverage: str | None
-    coverage_tiles: str | None
+def shares_of(written: Sequence[WrittenTexture]) -> tuple[float, float | None]:
+    """The fractions of all textures' surface that some view saw and that were filled, None without filling."""
+    texels = sum(texture.texels for texture in written)
+    seen = sum(texture.seen * texture.texels for texture in written) / texels
+    filled = [texture.filled * texture.texels for texture in written if texture.filled is not None]
+    return round(seen, 4), round(sum(filled) / texels, 4) if filled else None
 
 
-def texture_facts(texture: Made) -> TextureFacts:
-    """The facts of a texture that was written."""
-    texture_set, tiled, albedo = texture.texture_set, texture.texture_set.tile is not None, texture.albedo
-    return TextureFacts(
-        str(texture.file),
-        round(texture.seen / texture.covered, 4),
-        texture_set.tile,
-        texture_set.material,
-        texture_set.object,
-        str(texture.pattern) if tiled else None,
-        None if albedo is None else str(albedo),
-        str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,
-        filled_share([texture]),
-        None if texture.coverage is None else str(texture.coverage),
-        str(texture.coverage.with_name(texture.pattern.name)) if tiled and texture.coverage is not None else None,
-    )
-
-
-def seen_share(made: Sequence[Made]) -> float:
-    """The fraction of all textures' surface that some view saw."""
-    return sum(texture.seen for texture in made) / sum(texture.covered for texture in made)
-
-
-def filled_share(made: Sequence[Made]) -> float | None:
-    """The fraction of all textures' surface that was filled, None without filling."""
-    filled = [texture.filled for texture in made if texture.filled is not None]
-    return round(sum(filled) / sum(texture.covered for texture in made), 4) if filled else None
-
-
-def format_textures(made: Sequence[Made], facts: str) -> str:
+def format_textures(written: Sequence[WrittenTexture], facts: str) -> str:
     """A line for each texture: its file, texture set and seen fraction. facts: properties that all share."""
     lines = [
-        f"{texture.file}: {facts}, {texture.seen / texture.covered:.1%} of its surface seen"
-        + (f", {texture.filled / texture.covered:.1%} filled" if texture.filled is not None else "")
-        + (f"; albedo in {texture.albedo.name}" if texture.albedo is not None else "")
-        for texture in made
+        f"{texture.output}: {facts}, {texture.seen:.1%} of its surface seen"
+        + (f", {texture.filled:.1%} filled" if texture.filled is not None else "")
+        + (f"; albedo in {Path(texture.albedo).name}" if texture.albedo is not None else "")
+        for texture in written
     ]
     if len(lines) > LISTED:
         lines = [lines[0], f"... {len(lines) - 2} more ...", lines[-1]]

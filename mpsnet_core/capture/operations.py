@@ -187,13 +187,11 @@ class Superpose(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> PhotoMade:
         """Write the photo."""
-        import numpy as np
-
         from mpsnet_core.capture.superpose import as_channels, superpose
         from mpsnet_core.io.files import check_no_overwrite, checked_bits
         from mpsnet_core.io.frames import expand_images, in_order_of_lights
         from mpsnet_core.io.image import linear_to_srgb
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_photo
 
         files = expand_images(self.image)
         if self.channels:
@@ -204,12 +202,11 @@ class Superpose(ReadsPictures):
         bits = checked_bits(Path(self.output), None if is_png else 32)
         progress(0.0, "putting the photos together")
         together = as_channels if self.channels else superpose
-        pixels, alpha = together(files, encoding=self.encoding)
+        photo = together(files, encoding=self.encoding)
         if is_png:
-            pixels = linear_to_srgb(pixels / max(1.0, float(pixels.max())))
-        planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
-        space = "sRGB" if is_png else "lin_rec709_scene"
-        write_image(self.output, np.concatenate(planes, axis=-1), bits=bits, color_space=space)
+            shown = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
+            photo = replace(photo, pixels=shown)
+        write_photo(self.output, photo, bits=bits, linear=not is_png)
         progress(1.0, "done")
         if not self.channels:
             return PhotoMade(self.output, text=f"{self.output}: {len(files)} photo(s), added up")
@@ -279,7 +276,8 @@ class Check(ReadsPhotos):
     """Check a photo and its lights, and say how to improve them.
 
     It checks the exposure, clipping, whether the channels show different lights, the lights' directions and order, how
-    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo does not raise an error.
+    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no
+    reason to raise.
 
     Examples
     --------

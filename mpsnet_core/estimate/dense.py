@@ -37,14 +37,14 @@ RIGHT_ANGLE = np.float32(np.pi / 2)
 READ_AT_ONCE = 1 << 20
 
 
-class Network(Protocol):
+class NetworkRunner(Protocol):
     """Runs an ONNX network: inputs by name to normals (N, 3, H, W) and confidence (N, 1, H, W)."""
 
     def __call__(self, inputs: dict[str, Floats], count: int, *size: int) -> tuple[Floats, Floats]: ...
 
 
 def predict_dense(
-    network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress
+    network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress
 ) -> NDArray[np.floating[Any]]:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
 
@@ -90,7 +90,7 @@ def predict_dense(
 
 
 def _predict_magnified(
-    network: Network, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
+    network: NetworkRunner, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
 ) -> Floats:
     """(h, w, 4) the output on a scale, estimated from its magnified image."""
     height, width = photo.shape(halving)
@@ -234,7 +234,7 @@ def _doubled(values: Floats, axis: int) -> Floats:
     return twice
 
 
-def _predict_tile(network: Network, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Floats:
+def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Floats:
     """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
     height, width = crop.mask.shape
     size = _padded(frame.picture(crop.mask).shape, card.multiple)

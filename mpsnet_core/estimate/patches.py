@@ -7,7 +7,7 @@ from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
-from mpsnet_core.estimate.dense import Network
+from mpsnet_core.estimate.dense import NetworkRunner
 from mpsnet_core.estimate.features import CONSTANTS, feature_maps
 from mpsnet_core.progress import Progress
 
@@ -15,7 +15,9 @@ from mpsnet_core.progress import Progress
 PATCHES_A_BATCH = 128
 
 
-def predict_patches(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
+def predict_patches(
+    network: NetworkRunner, card: ModelCard, capture: Capture, progress: Progress
+) -> NDArray[np.float32]:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
     box = bounding_box(capture.mask)

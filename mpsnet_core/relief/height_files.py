@@ -5,7 +5,6 @@ The image has one channel, which displacement expects, and no alpha: EXR premult
 pull the surface down to 0 along its outline. Instead, the heights are extrapolated beyond the outline.
 """
 
-import contextlib
 import json
 import os
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.io.files import (
     MAX_TEXT_BYTES,
     check_own,
@@ -33,7 +32,7 @@ from mpsnet_core.io.image_reading import image_description, read_channel, read_m
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
 from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
+from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.integration.gradients import pixels_per_unit
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
@@ -184,7 +183,6 @@ def write_height(
             write_image(mask_file, heights.mask, bits=8, description=made("mask"))
         else:
             remove_file(mask_file)  # the mask of earlier heights
-        _remove_earlier(path)
         write_image(path, values, bits=bits, description=json.dumps(data))
     return scale
 
@@ -224,18 +222,6 @@ def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: 
     }
 
 
-def _remove_earlier(path: Path) -> None:
-    """Remove the scale and mask of the heights at `path` that an earlier version wrote under other names."""
-    scale = earlier_scale(path)
-    if scale.is_file():
-        with contextlib.suppress(InputError):
-            data = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
-            if _kept_data(path) == data:
-                remove_file(scale)
-                if data.get("mask") == f"{path.stem}_mask.png":
-                    remove_file(path.with_name(data["mask"]))
-
-
 def read_height(path: str | os.PathLike[str]) -> HeightMap:
     """Read heights that :func:`write_height` wrote, with their scale, mask and camera.
 
@@ -260,7 +246,7 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
         If the sizes of heights, mask and camera differ.
     """
     path = existing_file(path, "height map")
-    scale_file = scale_sidecar(path)
+    _, scale_file, _ = height_names(path)
     data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
     values = read_channel(path)
     with prefix_errors(f"height map {path} with {scale_file.name}"):

@@ -11,14 +11,3 @@ def height_names(path: str | os.PathLike[str]) -> list[Path]:
     """The files of a height map: the heights, their scale, their mask."""
     path = Path(path)
     return [path, path.with_name(f"{path.name}.json"), path.with_name(f"{path.name}.mask.png")]
-
-
-def earlier_scale(path: str | os.PathLike[str]) -> Path:
-    """The scale file of earlier versions, which is the same for all suffixes."""
-    return Path(path).with_suffix(".json")
-
-
-def scale_sidecar(path: str | os.PathLike[str]) -> Path:
-    """The existing scale file of a height map, even an earlier version's, or the name for a new one."""
-    scale, earlier = height_names(path)[1], earlier_scale(path)
-    return earlier if earlier.is_file() and not scale.exists() else scale

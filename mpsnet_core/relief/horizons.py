@@ -82,7 +82,7 @@ def from_cells(cells: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np
 
 
 @dataclass(frozen=True)
-class Ground:
+class OcclusionGrid:
     """The surface, in cells; heights in any unit.
 
     heights: 0 outside the mask. seen: the same, minus infinity outside. right, up: the rise to the next pixel by the
@@ -95,7 +95,7 @@ class Ground:
     up: NDArray[np.float32]
 
 
-def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
+def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> NDArray[np.float32]:
     """(4, 4, h, w) the highest gradient in each pixel's direction, per pixel of distance, up to `reach` pixels away.
 
     Minus infinity where there is no surface. With distance, longer stretches parallel to the sector's line are sampled,

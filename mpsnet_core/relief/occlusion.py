@@ -13,7 +13,7 @@ from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.horizons import AT_ONCE, BLOCK, Ground, from_cells, horizons, sectors, to_cells
+from mpsnet_core.relief.horizons import AT_ONCE, BLOCK, OcclusionGrid, from_cells, horizons, sectors, to_cells
 from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
@@ -151,12 +151,12 @@ def _views(heights: HeightMap, normals: NormalMap) -> _Views:
     return _Views(*(to_cells(part, outside) for part, outside in parts))
 
 
-def _ground(heights: HeightMap, views: _Views) -> Ground:
+def _ground(heights: HeightMap, views: _Views) -> OcclusionGrid:
     raised, mask = parallel_heights(heights), heights.mask
     right, up = _spacing(heights).astype(np.float32)
     facing = np.maximum(views.facing(), MIN_FACING)
     seen = to_cells(np.where(mask, raised, -np.inf), -np.inf)
-    return Ground(to_cells(raised), seen, -views.x * right / facing, -views.y * up / facing)
+    return OcclusionGrid(to_cells(raised), seen, -views.x * right / facing, -views.y * up / facing)
 
 
 def _slice(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import generator, log_uniform, uniform
+from mpsnet_core.synthesis.random_sampling import generator, log_uniform, uniform
 
 Range = tuple[float, float]
 

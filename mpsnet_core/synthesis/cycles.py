@@ -15,8 +15,8 @@ from mpsnet_core.io.image_input import channel_names, image_input_or_reason, pen
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
-from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import SceneDescription
 from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import Light
 
@@ -30,7 +30,7 @@ _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5)
 
 def sample_from_cycles(
     path: str | os.PathLike[str],
-    recipe: Recipe,
+    recipe: SceneDescription,
     vertices: NDArray[np.floating[Any]],
     triangles: NDArray[np.integer[Any]],
     renderer: str,
@@ -116,7 +116,7 @@ def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path)
 
 
 def _traced(
-    recipe: Recipe,
+    recipe: SceneDescription,
     scene: RayScene,
     vertices: NDArray[np.floating[Any]],
     triangles: NDArray[np.integer[Any]],

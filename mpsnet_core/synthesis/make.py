@@ -5,10 +5,10 @@ from functools import lru_cache
 from pathlib import Path
 
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import write_sample
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 

@@ -18,7 +18,7 @@ from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
 from mpsnet_core.io.image_input import channel_names, image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.image_reading import MAX_VALUE
 from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
+from mpsnet_core.synthesis.scene_description import SceneDescription, recipe_from_data
 
 SAMPLE_VERSION = 1
 METADATA = "mpsnet:sample"
@@ -57,7 +57,7 @@ class Sample:
         Index of the material with the largest weight; -1 outside alpha.
     lit : (3, H, W) float32
         Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow.
-    recipe : Recipe
+    recipe : SceneDescription
         Description of the scene.
     renderer : str
         For example "synthesis" or "Cycles 4.5.15".
@@ -69,7 +69,7 @@ class Sample:
     alpha: NDArray[np.float32]
     material: NDArray[np.int32]
     lit: NDArray[np.float32]
-    recipe: Recipe
+    recipe: SceneDescription
     renderer: str
 
     @property
@@ -225,7 +225,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
         source.close()
 
 
-def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
+def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescription]:
     """The metadata and its recipe, after checking that they are complete and match the image."""
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_TEXT_BYTES:

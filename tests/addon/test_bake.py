@@ -1,24 +1,18 @@
 """The estimate and the bake in Blender, and whether a render with the texture looks as it should."""
 
-from contextlib import ExitStack
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import bmesh
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from blender_addon.operators import core_run
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
-from blender_addon.slices import close_slices
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
 
-from .rendering import array_of, matte, pixels, shader_of
+from .rendering import matte, pixels, shader_of
 from .test_photo import sphere_normals
 
 
@@ -75,87 +69,6 @@ def test_a_material_of_other_objects_is_left_alone(estimated, scene, tmp_path):
     assert len(shared.node_tree.nodes) == nodes
     assert estimated.material_slots[0].material != shared
     assert bpy.context.object.material_slots[0].material == shared
-
-
-@pytest.fixture(scope="module")
-def tilted_light():
-    """A direction from above on the right: up and down, left and right are told apart."""
-    return Vector((0.5, -1.0, 0.8)).normalized()
-
-
-def low_poly_shot(scene, direction, path):
-    """Render what the rig's camera sees under one white sun."""
-    lights = [light.object for light in scene.mps.rig.lights]
-    colours = [tuple(light.data.color) for light in lights]
-    matrix, constraint = lights[0].matrix_world.copy(), lights[0].constraints[0]
-    for light, colour in zip(lights, ((1, 1, 1), (0, 0, 0), (0, 0, 0)), strict=True):
-        light.data.color = colour
-    constraint.enabled = False
-    lights[0].matrix_world = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    from blender_addon.photo.studio import _render, _studio
-
-    with _studio(scene) as studio:
-        studio.cycles.samples = 16
-        _render(studio, path, "OPEN_EXR")
-    constraint.enabled = True
-    lights[0].matrix_world = matrix
-    for light, colour in zip(lights, colours, strict=True):
-        light.data.color = colour
-    return pixels(path)[..., :3]
-
-
-def bumpy_sphere():
-    """A sphere with large and small bumps, unlike in every direction."""
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=192, ring_count=96)
-    bpy.ops.object.shade_smooth()
-    obj = bpy.context.object
-    points = array_of(obj.data.vertices, "co", 3)
-    x, z = points[:, 0], points[:, 2]
-    bumps = np.sin(9 * x + 1) * np.sin(11 * z) + 0.5 * np.sin(17 * z + 5 * x)
-    points *= (1 + 0.02 * bumps)[:, None]
-    obj.data.vertices.foreach_set("co", points.ravel())
-    obj.data.update()
-    obj.data.materials.append(matte())
-    return obj
-
-
-@pytest.mark.accuracy
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_the_texture_brings_the_low_poly_closer_to_the_original(scene, tmp_path, tilted_light, mirrored):
-    high = bumpy_sphere()
-    bpy.ops.mps.add_rig(slant=25)
-    bpy.ops.mps.render_photo(width=128, height=128, samples=16, output=str(tmp_path / "photo.exr"))
-    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
-    target = low_poly_shot(scene, tilted_light, tmp_path / "high.exr")
-
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=12)
-    bpy.ops.object.shade_smooth()
-    low = bpy.context.object
-    if mirrored:
-        uv = array_of(low.data.uv_layers[0].uv, "vector", 2)
-        uv[:, 0] = 1 - uv[:, 0]
-        low.data.uv_layers[0].uv.foreach_set("vector", uv.ravel())
-    low.data.materials.append(matte())
-    low.matrix_world = Matrix.LocRotScale(None, Matrix.Rotation(0.6, 3, "Z"), Vector((1, 1, 1)))
-    high.hide_render = True
-    bare = low_poly_shot(scene, tilted_light, tmp_path / "bare.exr")
-
-    errors = {"bare": np.abs(bare - target).mean()}
-    for space in ("TANGENT", "OBJECT"):
-        for convention in ("OPENGL", "DIRECTX"):
-            name = f"{space}_{convention}"
-            bpy.ops.mps.bake(size=256, space=space, convention=convention, output=str(tmp_path / f"{name}.png"))
-            shot = low_poly_shot(scene, tilted_light, tmp_path / f"{name}_shot.exr")
-            errors[name] = np.abs(shot - target).mean()
-    # The same texture read with green the wrong way: what this test has to be able to see.
-    normal = low.material_slots[0].material.node_tree.nodes["MPS Normal"]
-    texture = low.material_slots[0].material.node_tree.nodes["MPS Texture"]
-    low.material_slots[0].material.node_tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
-    errors["wrong"] = np.abs(low_poly_shot(scene, tilted_light, tmp_path / "wrong.exr") - target).mean()
-    print(errors)
-    right = [error for name, error in errors.items() if name not in {"bare", "wrong"}]
-    assert max(right) < 0.6 * errors["bare"]
-    assert max(right) < 0.6 * errors["wrong"]
 
 
 def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
@@ -233,35 +146,6 @@ def test_a_mesh_is_written_as_it_was_when_its_file_was_begun(heavy, tmp_path):
             np.testing.assert_array_equal(one[name], other[name])
 
 
-def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, tmp_path, monkeypatch):
-    monkeypatch.setattr(core_run, "SLICE_SECONDS", 0)
-    manager, started = bpy.context.window_manager, []
-
-    def job():
-        held = ExitStack()
-        folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
-        graph = bpy.context.evaluated_depsgraph_get()
-        slices = [begin_mesh(folder / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
-        held.callback(close_slices, slices)
-        one = core_run._Job(
-            held, [core_run._Run(slices, lambda: started.append({file.name for file in folder.iterdir()}))]
-        )
-        core_run._jobs.append(one)
-        return one
-
-    whole, count = job(), 0
-    while not started:
-        whole.advance()
-        count += 1
-    assert count > 16 and started == [{"0.npz", "1.npz"}]
-    cancelled = job()
-    cancelled.advance()
-    assert len(started) == 1 and len(list(tmp_path.iterdir())) == 2
-    for one in (cancelled, whole):
-        one.leave(manager)
-    assert len(started) == 1 and not list(tmp_path.iterdir())
-
-
 def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
     """To read 4096² pixels takes half a second."""
     for _ in range(2):  # the second time the image is there already
@@ -269,22 +153,6 @@ def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
         image = scene.mps.bake.image
         assert not image.has_data
         assert tuple(image.size) == (32, 32) and image.has_data
-
-
-def test_the_window_is_drawn_before_a_long_slice(scene, monkeypatch):
-    monkeypatch.setattr(core_run, "SLICE_SECONDS", 60)
-    done = []
-
-    def slices():
-        for name, is_next_long in (("short", False), ("short", True), ("long", True), ("long", False)):
-            done.append(name)
-            yield is_next_long
-
-    job = core_run._Job(ExitStack(), [core_run._Run([slices()], lambda: done.append("started"))])
-    for until in (["short", "short"], ["long"], ["long", "started"]):
-        done.clear()
-        job.advance()
-        assert done == until
 
 
 def linked_sphere(folder):
@@ -338,18 +206,6 @@ def test_a_material_is_shared_by_what_it_is_not_by_its_name(estimated, scene, tm
     bpy.context.object.data.materials.append(wanted.materials[0])
     bpy.ops.mps.bake(target=estimated.name, size=32, output=str(tmp_path / "texture.png"))
     assert estimated.material_slots[0].material == mine
-
-
-def test_a_bump_that_gives_way_to_the_texture_is_named(estimated, tmp_path, capfd):
-    tree = estimated.material_slots[0].material.node_tree
-    bump = tree.nodes.new("ShaderNodeBump")
-    bump.name = "Scratches"
-    shader = shader_of(tree)
-    tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
-    sentence = 'The texture took the place of "Scratches" in material "Matte"'
-    for said in (True, False):
-        bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.png"))
-        assert (sentence in capfd.readouterr().out) == said
 
 
 def test_the_mesh_file_is_the_mesh_of_the_render_and_the_viewport_keeps_its_own(scene, tmp_path):

@@ -333,16 +333,3 @@ def test_what_cannot_be_baked_in_one_go_is_refused(spheres, scene, tmp_path):
     scene.mps.estimate.image.source = "SEQUENCE"
     with pytest.raises(RuntimeError, match="a sequence is baked onto the target alone and into one texture per frame"):
         bpy.ops.mps.bake(objects="ACTIVE", tiles=True, output=str(tmp_path))
-
-
-def test_an_object_that_is_gone_before_the_end_leaves_the_others_theirs(spheres, tmp_path):
-    from blender_addon.bake.assign_textures import assign_textures
-    from blender_addon.bake.texture_sets import BakeTarget, texture_of
-
-    image = bpy.data.images.new("Texture", 8, 8)
-    onto = [BakeTarget(obj.session_uid, obj.name, "UVMap", ("Matte",), frozenset({"Matte"})) for obj in spheres]
-    images = {("Left", None): image}
-    assert texture_of(onto[1], spheres[1], images) is None
-    assign_textures([texture_of(onto[0], spheres[0], images)], "TANGENT", "OPENGL")
-    assert worn(spheres[0])[0] == image
-    assert "MPS Texture" not in spheres[1].material_slots[0].material.node_tree.nodes

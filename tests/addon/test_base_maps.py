@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
-from blender_addon.bake.base_maps import base_map_file, store_base_map
-from blender_addon.bake.texture_sets import BakeTarget
 from blender_addon.panels.bake import MPS_PT_bake
 from mpsnet_core import read_image
 
@@ -237,21 +235,6 @@ def test_a_mapping_that_moves_nothing_is_no_obstacle(
     assert MPS_PT_bake.lacks(bpy.context) == ""
     bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
     assert (tmp_path / "texture.png").exists()
-
-
-def test_the_map_is_remembered_whatever_it_is_called_by_then(
-    worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path
-) -> None:
-    """Between the beginning of a bake and its end people go on working."""
-    base = base_map_file(
-        [estimated], [BakeTarget(0, estimated.name, "UVMap", ("Matte",), frozenset({"Matte"}))], (None, None)
-    )
-    present = worn.inputs["Color"].links[0].from_node.image
-    present.name = "Renamed"
-    other = bpy.data.images.new("waves.png", 8, 8)
-    baked = bpy.data.images.new("baked", 8, 8)
-    store_base_map(baked, base)
-    assert baked["mpsnet_base"] == present != other
 
 
 def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_not(

@@ -6,7 +6,6 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.coverage import hides_materials
 from blender_addon.images import pixels_of
 from blender_addon.settings.record import notes_of
 
@@ -112,18 +111,6 @@ def test_the_viewport_that_shows_it_is_given_its_shading_back(baked):
     assert shading.type == "MATERIAL"
     bpy.ops.mps.show_coverage()
     assert shading.type == "SOLID"
-
-
-def test_materials_are_hidden_by_the_shadings_in_which_a_bake_changes_nothing(scene):
-    view = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
-
-    def hidden(shading):
-        view.shading.type = shading
-        return hides_materials(view)
-
-    assert [hidden(shading) for shading in ("WIREFRAME", "SOLID", "MATERIAL", "RENDERED")] == [True, True, False, False]
-    others = [area.spaces.active for area in bpy.context.window.screen.areas if area.type != "VIEW_3D"]
-    assert others and not any(map(hides_materials, (None, *others)))
 
 
 def test_coverage_survives_the_file_and_its_copys_deletion(baked, scene, tmp_path):

@@ -10,7 +10,6 @@ from mathutils.bvhtree import BVHTree
 
 from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.appearance.nodes import DISPLACEMENT_NODE, find_node
-from blender_addon.commands import main
 from blender_addon.panels.heights import MPS_PT_displace
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
@@ -390,35 +389,6 @@ def test_the_next_bake_is_onto_the_object_without_the_displacement(worn, scene, 
     bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
     assert (tmp_path / "again.png").read_bytes() == (tmp_path / "texture.png").read_bytes()
     assert all(modifier.show_viewport for modifier in worn.modifiers)
-
-
-def test_what_cannot_be_displaced_is_reported(worn, scene, tmp_path):
-    with pytest.raises(RuntimeError, match="there is no object"):
-        bpy.ops.mps.displace(target="Nobody")
-    with pytest.raises(RuntimeError, match="does not exist; create it first"):
-        bpy.ops.mps.displace(output=str(tmp_path / "no" / "h.exr"))
-    worn.scale.x = 0
-    with pytest.raises(RuntimeError, match="scaled to nothing"):
-        bpy.ops.mps.displace(output=str(tmp_path / "h.exr"))
-    worn.scale.x = 1
-    other = bpy.data.objects.new("Other", worn.data.copy())
-    other.data.materials.clear()
-    scene.collection.objects.link(other)
-    with pytest.raises(RuntimeError, match='"Other" uses no baked texture; choose the object that it was baked onto'):
-        bpy.ops.mps.displace(target="Other")
-    with pytest.raises(RuntimeError, match="is not a mesh but camera"):
-        bpy.ops.mps.bake(target=scene.camera.name)
-    assert scene.mps.bake.target is None  # what was refused is not asked for again
-    scene.mps.bake.image = None
-    with pytest.raises(RuntimeError, match="Bake the texture first"):
-        bpy.ops.mps.displace()
-    assert not worn.modifiers and not list(tmp_path.glob("h*"))
-
-
-def test_it_can_be_called_from_the_command_line(worn, scene, tmp_path, capsys):
-    assert main(["displace", "--method", "modifier", "--levels", "1", "--output", str(tmp_path / "h.exr")]) == 0
-    assert str(tmp_path / "h.exr") in capsys.readouterr().out
-    assert [modifier.type for modifier in worn.modifiers] == ["WEIGHTED_NORMAL", "SUBSURF", "DISPLACE"]
 
 
 def test_the_photos_heights_stand_where_the_object_stands(estimated, scene, tmp_path):

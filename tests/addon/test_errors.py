@@ -11,8 +11,6 @@ import pytest
 from blender_addon.commands import main
 from mpsnet_core.synthesis.job import SampleJob, place_job
 
-from .rendering import matte
-
 mps = bpy.ops.mps
 
 
@@ -29,23 +27,6 @@ def captured(scene):
     scene.mps.photo.image.mps.camera = scene.mps.rig.camera
 
 
-def nothing_selected(scene, tmp_path):
-    bpy.ops.object.select_all(action="DESELECT")
-    bpy.ops.mps.add_rig()
-
-
-def a_hidden_object_clicked_in_the_outliner(scene, tmp_path):
-    bpy.context.object.hide_set(True)
-    bpy.ops.mps.add_rig()
-
-
-def only_an_empty_selected(scene, tmp_path):
-    bpy.ops.object.empty_add()
-    bpy.ops.object.select_all(action="DESELECT")
-    bpy.context.object.select_set(True)
-    bpy.ops.mps.add_rig()
-
-
 def a_single_point(scene, tmp_path):
     mesh = bpy.data.meshes.new("Point")
     mesh.from_pydata([(0, 0, 0)], [], [])
@@ -56,31 +37,8 @@ def a_single_point(scene, tmp_path):
     bpy.ops.mps.add_rig()
 
 
-def edit_mode(scene, tmp_path):
-    bpy.ops.object.mode_set(mode="EDIT")
-    try:
-        bpy.ops.mps.add_rig()
-    finally:
-        bpy.ops.object.mode_set(mode="OBJECT")
-
-
 def no_rig(scene, tmp_path):
     bpy.ops.mps.remove_rig()
-    bpy.ops.mps.render_photo()
-
-
-def light_deleted(scene, tmp_path):
-    delete(scene.mps.rig.lights[1].object)
-    bpy.ops.mps.render_photo()
-
-
-def light_hidden(scene, tmp_path):
-    scene.mps.rig.lights[2].object.hide_render = True
-    bpy.ops.mps.render_photo()
-
-
-def camera_deleted(scene, tmp_path):
-    delete(scene.mps.rig.camera)
     bpy.ops.mps.render_photo()
 
 
@@ -117,27 +75,6 @@ def lights_off(scene, tmp_path):
     bpy.ops.mps.estimate()
 
 
-def panorama(scene, tmp_path):
-    captured(scene)
-    scene.mps.rig.camera.data.type = "PANO"
-    bpy.ops.mps.bake(output=str(tmp_path / "t.png"))
-
-
-def no_photo(scene, tmp_path):
-    scene.mps.photo.image = None
-    bpy.ops.mps.estimate()
-
-
-def photo_without_file(scene, tmp_path):
-    scene.mps.photo.image = bpy.data.images.new("Painted", 8, 8)
-    bpy.ops.mps.estimate()
-
-
-def photo_gone(scene, tmp_path):
-    (tmp_path / "photo.exr").unlink()
-    bpy.ops.mps.estimate()
-
-
 def photo_not_an_image(scene, tmp_path):
     (tmp_path / "text.png").write_text("not an image")
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "text.png"))
@@ -156,23 +93,8 @@ def mask_of_another_size(scene, tmp_path):
     bpy.ops.mps.estimate(mask="FILE", mask_file=str(tmp_path / "mask.png"))
 
 
-def no_normals(scene, tmp_path):
-    scene.mps.estimate.image = None
-    bpy.ops.mps.bake()
-
-
-def normals_gone(scene, tmp_path):
-    (tmp_path / "normals.png").unlink()
-    bpy.ops.mps.bake()
-
-
 def no_target(scene, tmp_path):
     bpy.context.view_layer.objects.active = None
-    bpy.ops.mps.bake()
-
-
-def target_without_uvs(scene, tmp_path):
-    bpy.context.object.data.uv_layers.remove(bpy.context.object.data.uv_layers[0])
     bpy.ops.mps.bake()
 
 
@@ -181,22 +103,8 @@ def target_scaled_to_nothing(scene, tmp_path):
     bpy.ops.mps.bake()
 
 
-def target_without_faces(scene, tmp_path):
-    mesh = bpy.data.meshes.new("Bare")
-    mesh.uv_layers.new(name="UVMap")
-    scene.collection.objects.link(bpy.data.objects.new("Bare", mesh))
-    bpy.ops.mps.bake(target="Bare")
-
-
 def target_not_seen(scene, tmp_path):
     bpy.context.object.location.x = 100
-    bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
-
-
-def material_without_shader(scene, tmp_path):
-    material = matte()
-    material.node_tree.nodes.clear()
-    bpy.context.object.data.materials[0] = material
     bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
 
 
@@ -223,49 +131,29 @@ def painted_image_not_saved(scene, tmp_path):
 
 
 CASES = [
-    (nothing_selected, "nothing is selected; select the object"),
-    (a_hidden_object_clicked_in_the_outliner, '"Sphere" is hidden or not selectable; show it first'),
-    (only_an_empty_selected, "no selected object has a surface"),
     (a_single_point, "a single point"),
     (lambda _, here: mps.add_rig(view="VIEWPORT"), 'view "VIEWPORT" needs a 3D viewport'),
-    (edit_mode, "Switch to Object Mode first"),
     (no_rig, "Add a rig first"),
-    (light_deleted, "the rig's green light was deleted; add the rig again"),
-    (light_hidden, "the rig's blue light is hidden from renders; show it again"),
-    (camera_deleted, "the rig's camera was deleted; add the rig again"),
     (target_deleted, "the rig's target was deleted; add the rig again"),
     (light_behind, "the first light is behind the object"),
     (light_in_the_target, 'light "MPS Red" stands in the rig\'s target'),
     (lights_in_a_plane, "lie (nearly) in one plane"),
     (lights_off, "the rig's lights are all black"),
-    (panorama, "is panoramic or has a shader of its own; make it orthographic or perspective"),
-    (no_photo, "Render or open a photo first"),
-    (photo_without_file, 'the photo "Painted" has no file on disk'),
-    (photo_gone, "has no file on disk"),
     (lambda _, here: mps.open_photo(), "no photo was named"),
     (lambda _, here: mps.open_photo(filepath=str(here / "nowhere.png")), "nowhere.png does not exist; check the path"),
     (photo_not_an_image, "cannot be read as an image"),
     (lambda _, here: mps.render_photo(output=str(here / "photo.png")), "renders are written as OpenEXR"),
     (lambda _, here: mps.render_photo(output=str(here / "nowhere" / "photo.exr")), "does not exist; create it first"),
     (photo_black, "the photo is black inside the mask"),
-    (lambda _, here: mps.estimate(mask="FILE"), "the mask is a file but none is named"),
     (lambda _, here: mps.estimate(mask="FILE", mask_file=str(here / "nowhere.png")), "nowhere.png does not exist"),
     (mask_of_another_size, "they must be the same size"),
-    (lambda _, here: mps.estimate(rig_file=str(here / "nowhere.json")), "nowhere.json does not exist"),
-    (lambda _, here: mps.estimate(model="FILE"), "the model is a file but none is named"),
     (lambda _, here: mps.estimate(model="FILE", model_file=str(here / "nowhere.onnx")), "nowhere.onnx does not exist"),
     (lambda _, here: mps.estimate(output=str(here / "normals.jpg")), "the ending .jpg is not known"),
-    (no_normals, "Estimate the normals first"),
-    (normals_gone, "has no file on disk"),
     (no_target, "there is no target to bake onto"),
     (lambda _, here: mps.bake(target="Nobody"), 'there is no object "Nobody" in the scene'),
     (lambda scene, here: mps.bake(target=scene.mps.rig.lights[0].object.name), "is not a mesh but light"),
-    (target_without_uvs, "has no UV map; unwrap it first"),
-    (lambda _, here: mps.bake(uv_map="Lightmap"), 'has no UV map "Lightmap"; choose "UVMap"'),
-    (target_without_faces, "has no faces"),
     (target_scaled_to_nothing, '"Sphere" is scaled to nothing in one direction; give it a scale above 0'),
     (target_not_seen, "no view sees any of the mesh"),
-    (material_without_shader, "no shader with a Normal input reaches its active Material Output"),
 ]
 
 

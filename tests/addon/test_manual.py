@@ -53,13 +53,3 @@ def test_every_button_and_field_leads_to_a_place_that_is_there(page):
         target, _, anchor = leads.read_text(encoding="utf-8").partition("url=")[2].partition('"')[0].partition("#")
         assert (leads.parent / target).resolve() == page, name
         assert anchor in anchors, name
-
-
-def test_without_pages_nothing_is_registered(monkeypatch, tmp_path):
-    manual.unregister()
-    with monkeypatch.context() as without:
-        without.setattr(manual, "FOLDERS", [tmp_path])
-        manual.register()
-        assert bpy.types.WM_OT_doc_view_manual._lookup_rna_url("bpy.ops.mps.estimate", verbose=False) is None
-        manual.unregister()
-    manual.register()

@@ -77,20 +77,6 @@ def test_obj(scene, tmp_path, name):
     are_alike(corners_here(path), corners_in_blender())
 
 
-@pytest.mark.parametrize("normals", [False, True])
-@pytest.mark.parametrize("strips", [False, True])
-def test_ply(scene, tmp_path, normals, strips):
-    path, names = tmp_path / "mesh.ply", ["x", "y", "z", *(["nx", "ny", "nz"] * normals), "s", "t"]
-    rows = [line.split()[1:] for line in PLACES.splitlines()]
-    rows = [[*row, *(["0.6", "0", "0.8"] * normals), *row[:2]] for row in rows]
-    faces = ["9 0 1 3 4 -1 1 2 4 5"] if strips else ["4 0 1 4 3", "4 1 2 5 4", "4 2 6 7 5"]
-    head = ["ply", "format ascii 1.0", f"element vertex {len(rows)}", *(f"property float {name}" for name in names)]
-    head += [f"element {'tristrips' if strips else 'face'} {len(faces)}", "property list uchar int vertex_indices"]
-    path.write_text("\n".join([*head, "end_header", *map(" ".join, rows), *faces, ""]))
-    bpy.ops.wm.ply_import(filepath=str(path), forward_axis="Y", up_axis="Z")
-    are_alike(corners_here(path), corners_in_blender())
-
-
 def edited(path: Path, edit: Callable[[dict[str, Any]], None]) -> None:
     """Change the JSON part of a GLB file."""
     data = path.read_bytes()

@@ -1,26 +1,10 @@
 """Which models the panel offers, which it holds all the same, and how often a still goes through them."""
 
-from types import SimpleNamespace
-
 import bpy
 import numpy as np
-import pytest
 
-from blender_addon.panels.models import MPS_MT_estimate_models, MPS_MT_material_models
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.scene.normal_map import read_normals
-
-
-@pytest.mark.parametrize(
-    ("menu", "last"), [(MPS_MT_estimate_models, "FILE"), (MPS_MT_material_models, "LAMBERTIAN_GREY_WORLD")]
-)
-def test_the_menu_offers_the_default_its_quick_variant_the_paper_s_network_and_equation_2(scene, menu, last):
-    offered = []
-    layout = SimpleNamespace(prop_enum=lambda *item, text: offered.append((item[-1], text)))
-    menu.draw(SimpleNamespace(layout=layout, step=menu.step, also=menu.also), bpy.context)
-    names = {"MULTISCALE": "Default", "MULTISCALE_QUICK": "Quick", "MPSNET": "MPS-Net (2019)"}
-    assert offered[:4] == [*names.items(), ("LAMBERTIAN", "Equation 2")]
-    assert [identifier for identifier, _ in offered[4:]] == [last]
 
 
 def test_models_that_are_not_offered_keep_their_names_and_their_places_in_files(scene):

@@ -233,14 +233,6 @@ def test_true_normals_are_the_spheres_own(sphere, scene, tmp_path):
     assert found["ViewLayer.Combined.A"][mask].min() == 1
 
 
-def test_a_photo_opened_from_a_file(scene, tmp_path):
-    path = tmp_path / "captured.png"
-    buffer = oiio.ImageBuf(oiio.ImageSpec(20, 10, 3, oiio.UINT8))
-    buffer.write(str(path))
-    bpy.ops.mps.open_photo(filepath=str(path))
-    assert tuple(scene.mps.photo.image.size) == (20, 10)
-
-
 @pytest.mark.parametrize(("orientation", "where"), [(3, (7, 9)), (6, (0, 7)), (8, (9, 0))])
 def test_a_photo_of_a_camera_that_was_turned_is_shown_as_it_is_read(scene, tmp_path, orientation, where):
     """EXIF's own table: the first row is below at 3, right at 6, left at 8; the first column right, above, below."""
@@ -376,20 +368,6 @@ def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_
         ):
             small_photo(tmp_path)
         setattr(layer.children["Inner"], state, False)
-
-
-@pytest.mark.parametrize("verb", ["render_photo", "render_truth"])
-def test_a_name_that_is_no_exr_is_refused_before_anything_is_rendered(sphere, tmp_path, verb):
-    bpy.ops.mps.add_rig()
-    renders = []
-    bpy.app.handlers.render_init.append(lambda *_: renders.append(True))
-    with pytest.raises(RuntimeError, match=r"x\.png: renders are written as OpenEXR"):
-        getattr(bpy.ops.mps, verb)(output=str(tmp_path / "x.png"))
-    with pytest.raises(RuntimeError, match="nowhere does not exist"):
-        getattr(bpy.ops.mps, verb)(output=str(tmp_path / "nowhere" / "x.exr"))
-    assert not renders
-    small_photo(tmp_path)
-    assert len(renders) == 3
 
 
 def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp_path):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import PrincipledBsdf
+from mpsnet_core.synthesis.scene_description import Material
 
 from .rendering import principled, rendered
 

@@ -30,11 +30,6 @@ def test_lights_stand_where_they_were_asked_to(sphere, scene, light_type, projec
     assert np.allclose(rig.mixing, np.eye(3), atol=1e-6)
 
 
-def test_lights_are_pure_red_green_and_blue(sphere, scene):
-    bpy.ops.mps.add_rig()
-    assert [tuple(light.object.data.color) for light in scene.mps.rig.lights] == [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
-
-
 @pytest.mark.parametrize("light_type", ["SUN", "AREA"])
 def test_a_light_moved_by_hand_is_known(sphere, scene, light_type):
     bpy.ops.mps.add_rig(light_type=light_type)

@@ -1,16 +1,13 @@
 """Several rigs in one scene: each keeps its own, and they are baked together."""
 
 import re
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 from documentation import PROJECT
 
-from blender_addon.estimate.estimate import MPS_OT_estimate
 from blender_addon.outputs import file_name
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
@@ -18,7 +15,6 @@ from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.rig.several_rigs import all_rigs, result_name
 from blender_addon.settings.record import error_of, notes_of
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 
 
@@ -93,32 +89,6 @@ def test_an_error_stays_with_its_rig(estimated, scene):
     assert "estimate" not in scene.mps.records
     bpy.ops.mps.choose_rig(index=0)
     assert "nowhere.onnx" in scene.mps.records["estimate"].error
-
-
-def test_a_result_goes_to_the_rig_that_it_was_begun_with(estimated, scene, tmp_path):
-    image = scene.mps.estimate.image
-    bpy.ops.mps.new_rig()
-    own = SimpleNamespace(
-        _scene_uid=scene.session_uid,
-        _rig_place=0,
-        _moves=False,
-        _output=tmp_path / "normals.png",
-        _camera=None,
-        _photo=0,
-        _lens=0,
-        made=lambda _: None,
-        tell=lambda *_: None,
-    )
-    own.scene = partial(MPS_OT_estimate.scene, own)
-    bpy.ops.mps.choose_rig(index=0)
-    scene.mps.estimate.image = None
-    bpy.ops.mps.choose_rig(index=1)
-    MPS_OT_estimate.finish(own, bpy.context, {})
-    assert scene.mps.estimate.image is None and scene.mps.rigs[0].estimate.image == image
-    bpy.ops.mps.drop_rig()
-    own._rig_place = 1
-    with pytest.raises(InputError, match="the rig that this was made for is gone; its normals are in"):
-        MPS_OT_estimate.finish(own, bpy.context, {})
 
 
 def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, scene):
@@ -207,13 +177,6 @@ def test_a_rig_that_fails_is_named_and_what_was_done_before_stays(two_rigs, scen
     assert scene.mps.chosen_rig == 1 and error_of(scene, "render_photo").startswith("Rig 2: ")
     bpy.ops.mps.choose_rig(index=0)
     assert not error_of(scene, "render_photo")
-
-
-def test_the_button_for_all_rigs_has_a_tooltip_of_its_own(scene):
-    pressed = bpy.context.window_manager.operator_properties_last("mps.estimate")
-    assert MPS_OT_estimate.description(bpy.context, pressed) == ""  # Blender then shows the operator's
-    pressed.all_rigs = True
-    assert MPS_OT_estimate.description(bpy.context, pressed).startswith("Do this for all rigs")
 
 
 def test_a_scene_with_one_rig_has_all_rigs_in_it(photographed, scene):

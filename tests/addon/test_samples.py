@@ -15,7 +15,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.cycles import sample_from_cycles
-from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.scene_description import Bump, Dirt, Material, Paint, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shapes.shape import Shape, joined, smooth_shape
 
@@ -35,8 +35,8 @@ def camera(projection: str, distance: float = 10.0, size: int = SIZE) -> Camera:
     return Camera(projection, size, size, [focal, focal], [size * 0.53, size * 0.48], pose)
 
 
-def recipe(projection: str = "orthographic", **changes) -> Recipe:
-    plain = Recipe(
+def recipe(projection: str = "orthographic", **changes) -> SceneDescription:
+    plain = SceneDescription(
         seed=1,
         number=2,
         shape={"kind": "test"},
@@ -351,47 +351,13 @@ def layers(tmp_path_factory) -> Path:
     return path
 
 
-def four_materials() -> Recipe:
+def four_materials() -> SceneDescription:
     return recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=Pattern("stripes", scale=2.0))
 
 
-def read(path: Path, told: Recipe | None = None):
+def read(path: Path, told: SceneDescription | None = None):
     shape = sphere(rings=16)
     return sample_from_cycles(path, told or four_materials(), shape.vertices, shape.triangles, "test")
-
-
-def test_one_part_or_a_part_a_pass_read_the_same(layers, tmp_path):
-    """Blender 4.5 writes the first, 5.0 and later the second; whichever is running, both are tried."""
-    source, images, part = oiio.ImageInput.open(str(layers)), {}, 0
-    while source.seek_subimage(part, 0):
-        spec = source.spec()
-        pixels = source.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
-        images |= {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
-        part += 1
-    one = {"": list(images)}
-    many = {}
-    for name in images:
-        many.setdefault(name.rpartition(".")[0], []).append(name)
-    truth = read(layers)
-    assert len(np.unique(truth.material)) == 5
-    for number, layout in enumerate((one, many)):
-        path = tmp_path / f"{number}.exr"
-        specs = []
-        for title, names in layout.items():
-            spec = oiio.ImageSpec(SIZE, SIZE, len(names), "float")
-            spec.channelnames = names
-            spec.attribute("oiio:subimagename", title)
-            specs.append(spec)
-        target = oiio.ImageOutput.create(str(path))
-        target.open(str(path), specs)
-        for index, (spec, names) in enumerate(zip(specs, layout.values(), strict=True)):
-            if index:
-                target.open(str(path), spec, "AppendSubimage")
-            target.write_image(np.ascontiguousarray(np.stack([images[name] for name in names], -1)))
-        target.close()
-        sample = read(path)
-        for field in ("lights", "normals", "depth", "alpha", "material", "lit"):
-            assert np.array_equal(getattr(sample, field), getattr(truth, field)), field
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])

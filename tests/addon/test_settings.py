@@ -1,15 +1,23 @@
 """Settings live in the scene: they outlast the session, and do not depend on what anything is called."""
 
-import importlib
 import json
-import pkgutil
 import subprocess
 import sys
 
 import bpy
 import pytest
 
-import blender_addon.settings
+from blender_addon.settings.bake import BakeSettings
+from blender_addon.settings.calibrate import CalibrateSettings
+from blender_addon.settings.declared import options_of
+from blender_addon.settings.displace import DisplaceSettings
+from blender_addon.settings.estimate import EstimateSettings
+from blender_addon.settings.heights import HeightsSettings
+from blender_addon.settings.material import MaterialSettings
+from blender_addon.settings.messages import in_blender
+from blender_addon.settings.samples import SamplesSettings
+from blender_addon.settings.superpose import SuperposeSettings
+from blender_addon.settings.views import ViewsSettings
 from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.capture.operations import Superpose
@@ -134,82 +142,54 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
     assert (operation.threads, operation.provider) == (3, "cuda")
 
 
-# Of each class of settings the operation that they are for, and its options that are called otherwise in Blender.
-OPERATIONS = {
-    "BakeSettings": (Bake, {"onto_file": "onto"}),
-    "CalibrateSettings": (CalibrateLights, {"ball_radius": "radius", "lens": "focal"}),
-    "DisplaceSettings": (Integrate, {}),
-    "EstimateSettings": (Estimate, {"lens": "focal"}),
-    "HeightsSettings": (Integrate, {}),
-    "MaterialSettings": (MakeMaterial, {}),
-    "SamplesSettings": (Synthesize, {}),
-    "SuperposeSettings": (Superpose, {}),
-    "ViewsSettings": (BakeViews, {"write_report": "report"}),
-}
-# How the surface is moved, where the option says how normals are integrated; and what the core has as free text.
-OTHER_THINGS = {("DisplaceSettings", "method"), ("EstimateSettings", "mask")}
-# Items beside an option's choices; of a model every name is one.
-MORE_ITEMS = {"preset": {"CUSTOM"}, "bits": {"AUTO"}, "model": None}
-# Defaults that differ from the core's.
-OWN_DEFAULTS = {
-    ("BakeSettings", "margin"): 16,
-    ("CalibrateSettings", "ball_radius"): 1.0,
-    ("DisplaceSettings", "scale"): 0.01,
-    ("SamplesSettings", "count"): 100,
-    ("SamplesSettings", "bounces"): 3,
-}
-LEAST = {("CalibrateSettings", "ball_radius"): 1e-6}
+@pytest.mark.parametrize(
+    ("operation", "kind", "step", "own"),
+    [
+        (Bake, BakeSettings, "bake", {"margin": 16, "convention": "opengl"}),
+        (BakeViews, ViewsSettings, "views", {}),
+        (CalibrateLights, CalibrateSettings, "calibrate", {"radius": 1.0}),
+        (Estimate, EstimateSettings, "estimate", {"model": "MULTISCALE"}),
+        (Integrate, DisplaceSettings, "displace", {"scale": 0.01}),
+        (Integrate, HeightsSettings, "heights", {}),
+        (MakeMaterial, MaterialSettings, "material", {"model": "LAMBERTIAN_GREY_WORLD"}),
+        (Superpose, SuperposeSettings, "superpose", {}),
+        (Synthesize, SamplesSettings, "samples", {"count": 100, "bounces": 3}),
+    ],
+)
+def test_untouched_settings_are_the_core_s_defaults_but_for_a_few(scene, operation, kind, step, own):
+    defaults = {setting.name: setting.default for setting in options(operation)}
+    given = options_of(operation, kind, getattr(scene.mps, step))
+    assert given and {name: value for name, value in given.items() if value != defaults[name]} == own
 
 
-def described():
-    """(class and property, the property as Blender has it, the core's option) of all that the core describes."""
-    modules = [
-        importlib.import_module(f"{blender_addon.settings.__name__}.{module.name}")
-        for module in pkgutil.iter_modules(blender_addon.settings.__path__)
-    ]
-    groups = [group for module in modules for group in vars(module).values() if hasattr(group, "bl_rna")]
-    found = {}
-    for group in groups:
-        for base in group.__mro__:
-            operation, names = OPERATIONS.get(base.__name__, (None, {}))
-            for option in options(operation) if operation else ():
-                for name in base.__annotations__:
-                    if names.get(name, name) == option.name and (base.__name__, name) not in OTHER_THINGS:
-                        found[base.__name__, name] = (group.bl_rna.properties[name], option)
-    return found
+def test_settings_reach_the_core_as_its_options(scene, tmp_path):
+    views, estimate, bake = scene.mps.views, scene.mps.estimate, scene.mps.bake
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    views.white, views.lights_in, estimate.lens, estimate.dark = "//white", "WORLD", 0.1, ""
+    bake.bits, bake.padding, bake.fill = "32", "PUSH_PULL", True
+    found = options_of(BakeViews, ViewsSettings, views) | options_of(BakeViews, BakeSettings, bake)
+    assert found["white"] == (str(tmp_path / "white"),) and found["lights_in"] == "world"
+    assert (found["bits"], found["padding"], found["fill"]) == (32, "push-pull", True)
+    assert options_of(Estimate, EstimateSettings, estimate, without=("model",)) == {
+        "encoding": "auto",
+        "focal": 0.1,
+        "smooth": 0,
+    }
 
 
-def test_every_class_of_settings_names_its_operation():
-    assert {name for name, _ in described()} == set(OPERATIONS)
-    assert set(OWN_DEFAULTS) | set(LEAST) <= set(described())
-
-
-def test_a_setting_is_what_the_core_s_option_is():
-    """Range, default and choices: none is written down a second time."""
-    faults = []
-    for place, (one, option) in described().items():
-        default = OWN_DEFAULTS.get(place, None if option.required or option.several else option.default)
-        if one.type == "ENUM":
-            more, items = MORE_ITEMS.get(one.identifier, set()), [item.identifier for item in one.enum_items]
-            same = more is None or [item for item in items if item not in more] == identifiers(option.option.choices)
-            same &= one.default == (items[0] if default is None else identifiers([default])[0])
-        elif one.type in {"INT", "FLOAT"} and option.kind is not str:
-            # Blender's own bounds, where the option has none.
-            widest = 2**31 - 1 if one.type == "INT" else 3e38
-            low = LEAST.get(place, 0 if default is None else option.option.low)
-            high = option.option.high or widest
-            same = one.hard_max >= widest if high >= widest else one.hard_max == pytest.approx(high)
-            same &= one.hard_min < -1e9 if low is None else one.hard_min == pytest.approx(low)
-            same &= one.default == pytest.approx(default or 0)
-        else:
-            same = option.kind is not bool or one.default == default
-        if not same:
-            faults.append(place)
-    assert not faults
-
-
-def identifiers(values):
-    return [str(value).upper().replace("-", "_") for value in values]
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("say where that was (--white-light)", "say where that was (White Light)"),
+        ("set the encoding to linear (--encoding linear)", "set the encoding to linear (Encoding: Linear)"),
+        ("it fits if its y axis points up (--up y)", "it fits if its y axis points up"),
+        ("combine them with mpsnet superpose --channels [alike]", "combine them with Make One Photo [alike]"),
+        ("find them by mpsnet calibrate lights", "find them by Find Lights"),
+        ("a lens (mm) -- or none", "a lens (mm) -- or none"),
+    ],
+)
+def test_messages_of_the_core_speak_of_fields_and_buttons(said, shown):
+    assert in_blender(said) == shown == in_blender(shown)
 
 
 @pytest.mark.parametrize(

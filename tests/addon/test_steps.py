@@ -1,24 +1,19 @@
 """How each step of the panel stands: what is missing, what went wrong, what is out of date, how long it will take."""
 
-import time
-from pathlib import Path
-from types import SimpleNamespace
-
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon.operators.progress import Pace, time_left_text
+from blender_addon.operators.progress import Pace
 from blender_addon.panels import CLASSES
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.material import MPS_PT_material
 from blender_addon.panels.photo import MPS_PT_photo
-from blender_addon.panels.photo_inputs import camera_of, lights_of
+from blender_addon.panels.photo_inputs import lights_of
 from blender_addon.panels.rig import MPS_PT_rig
-from blender_addon.panels.step import Kind, sentence
+from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
-from blender_addon.provenance import cached_file_sizes
 from blender_addon.settings.record import notes_of
 from mpsnet_core.scene.rig import near_rig, write_rig
 
@@ -144,34 +139,6 @@ def test_a_texture_whose_later_bake_was_undone_is_out_of_date(baked, tmp_path):
     assert stands(MPS_PT_bake) == (Kind.DONE, "")
 
 
-def test_files_are_looked_at_once_a_second_however_often_the_panel_is_drawn(baked, tmp_path, monkeypatch):
-    looked, clock = [], [time.monotonic() + 10]
-    stat = Path.stat
-
-    def counted(path, **how):
-        looked.append(path.name)
-        return stat(path, **how)
-
-    monkeypatch.setattr(Path, "stat", counted)
-    monkeypatch.setattr("blender_addon.provenance.time", SimpleNamespace(monotonic=lambda: clock[0]))
-
-    def drawn():
-        with cached_file_sizes():
-            return [stands(one)[0] for one in (MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)]
-
-    for _ in range(3):
-        clock[0] += 0.3
-        assert drawn() == [Kind.DONE] * 3
-    assert sorted(looked) == ["normals.png", "photo.exr"]
-    export_the_photo_again(baked, tmp_path)
-    looked.clear()
-    clock[0] += 0.5
-    assert drawn() == [Kind.DONE, Kind.OUT_OF_DATE, Kind.DONE]
-    assert looked.count("photo.exr") == 1
-    bpy.ops.mps.estimate()  # what is made is made of the files as they are
-    assert drawn() == [Kind.DONE, Kind.DONE, Kind.OUT_OF_DATE]
-
-
 def test_what_was_made_stays_done_when_things_are_renamed_and_the_file_is_opened_again(baked, estimated, tmp_path):
     for datablocks in (bpy.data.objects, bpy.data.images, bpy.data.materials, bpy.data.meshes, bpy.data.scenes):
         for datablock in datablocks:
@@ -230,33 +197,6 @@ def test_a_hostile_way_is_none(photographed, scene):
 def test_training_data_is_in_no_tab_of_the_artists(scene):
     assert "MPS_PT_samples" not in shown()
     assert bpy.types.MPS_PT_samples.bl_category != bpy.types.MPS_PT_bake.bl_category
-
-
-def test_it_is_said_which_lights_and_which_camera_count(photographed, scene, tmp_path):
-    def said():
-        return lights_of(scene).words, camera_of(scene)
-
-    photo = scene.mps.photo.image
-    assert said() == ("as the photo was rendered", "as the photo was rendered")
-    scene.mps.photo.image = None
-    assert said() == ("the virtual rig", "the virtual rig's")
-    (tmp_path / "measured.json").write_text(photo["mpsnet_rig"], encoding="utf-8")
-    photo.save(filepath=str(tmp_path / "taken.exr"))
-    bpy.ops.mps.open_photo(filepath=str(tmp_path / "taken.exr"))
-    scene.mps.estimate.rig_file = str(tmp_path / "measured.json")
-    assert said() == ("measured.json, calibrated", "the virtual rig's")
-    assert lights_of(scene).rig.slants == pytest.approx([30] * 3, abs=1e-3)
-    bpy.ops.mps.remove_rig()
-    scene.mps.estimate.lens = 50
-    assert said()[1] == "lens 50 mm"
-    scene.mps.estimate.lens = 0
-    assert said()[1] == ""
-    scene.collection.objects.link(camera := bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine")))
-    taken = scene.mps.photo.image.mps
-    taken.camera = camera
-    assert said()[1] == "Mine"
-    taken.fit, taken.outline_pixels = "as Align Photo says it", 0.4
-    assert said()[1] == "aligned, 0.4 px"
 
 
 def test_it_is_doubted_that_the_virtual_rig_lit_a_real_photo(photographed, scene, tmp_path):
@@ -465,27 +405,6 @@ def test_time_left_is_reported_once_it_can_be_known():
     # Long work tells it after less of it.
     assert pace.left(39.0, 0.11) is None
     assert pace.left(41.0, 0.11) == pytest.approx(21.0 * 0.89 / 0.01)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [
-        (None, ""),
-        (0.2, "5 s left"),
-        (41.0, "40 s left"),
-        (58.0, "1 min left"),
-        (95.0, "2 min left"),
-        (3590.0, "1 h left"),
-        (7900.0, "2 h 10 min left"),
-    ],
-)
-def test_time_left_in_words(seconds, words):
-    assert time_left_text(seconds) == words
-
-
-def test_the_panel_names_no_options_of_the_command_line():
-    said = "the camera is far away; give its lens (--focal, --camera): 45 mm (or more) are usual"
-    assert sentence(said) == "The camera is far away; give its lens: 45 mm (or more) are usual"
 
 
 def test_text_is_broken_and_shortened_to_a_width():

@@ -10,9 +10,9 @@ from blender_addon.training.samples.render import render_sample
 from mpsnet_core.arrays.mask_regions import dilated, eroded
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material, SceneDescription
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, smooth_shape
 
@@ -34,13 +34,15 @@ def concave() -> Shape:
     return joined([ground, ball(0.4, (-0.2, 0.1, 0.05)), ball(0.25, (0.25, -0.2, -0.1))])
 
 
-def recipe(material: Material, light_size: float, projection: str = "orthographic", bounces: int = 0) -> Recipe:
+def recipe(
+    material: Material, light_size: float, projection: str = "orthographic", bounces: int = 0
+) -> SceneDescription:
     """Seen from obliquely above, off the picture's middle."""
     pose = np.eye(4)
     pose[2, 3] = 4.0
     focal = np.full(2, SIZE / 2.1 * (1 if projection == "orthographic" else 4))
     c, s = np.cos(np.radians(50)), np.sin(np.radians(50))
-    return Recipe(
+    return SceneDescription(
         seed=1,
         number=2,
         shape={},
@@ -53,7 +55,7 @@ def recipe(material: Material, light_size: float, projection: str = "orthographi
     )
 
 
-def both(told: Recipe, shape: Shape, samples: int, folder: Path) -> tuple[Sample, Sample]:
+def both(told: SceneDescription, shape: Shape, samples: int, folder: Path) -> tuple[Sample, Sample]:
     synthesised = synthesise(told, shape, [load_reflectance(one) for one in told.materials], supersampling=2)
     return synthesised, render_sample(told, shape, samples, folder / "sample.exr")
 

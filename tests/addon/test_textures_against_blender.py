@@ -11,7 +11,7 @@ from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
 from mpsnet_core.bake.bake import bake_texture_sets
-from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.io.image_writing import write_image
@@ -39,7 +39,7 @@ def textures(
 ) -> list[tuple[TextureSet, Texture]]:
     """What is baked of eight renders of an object's normals."""
     views = [normal_view(side, seen, tmp_path / "view.exr", "ORTHO") for side in SIDES]
-    return list(bake_texture_sets(meshes, views, texture_sets(meshes, **by), Baking(size=SIZE, margin=0)))
+    return list(bake_texture_sets(meshes, views, texture_sets(meshes, **by), BakeSettings(size=SIZE, margin=0)))
 
 
 def image_for(material: "bpy.types.Material", path: Path, tiles: list[int]) -> "bpy.types.Image":

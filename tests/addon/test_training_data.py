@@ -15,9 +15,9 @@ import pytest
 
 from blender_addon.commands import main
 from blender_addon.training.training_data import samples_status
-from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob, place_job, read_job, sample_path
 from mpsnet_core.synthesis.sample import read_sample
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 
 SMALL = {"size": 32, "samples": 4, "kinds": {"BLOBS"}, "denoise": False}
 

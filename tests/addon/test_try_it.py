@@ -3,17 +3,13 @@
 import math
 import subprocess
 import sys
-import tempfile
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.images import pixels_of
-from blender_addon.start.try_it import MPS_OT_try_it
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.image_reading import read_data
 
@@ -98,46 +94,6 @@ def everything():
     """The names of all datablocks but the picture that Blender keeps of any render."""
     kinds = ("scenes", "objects", "meshes", "materials", "images", "lights", "cameras", "collections", "textures")
     return {kind: set(getattr(bpy.data, kind).keys()) - {"Render Result"} for kind in kinds}
-
-
-@pytest.fixture
-def pressed():
-    """What Try It's button leaves running: the operator's data, which Blender gives to no one without a window."""
-    manager = bpy.context.window_manager
-    manager.mps.running, manager.mps.cancel = MPS_OT_try_it.bl_idname, False
-    timer = manager.event_timer_add(0.1, window=bpy.context.window)
-    one = SimpleNamespace(
-        bl_idname=MPS_OT_try_it.bl_idname, _ticks=2, _timer=timer, report=lambda *_: None, tell=lambda *_: None
-    )
-    one._scene_uid = one._before = bpy.context.scene.session_uid
-    one._failed = one.report
-    for name in ("done", "_end", "_step", "_take_away"):
-        setattr(one, name, partial(getattr(MPS_OT_try_it, name), one))
-    yield one
-    manager.mps.running, manager.mps.cancel = "", False
-
-
-def tick(one):
-    return MPS_OT_try_it.modal(one, bpy.context, SimpleNamespace(type="TIMER", value=""))
-
-
-def broken(context):
-    raise ZeroDivisionError
-
-
-def test_a_defect_in_a_step_does_not_keep_the_add_on_busy(scene, pressed, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # its log's place
-    pressed._left = [broken]
-    assert tick(pressed) == {"CANCELLED"}
-    assert bpy.ops.mps.try_it.poll()
-
-
-def test_the_demo_goes_on_where_its_panel_is_not_shown_and_ends_when_cancelled(scene, pressed):
-    assert bpy.context.area is None
-    pressed._left = [lambda context: None, broken]
-    assert tick(pressed) == {"PASS_THROUGH"}
-    bpy.ops.mps.cancel()
-    assert tick(pressed) == {"CANCELLED"} and bpy.ops.mps.try_it.poll()
 
 
 def test_relight_takes_the_rigs_place_and_gives_it_back(sphere):

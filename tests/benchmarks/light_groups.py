@@ -18,13 +18,13 @@ from quiet import quiet
 from blender_addon.training.samples.render import prepare, render_layers
 from blender_addon.training.samples.scene import add_shape, sample_scene
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
-from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.scene_description import SceneDescription
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 
-def seconds(recipe: Recipe, shape: Shape, samples: int, alone: str, path: Path) -> float:
+def seconds(recipe: SceneDescription, shape: Shape, samples: int, alone: str, path: Path) -> float:
     """Of processor time that a render takes. alone: the only light group whose sun is there."""
     with sample_scene(recipe) as scene, quiet():
         add_shape(scene, recipe, shape)

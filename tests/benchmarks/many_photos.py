@@ -25,7 +25,7 @@ from surface_shapes import sphere_mesh, upright
 from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.feather import FEATHER
 from mpsnet_core.bake.inputs import ViewReader
-from mpsnet_core.bake.multi_view import KeptView, KeptViews
+from mpsnet_core.bake.multi_view import CachedView, CachedViews
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.view_agreement import agreement
 from mpsnet_core.capture.open import PhotoSet
@@ -72,17 +72,17 @@ def seconds(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def linked(folder: Path, name: str, first: KeptView) -> KeptView:
+def linked(folder: Path, name: str, first: CachedView) -> CachedView:
     """A view whose files are those of the first."""
-    kept = KeptView(folder, name)
+    kept = CachedView(folder, name)
     for own, same in ((kept.normals, first.normals), (kept.confidence, first.confidence)):
         os.link(same, own)
     return kept
 
 
-def bake_seconds(mesh: Mesh, kept: list[KeptView], cameras: list[Camera], size: int, file: Path) -> float:
+def bake_seconds(mesh: Mesh, kept: list[CachedView], cameras: list[Camera], size: int, file: Path) -> float:
     def bake() -> None:
-        views = KeptViews(kept, cameras, mesh, RayScene.of(mesh), ViewReader(LEVEL_SCALE))
+        views = CachedViews(kept, cameras, mesh, RayScene.of(mesh), ViewReader(LEVEL_SCALE))
         write_texture(file, bake_normals(mesh, views, size=size, feather=FEATHER))
 
     return seconds(bake)
@@ -99,7 +99,7 @@ def main() -> int:
     cameras = [camera_at(2 * np.pi * number / MORE, width, height) for number in range(MORE)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        first = KeptView(folder, "0")
+        first = CachedView(folder, "0")
         estimator, rig = Estimator(), published_rig()
         captured = [PhotoSet().open(Source(lambda: photo(width, height), rig, camera=cameras[0]))]
         print(f"{width} x {height} pixels, {captured[0].mask.mean():.0%} object", flush=True)
@@ -110,7 +110,10 @@ def main() -> int:
         beside = seconds(lambda: first.write(captured.pop(), estimated.pop(), "benchmark"))
         kept += [linked(folder, str(number), first) for number in range(1, MORE)]
         scene = RayScene.of(mesh)
-        agreed, stored = agreement(mesh, scene, FEATHER), KeptViews(kept, cameras, mesh, scene, ViewReader(LEVEL_SCALE))
+        agreed, stored = (
+            agreement(mesh, scene, FEATHER),
+            CachedViews(kept, cameras, mesh, scene, ViewReader(LEVEL_SCALE)),
+        )
         beside += seconds(lambda: agreed.add("0", *stored.both(0)))
         print(f"writing it, reading it again and comparing it: {beside:.1f} s; {peak():.0f} MB at most", flush=True)
         texture = folder / "texture.png"

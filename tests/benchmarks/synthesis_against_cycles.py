@@ -24,11 +24,11 @@ import numpy as np
 from quiet import quiet
 
 from mpsnet_core.arrays.mask_regions import dilated, eroded
-from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import SceneDescription
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
@@ -37,7 +37,7 @@ REFERENCE_SAMPLES = 1024
 SMALL = 128  # pixels a side, where noise and differences are measured
 
 
-def drawn(seed: int, number: int, size: int) -> Recipe:
+def drawn(seed: int, number: int, size: int) -> SceneDescription:
     """A view that both renderers show alike: a single material, as noise and cells are others in Blender."""
     recipe = draw_recipe(SampleJob("synthesis", number + 1, seed=seed, size=size, bounces=0), number)
     plain = replace(recipe.materials[0], subsurface=0.0)
@@ -50,7 +50,7 @@ def drawn(seed: int, number: int, size: int) -> Recipe:
     )
 
 
-def synthesised(recipe: Recipe, shape: Shape, supersampling: int = 1) -> Sample:
+def synthesised(recipe: SceneDescription, shape: Shape, supersampling: int = 1) -> Sample:
     return synthesise(recipe, shape, [load_reflectance(one) for one in recipe.materials], supersampling)
 
 
@@ -84,12 +84,12 @@ class Cycles:
     def _end(self, *_: object) -> None:
         self.seconds = time.process_time() - self.start
 
-    def __call__(self, recipe: Recipe, shape: Shape, samples: int) -> Sample:
+    def __call__(self, recipe: SceneDescription, shape: Shape, samples: int) -> Sample:
         with quiet():
             return self.render_sample(recipe, shape, samples, self.folder / "sample.exr")
 
 
-def seconds(recipe: Recipe, shape: Shape) -> float:
+def seconds(recipe: SceneDescription, shape: Shape) -> float:
     """Processor time of a sample."""
     start = time.process_time()
     synthesised(recipe, shape)

@@ -21,8 +21,8 @@ from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.learning.evaluation.colour import COLOURINGS, ROUGHNESS
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.scene.rig import LightRig, published_rig
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.scene_description import Material
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 
 NOISE = 0.005  # standard deviation, as a share of what is bright

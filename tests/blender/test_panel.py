@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 from dng import write_dng
 from live import STEP, TITLE
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
@@ -319,33 +318,6 @@ def test_a_raw_photo_is_shown_by_its_own_file(window, tmp_path):
     window.ask("photo", str(tmp_path / "photo.dng"))
     x, y = window.find("wm.path_open", at=0.83)
     assert f'filepath="{tmp_path}"' in window.under_mouse(x, y)
-
-
-ONE_WORD = """
-import sys
-text = sys.modules[bpy.types.MPS_PT_rig.__module__.rpartition(".")[0] + ".text"]
-class MPS_PT_one_word(bpy.types.Panel):
-    bl_space_type, bl_region_type, bl_category, bl_label = "VIEW_3D", "UI", "MPS", "-"
-    def draw(self, context):
-        text.wrapped(self.layout, "Photo")
-        if not SENTENCE_ALONE:
-            self.layout.label(text="Photo")
-bpy.utils.register_class(MPS_PT_one_word)
-"""
-
-
-@pytest.mark.parametrize("sentence_alone", [True, False])
-def test_no_line_of_a_sentence_is_translated_on_its_own(window, sentence_alone):
-    window.ask("run", ONE_WORD.replace("SENTENCE_ALONE", str(sentence_alone)))
-    window.ask("alone")
-    window.ask("run", "bpy.context.preferences.view.use_translate_interface = True")
-    left, top, width, height = window.state["sidebar"]
-    pictures = []
-    for language in ("en_US", "de_DE"):
-        window.ask("run", f"bpy.context.preferences.view.language = {language!r}")
-        window.input("mousemove", 20, 980, "sleep", "2")
-        pictures.append(window.screenshot()[top : top + height, left : left + width // 2])
-    assert (np.abs(pictures[0] - pictures[1]).max() < 0.1) == sentence_alone  # the label is translated
 
 
 def test_many_views_are_baked_and_reported(window, tmp_path):

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import read_job, sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 
 SMALL = ["--kinds", "blobs", "--size", "32", "--samples", "2", "--no-denoise", "--processes", "2"]
 

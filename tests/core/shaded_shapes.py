@@ -7,7 +7,7 @@ from surface_shapes import sphere_mesh
 
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.recipe import Material, Recipe
+from mpsnet_core.synthesis.scene_description import Material, SceneDescription
 from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, smooth_shape
 
 
@@ -44,7 +44,7 @@ def camera(size: int, projection: str = "orthographic", reach: float = 1.05, dis
     return Camera(projection, size, size, [focal, focal], None, pose)
 
 
-def recipe(size: int = 64, **settings: Any) -> Recipe:
+def recipe(size: int = 64, **settings: Any) -> SceneDescription:
     """A recipe of one plain material; lights 40 degrees from the view, 120 apart, points at infinity."""
     plain: dict[str, Any] = {
         "seed": 1,
@@ -56,7 +56,7 @@ def recipe(size: int = 64, **settings: Any) -> Recipe:
         "light_sizes": np.zeros(3),
         "materials": (Material(),),
     }
-    return Recipe(**(plain | settings))
+    return SceneDescription(**(plain | settings))
 
 
 def plane_points(view: Camera) -> np.ndarray:

@@ -7,8 +7,8 @@ from synthetic import shaded_sphere
 
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material, SceneDescription
 
 WHITE = (0.8, 0.8, 0.8)
 RED = (0.7, 0.2, 0.1)
@@ -26,7 +26,7 @@ def sphere_sample(
     pose = np.eye(4)
     pose[2, 3] = 3.5
     camera = Camera("perspective", size, size, np.array([1.6 * size, 1.6 * size]), None, pose)
-    recipe = Recipe(
+    recipe = SceneDescription(
         seed=3,
         number=number,
         shape={"kind": "blobs", "seed": 11, "name": "sphère", "parts": [1.5, {"scale": 0.1}]},

@@ -1,4 +1,4 @@
-"""Baking, where the answer is known: spheres under any transform, and planes whose views disagree."""
+"""BakeSettings, where the answer is known: spheres under any transform, and planes whose views disagree."""
 
 from dataclasses import replace
 
@@ -361,32 +361,16 @@ def test_uvs_as_far_away_as_numbers_go_are_outside() -> None:
 
 test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "sizes differ",
-            lambda b: b.bake(view=f"{b.camera()}={b.normals(size=32)}"),
-            "camera.json…normals.png…camera is 16 x 16 but its normal map is 32 x 32",
-        ),
+        ("sizes differ", lambda b: b.bake(view=f"{b.camera()}={b.normals(size=32)}"), "camera is 16 x 16 but its"),
         ("a view without a camera", lambda b: b.bake(view=str(b.normals())), "normals.png is not CAMERA=NORMALS"),
-        (
-            "a view whose camera is missing",
-            lambda b: b.bake(view=f"{b / 'c.json'}={b.normals()}"),
-            "c.json does not exist",
-        ),
-        (
-            "size 0",
-            lambda b: b.bake("--size", "0"),
-            "a texture of 0 texels cannot be baked; choose a size from 1 to 16384",
-        ),
+        ("a view whose camera is missing", lambda b: b.bake(view=f"{b / 'c.json'}={b.normals()}"), "c.json does not"),
+        ("size 0", lambda b: b.bake("--size", "0"), "a texture of 0 texels cannot be baked"),
         ("size beyond reason", lambda b: b.bake("--size", "1000000"), "a texture of 1000000 texels cannot be baked"),
         ("size in words", lambda b: b.bake("--size", "large"), "--size large is not a size in pixels; give"),
         ("size of three sides", lambda b: b.bake("--size", "8x8x8"), "--size 8x8x8 is not a size in pixels; give"),
         ("negative margin", lambda b: b.bake("--margin", "-1"), "margin -1 is out of range; choose 0 to 16384"),
         ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),
-        (
-            "unknown convention",
-            lambda b: b.bake("--convention", "vulkan"),
-            "convention 'vulkan' is not known; choose opengl or directx",
-        ),
+        ("unknown convention", lambda b: b.bake("--convention", "vulkan"), "convention 'vulkan' is not known"),
         ("8-bit EXR", lambda b: b.bake("--bits", "8", output="t.exr"), "t.exr…hold 16 or 32 bits per channel, not 8"),
         ("32-bit PNG", lambda b: b.bake("--bits", "32"), "texture.png…hold 8 or 16 bits per channel, not 32"),
         ("over the normals", lambda b: b.bake(output="normals.png"), "overwrite…normals.png…choose another output"),
@@ -396,16 +380,8 @@ test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
             "p.png is not a normal map",
         ),
         ("no view at all", lambda b: b.run("bake", "--mesh", b.mesh(), "-o", b / "t.png"), "--view"),
-        (
-            "texture's folder missing",
-            lambda b: b.bake(output="nowhere/t.png"),
-            "nowhere/t.png…nowhere does not exist; create it first",
-        ),
-        (
-            "a folder with a suffix",
-            lambda b: ((b / "t.png").mkdir(), b.bake(output="t.png")),
-            "t.png…it is a folder; give a file name",
-        ),
+        ("texture's folder missing", lambda b: b.bake(output="nowhere/t.png"), "nowhere/t.png…nowhere does not exist"),
+        ("a folder with a suffix", lambda b: ((b / "t.png").mkdir(), b.bake(output="t.png")), "t.png…it is a folder"),
         (
             "texture bits",
             lambda b: write_texture(

@@ -10,7 +10,7 @@ from synthetic import degrees_between
 from uv_squares import squares
 
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
-from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.errors import InputError
@@ -27,7 +27,7 @@ SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 
 def baked(
     meshes: list[Mesh], views: list[View], *, by: tuple[str, ...] = (), progress: Progress = silent, **settings: Any
 ) -> list[Texture]:
-    baking = Baking(**{"size": SIZE, "margin": 0, **settings})
+    baking = BakeSettings(**{"size": SIZE, "margin": 0, **settings})
     chosen = texture_sets(meshes, **dict.fromkeys(by, True))
     return [texture for _, texture in bake_texture_sets(meshes, views, chosen, baking, progress=progress)]
 
@@ -194,7 +194,10 @@ def test_where_only_a_later_tile_is_seen_none_is_missing() -> None:
     camera = Camera("orthographic", 16, 16, [100, 100], world_from_camera=pose((1, 1, 1), (2.1, 0.9, 5), 0))
     view = View(camera, NormalMap(np.broadcast_to([0.6, 0, 0.8], (16, 16, 3)), np.ones((16, 16), bool)))
     chosen = texture_sets([mesh], tiles=True)
-    made = {texture_set.tile: texture for texture_set, texture in bake_texture_sets([mesh], [view], chosen, Baking(64))}
+    made = {
+        texture_set.tile: texture
+        for texture_set, texture in bake_texture_sets([mesh], [view], chosen, BakeSettings(64))
+    }
     assert set(made) == {1001, 1002}
     assert not made[1001].seen.any() and 0 < made[1002].seen.sum() < 200
 

@@ -11,10 +11,10 @@ from synthetic import matt_fits
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import angles_of
-from mpsnet_core.synthesis import drawing
-from mpsnet_core.synthesis.drawing import draw_recipe
+from mpsnet_core.synthesis import scene_sampling
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import Material, recipe_from_data
+from mpsnet_core.synthesis.scene_description import Material, recipe_from_data
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 
 JOB = SampleJob(renderer="synthesis", count=400, seed=5, size=64)
 RECIPES = [draw_recipe(JOB, number) for number in range(400)]
@@ -72,7 +72,7 @@ def test_turns_are_rotations_and_upright_things_stand_upright():
 
 def test_free_turns_have_no_preferred_direction():
     rng = np.random.default_rng(0)
-    seen = np.array([drawing._rotation(rng, "any")[2] for _ in range(4000)])
+    seen = np.array([scene_sampling._rotation(rng, "any")[2] for _ in range(4000)])
     # Of uniformly distributed unit vectors every coordinate has mean 0 and variance 1/3 (sigma of the mean 0.009).
     assert np.abs(seen.mean(axis=0)).max() < 0.04
     assert np.abs((seen**2).mean(axis=0) - 1 / 3).max() < 0.03
@@ -144,7 +144,7 @@ def test_light_bounces_up_to_as_often_as_the_job_asks(most: int):
 
 def test_strong_colours_of_every_hue():
     rng = np.random.default_rng(0)
-    colours = np.array([drawing._colour(rng, (0.5, 0.5)) for _ in range(3000)])
+    colours = np.array([scene_sampling._colour(rng, (0.5, 0.5)) for _ in range(3000)])
     np.testing.assert_allclose(colours.max(axis=1), 0.5)
     strong = colours[np.ptp(colours, axis=1) > 0.3]
     assert np.abs(np.bincount(strong.argmax(axis=1)) / len(strong) - 1 / 3).max() < 0.05
@@ -153,7 +153,7 @@ def test_strong_colours_of_every_hue():
 
 def test_half_of_the_colours_are_as_of_skin_wood_and_clay():
     rng = np.random.default_rng(0)
-    drawn = [colorsys.rgb_to_hsv(*drawing._colour(rng, (0.5, 0.5))) for _ in range(3000)]
+    drawn = [colorsys.rgb_to_hsv(*scene_sampling._colour(rng, (0.5, 0.5))) for _ in range(3000)]
     hues, saturations = np.array([(hue, saturation) for hue, saturation, _ in drawn if saturation > 1e-6]).T
     natural = np.abs((hues - 0.08 + 0.5) % 1 - 0.5) < 0.08  # two standard deviations to both sides
     # Of 0.954 of the one half, and 0.16 of the other, whose hues are uniform.
@@ -179,7 +179,7 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
     coloured = [draw_recipe(replace(job, style="paper-all-materials"), number) for number in range(20)]
     assert {material.source for recipe in coloured for material in recipe.materials} == {"a", "b"}
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))
-    rigs = np.array(drawing.PUBLISHED_RIGS)
+    rigs = np.array(scene_sampling.PUBLISHED_RIGS)
     off_slant = np.abs(slants[:, None] - rigs[:, 0]).max(axis=-1)
     off_tilt = np.abs((tilts[:, None] - rigs[:, 1] + 180) % 360 - 180).max(axis=-1)
     nearest = np.argmin(off_slant + off_tilt, axis=1)

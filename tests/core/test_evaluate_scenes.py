@@ -13,9 +13,9 @@ from synthetic import degrees_between, matt_fits
 from mpsnet_core.learning.evaluation.colour import CHANGE, COLOURINGS, NEAR, near_colour_edges, surface_colours
 from mpsnet_core.learning.evaluation.operations import EvaluateColour, EvaluateMaterials, EvaluateRendered
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, published_view
-from mpsnet_core.synthesis.draws import generator, new_seed
-from mpsnet_core.synthesis.recipe import Material
+from mpsnet_core.synthesis.random_sampling import generator, new_seed
 from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.scene_description import Material
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
@@ -183,26 +183,14 @@ test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.run("evaluate", "materials"),
             "--merl; see mpsnet evaluate materials",
         ),
-        (
-            "no such materials",
-            lambda b: b.run("evaluate", "materials", "--merl", b / "no.npz"),
-            "no.npz does not exist",
-        ),
+        ("no such materials", lambda b: b.run("evaluate", "materials", "--merl", b / "no.npz"), "no.npz does not"),
         (
             "a folder without materials",
             lambda b: b.run("evaluate", "materials", "--merl", b.folder),
             "holds no .binary files; choose the one with MERL's materials",
         ),
-        (
-            "no such mesh to render",
-            lambda b: b.run("evaluate", "rendered", b / "no.obj"),
-            "mesh file or folder…no.obj does not exist; check the path",
-        ),
-        (
-            "a folder without meshes",
-            lambda b: b.run("evaluate", "rendered", b.folder),
-            "holds no meshes; put .glb",
-        ),
+        ("no such mesh to render", lambda b: b.run("evaluate", "rendered", b / "no.obj"), "no.obj does not exist"),
+        ("a folder without meshes", lambda b: b.run("evaluate", "rendered", b.folder), "holds no meshes; put .glb"),
         (
             "a mesh without faces",
             lambda b: b.run("evaluate", "rendered", b.text("a.obj", "v 0 0 0\n"), "--model", "lambertian"),

@@ -24,7 +24,7 @@ from mpsnet_core.learning.training.fine_tune import load_exported_weights, read_
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
 from mpsnet_core.learning.training.recipe import recipe_from_data
-from mpsnet_core.learning.training.validation import Figures
+from mpsnet_core.learning.training.validation import Metrics
 
 
 def untrained(name: str) -> Trained:
@@ -35,7 +35,7 @@ def untrained(name: str) -> Trained:
         if isinstance(module, torch.nn.BatchNorm2d):
             torch.nn.init.normal_(module.running_mean, std=0.2)
             torch.nn.init.uniform_(module.running_var, 0.5, 1.5)
-    figures = Figures(12.3456, 80.0, 0.71) if name == "multiscale" else None
+    figures = Metrics(12.3456, 80.0, 0.71) if name == "multiscale" else None
     return Trained(
         network, recipe_from_data(recipe_data(name)), 6, 90.0, figures, 3, "a fingerprint", "a machine", "float32"
     )

@@ -10,7 +10,6 @@ from height_shapes import Surface, ball, orthographic, plane
 from synthetic import listing, write_file
 
 from mpsnet_core import Camera, FileError, InputError, write_camera
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.relief.height_map import HeightMap
 
@@ -197,28 +196,6 @@ def test_heights_of_two_endings_in_one_folder_keep_each_their_own(tmp_path: Path
         found = read_height(tmp_path / name)
         assert (found.mask == surface.mask).all()
         assert found.values[surface.mask] == pytest.approx(surface.heights.values[surface.mask], abs=1e-4)
-
-
-def named_as_before(folder: Path, name: str) -> None:
-    """Give the files beside a height map the names that earlier versions gave them."""
-    stem = Path(name).stem
-    data = json.loads((folder / f"{name}.json").read_text()) | {"mask": f"{stem}_mask.png"}
-    (folder / f"{name}.json").unlink()
-    (folder / f"{stem}.json").write_text(json.dumps(data))
-    (folder / f"{name}.mask.png").rename(folder / f"{stem}_mask.png")
-    write_image(folder / name, stored(folder / name), description=json.dumps(data))
-
-
-def test_the_names_of_earlier_versions_are_read_and_go_with_their_heights(tmp_path: Path) -> None:
-    write_height(tmp_path / "h.png", BALL.heights)
-    named_as_before(tmp_path, "h.png")
-    before = read_height(tmp_path / "h.png")
-    assert (before.mask == BALL.mask).all()
-    write_height(tmp_path / "h.exr", NEAR.heights)
-    assert (read_height(tmp_path / "h.png").values == before.values).all()  # another's stay
-    write_height(tmp_path / "h.png", BALL.heights)
-    written = [f"{name}{more}" for name in ("h.exr", "h.png") for more in ("", ".json", ".mask.png")]
-    assert listing(tmp_path) == written
 
 
 def test_no_mask_is_left_of_heights_that_were_there_before(tmp_path: Path) -> None:

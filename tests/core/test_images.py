@@ -511,26 +511,14 @@ def within(limit: str, value: int, work: Callable[[], Any]) -> None:
 
 test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "another kind of picture",
-            lambda b: read_image(gif(b, "p.png")),
-            "p.png cannot be read…it is a GIF…save it as PNG",
-        ),
-        (
-            "a TIFF in Lab",
-            lambda b: read_image(in_lab(b)),
-            "photo.tif is in Lab colours…export it as RGB",
-        ),
+        ("another kind of picture", lambda b: read_image(gif(b, "p.png")), "it is a GIF…save it as PNG"),
+        ("a TIFF in Lab", lambda b: read_image(in_lab(b)), "photo.tif is in Lab colours…export it as RGB"),
         (
             "a PNG in HDR",
             lambda b: read_image(with_chunk(b.photo("p.png", kind="uint16"), b"cICP", bytes((9, 16, 0, 1)))),
             "p.png follows the PQ (HDR) curve…convert it to BT.709 or sRGB",
         ),
-        (
-            "a PNG with a bit of its head turned",
-            lambda b: read_image(turned_bit(b, 24)),
-            "photo.png cannot be read as an image",
-        ),
+        ("a PNG with a bit of its head turned", lambda b: read_image(turned_bit(b, 24)), "photo.png cannot be read as"),
         (
             "an EXR that OpenImageIO complains of in letters that are no UTF-8",
             lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")),
@@ -538,27 +526,11 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         ("missing", lambda b: read_image(b / "photo.png"), "photo.png does not exist; check the path"),
         ("a folder", lambda b: read_image(b.folder), "is a folder, not a file; name a file in it"),
-        (
-            "empty",
-            lambda b: read_image(b.bytes("photo.png", b"")),
-            "photo.png cannot be read as an image…PNG, JPEG, TIFF or EXR",
-        ),
+        ("empty", lambda b: read_image(b.bytes("photo.png", b"")), "PNG, JPEG, TIFF or EXR"),
         ("not an image", lambda b: read_image(b.text("photo.png", "hello")), "photo.png cannot be read as an image"),
-        (
-            "of no known kind",
-            lambda b: read_image(b.text("photo.txt", "hello")),
-            "photo.txt cannot be read as an image",
-        ),
-        (
-            "PNG cut short",
-            lambda b: read_image(cut(b.photo("p.png", kind="uint16"))),
-            "p.png is damaged or cut short…copy or export it again",
-        ),
-        (
-            "JPEG cut short",
-            lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)),
-            "p.jpg is damaged or cut short",
-        ),
+        ("of no known kind", lambda b: read_image(b.text("photo.txt", "hello")), "photo.txt cannot be read as an"),
+        ("PNG cut short", lambda b: read_image(cut(b.photo("p.png", kind="uint16"))), "copy or export it again"),
+        ("JPEG cut short", lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)), "p.jpg is damaged or cut"),
         (
             "progressive JPEG cut short",
             lambda b: read_image(cut(write_file(b / "p.jpg", SPHERE.image, "uint8", jpeg__progressive=1), 0.99)),
@@ -566,21 +538,9 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         ("TIFF cut short", lambda b: read_image(cut(b.photo("p.tif", kind="uint16"))), "p.tif"),
         ("EXR cut short", lambda b: read_image(cut(b.photo("p.exr"))), "p.exr is damaged or cut short"),
-        (
-            "grey",
-            lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")),
-            "p.png has 1 channel(s) (Y)…give a colour image",
-        ),
-        (
-            "two channels",
-            lambda b: read_image(b.photo("p.tif", SPHERE.image[..., :2], "uint8")),
-            "p.tif has 2 channel(s)…red, green and blue are needed",
-        ),
-        (
-            "a name that is not UTF-8",
-            lambda b: read_image(latin_named(b)),
-            "its name is not valid UTF-8; rename it",
-        ),
+        ("grey", lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")), "give a colour image"),
+        ("two channels", lambda b: read_image(b.photo("p.tif", SPHERE.image[..., :2], "uint8")), "red, green and blue"),
+        ("a name that is not UTF-8", lambda b: read_image(latin_named(b)), "its name is not valid UTF-8; rename it"),
         (
             "unknown layer",
             lambda b: read_image(write_parts(b / "l.exr", [(None, named("A.", "RGB", SPHERE.image))]), layer="B"),
@@ -604,11 +564,7 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             ),
             "l.exr has several layers; name one of A.Combined, B.Combined",
         ),
-        (
-            "unknown encoding",
-            lambda b: read_image(b.photo(), encoding="log"),
-            "encoding 'log' is not known; choose auto, linear or srgb",
-        ),
+        ("unknown encoding", lambda b: read_image(b.photo(), encoding="log"), "encoding 'log' is not known"),
         (
             "a PNG header of 10^10 pixels",
             lambda b: read_image(b.bytes("p.png", huge_png(100_000, 100_000))),

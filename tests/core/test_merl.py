@@ -7,10 +7,10 @@ import pytest
 from directions import Array, angles_by_rotation, hemisphere, rotation, up
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import MerlTable, load_reflectance, material_names
 from mpsnet_core.synthesis.reflectance.merl import read_merl
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
+from mpsnet_core.synthesis.scene_description import Material
 
 BINS = (90, 90, 180)
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500

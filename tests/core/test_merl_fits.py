@@ -10,9 +10,9 @@ from external_data import external_data
 from shifted_gamma import ShiftedGamma, read_shifted_gamma
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import MerlFit, load_reflectance, material_names
 from mpsnet_core.synthesis.reflectance.fits import read_fits
+from mpsnet_core.synthesis.scene_description import Material
 
 SHAPES = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
 

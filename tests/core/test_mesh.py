@@ -934,22 +934,10 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             "m.glb: the mesh's triangles name vertices that it does not have; export it again",
         ),
         ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a supported mesh format"),
-        (
-            "a packed mesh",
-            lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")),
-            ".bz2 is not a supported mesh format; use OBJ",
-        ),
-        (
-            "npz with a password",
-            lambda b: read_mesh(locked(b)),
-            "mesh.npz: it cannot be read (…encrypted…); export it again",
-        ),
+        ("a packed mesh", lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")), ".bz2 is not a supported mesh format"),
+        ("npz with a password", lambda b: read_mesh(locked(b)), "mesh.npz: it cannot be read (…encrypted…)"),
         ("npz of complex numbers", lambda b: read_mesh(b.mesh(uvs=1j * SQUARE["uvs"])), 'mesh.npz: its "uvs" holds'),
-        (
-            "npz whose array has half a head",
-            lambda b: read_mesh(half_a_head(b)),
-            "mesh.npz: it cannot be read…export it",
-        ),
+        ("npz whose array has half a head", lambda b: read_mesh(half_a_head(b)), "mesh.npz: it cannot be read"),
         ("a PLY cut short", lambda b: read_mesh(cut(ply(b / "m.ply", "<"))), "m.ply: it cannot be read as PLY"),
         (
             "a PLY whose faces name vertices that it lacks",
@@ -980,17 +968,9 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             "m.ply: it cannot be read…export it again",
         ),
         ("missing", lambda b: read_mesh(b / "mesh.obj"), "mesh.obj does not exist"),
-        (
-            "not a mesh",
-            lambda b: read_mesh(b.photo("mesh.png", kind="uint8")),
-            "mesh.png…not a supported mesh format…use OBJ, PLY, GLB or npz",
-        ),
+        ("not a mesh", lambda b: read_mesh(b.photo("mesh.png", kind="uint8")), "use OBJ, PLY, GLB or npz"),
         ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj: it has no faces"),
-        (
-            "texts without letters",
-            lambda b: read_mesh(texts_without_letters(b)),
-            '"materials" holds neither numbers nor',
-        ),
+        ("texts without letters", lambda b: read_mesh(texts_without_letters(b)), '"materials" holds neither numbers'),
         ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
         *(
             (
@@ -1020,44 +1000,20 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_mesh(glb_of(b, nodes=[{"mesh": 0}] * 70_000, scenes=[{"nodes": list(range(70_000))}])),
             "mesh.glb: it has more than…parts; reduce it first",
         ),
-        (
-            "a GLB whose numbers are in another file",
-            lambda b: read_mesh(glb_beside_a_pipe(b)),
-            "mesh.glb: it refers to the file 'pipe', which is not read",
-        ),
-        (
-            "an .npz that unpacks to far more",
-            lambda b: read_mesh(bomb(b)),
-            "mesh.npz: it unpacks to 288 MiB, more than the limit of 8",
-        ),
+        ("a GLB whose numbers are in another file", lambda b: read_mesh(glb_beside_a_pipe(b)), "mesh.glb: it refers"),
+        ("an .npz that unpacks to far more", lambda b: read_mesh(bomb(b)), "mesh.npz: it unpacks to 288 MiB, more"),
         ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb…export it again"),
         ("npz cut short", lambda b: read_mesh(cut(b.mesh())), "mesh.npz…cannot be read…export it again"),
         ("npz with a broken array", lambda b: read_mesh(broken_array(b)), "mesh.npz…cannot be read…export it again"),
         ("npz with pickles", lambda b: read_mesh(pickled(b)), "mesh.npz…cannot be read…pickle…export it again"),
-        (
-            "npz that is a pickle",
-            lambda b: read_mesh(b.bytes("mesh.npz", pickle.dumps({"a": 1}))),
-            "mesh.npz…cannot be read",
-        ),
+        ("npz that is a pickle", lambda b: read_mesh(b.bytes("mesh.npz", pickle.dumps({"a": 1}))), "cannot be read"),
         ("npz of something else", lambda b: read_mesh(b.mesh(format=None)), "mesh.npz…not a mpsnet-mesh file"),
-        (
-            "npz of a newer version",
-            lambda b: read_mesh(b.mesh(version=np.array(2))),
-            "mesh.npz…version 2, this program reads version 1; update it",
-        ),
+        ("npz of a newer version", lambda b: read_mesh(b.mesh(version=np.array(2))), "version 2, this program reads"),
         ("npz with two versions", lambda b: read_mesh(b.mesh(version=np.array([1, 2]))), "mesh.npz…version [1 2]"),
         ("npz without UVs", lambda b: read_mesh(b.mesh(uvs=None)), 'mesh.npz…lacks "uvs"; export it again'),
         ("npz of words", lambda b: read_mesh(b.mesh(uvs=np.full((2, 3, 2), "u"))), "mesh.npz…uvs…export it again"),
-        (
-            "npz with a single number",
-            lambda b: read_mesh(b.mesh(vertices=np.array(1.0))),
-            "mesh.npz…vertices…export it again",
-        ),
-        (
-            "UVs of another shape",
-            lambda b: read_mesh(b.mesh(uvs=np.zeros((4, 2)))),
-            "mesh.npz…uvs have shape (4, 2), expected (2, 3, 2)",
-        ),
+        ("npz with a single number", lambda b: read_mesh(b.mesh(vertices=np.array(1.0))), "vertices…export it again"),
+        ("UVs of another shape", lambda b: read_mesh(b.mesh(uvs=np.zeros((4, 2)))), "uvs have shape (4, 2), expected"),
         (
             "bad indices",
             lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, 9]]))),
@@ -1068,11 +1024,7 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, -1]]))),
             "mesh.npz…triangles name vertices",
         ),
-        (
-            "vertices not finite",
-            lambda b: Mesh(**{**SQUARE, "vertices": SQUARE["vertices"] * NAN}),
-            "vertices hold a value that is not finite",
-        ),
+        ("vertices not finite", lambda b: Mesh(**{**SQUARE, "vertices": SQUARE["vertices"] * NAN}), "vertices hold a"),
         (
             "UVs outside",
             lambda b: bake_normals(
@@ -1085,10 +1037,6 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: Mesh(**{key: SQUARE[key][:0] if key != "vertices" else SQUARE[key] for key in SQUARE}),
             "no faces",
         ),
-        (
-            "scale 0",
-            lambda b: Mesh(**SQUARE, world_from_object=np.diag([1, 1, 0, 1])),
-            "scaled to nothing…give it a scale above 0",
-        ),
+        ("scale 0", lambda b: Mesh(**SQUARE, world_from_object=np.diag([1, 1, 0, 1])), "give it a scale above 0"),
     ]
 )

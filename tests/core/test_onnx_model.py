@@ -309,11 +309,7 @@ def test_a_network_may_take_half_of_the_machine_s_memory() -> None:
 
 test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "an endless loop",
-            use(dense(nodes=ENDLESS)),
-            'm.onnx has the operator "Loop", which feed-forward convolutional networks do not need; export it without',
-        ),
+        ("an endless loop", use(dense(nodes=ENDLESS)), 'm.onnx has the operator "Loop", which feed-forward'),
         (
             "operators of another domain",
             use(dense(nodes=[helper.make_node("Identity", ["x"], ["normals"], domain="com.microsoft")])),
@@ -344,97 +340,37 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.run("models", b.replaced(pass_through(b / "m.onnx"), b'"licence"', b'"lic\xff\xfece"')),
             "m.onnx cannot be used: its metadata are not UTF-8 text; export it again",
         ),
-        (
-            "unknown name",
-            lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"),
-            "no model 'mpsnet9'; choose multiscale…or give an .onnx file",
-        ),
-        (
-            "missing file",
-            lambda b: estimate_normals(SPHERE.capture(), b / "m.onnx"),
-            "m.onnx does not exist; check the path",
-        ),
+        ("unknown name", lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"), "no model 'mpsnet9'"),
+        ("missing file", lambda b: estimate_normals(SPHERE.capture(), b / "m.onnx"), "m.onnx does not exist"),
         (
             "garbage",
             lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))),
             "m.onnx is not an ONNX model that can be run…export it again",
         ),
-        (
-            "empty file",
-            lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", b"")),
-            "m.onnx is not an ONNX model that can be run",
-        ),
+        ("empty file", lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", b"")), "m.onnx is not an ONNX"),
         ("no card", use(dense(card=None)), "m.onnx…no card (metadata 'mpsnet.card')"),
         ("card not JSON", use(dense(card="{")), "m.onnx…card…not valid JSON"),
         ("card of another format", use(dense(card={"format": "recipe"})), "m.onnx…not a mpsnet-model card"),
-        (
-            "card of a newer version",
-            card_with(version=CARD_VERSION + 1),
-            "m.onnx…version 2, this program reads version 1; update it",
-        ),
+        ("card of a newer version", card_with(version=CARD_VERSION + 1), "version 2, this program reads version 1"),
         ("card without a licence", card_with(licence=None), 'm.onnx…card lacks "licence"'),
         ("card with an empty name", card_with(name=""), 'm.onnx…needs a text for "name"'),
-        (
-            "card with an unknown kind",
-            card_with(kind="sparse"),
-            'm.onnx…"kind" is \'sparse\'; expected "dense", "patch"',
-        ),
-        (
-            "card with an unknown feature",
-            card_with(inputs={"x": ["depth"]}),
-            "m.onnx…requests 'depth'; this program makes photo, grey_world",
-        ),
-        (
-            "card with a feature that is a list",
-            card_with(inputs={"x": [["photo"]]}),
-            "m.onnx…requests ['photo']; this program makes",
-        ),
-        (
-            "card that stacks the lights with maps",
-            card_with(inputs={"x": ["photo", "lights"]}),
-            "m.onnx…card stacks lights, which is one pixel, with maps in input 'x'; give it an input of its own",
-        ),
+        ("card with an unknown kind", card_with(kind="sparse"), "m.onnx…\"kind\" is 'sparse'"),
+        ("card with an unknown feature", card_with(inputs={"x": ["depth"]}), "m.onnx…requests 'depth'"),
+        ("card with a feature that is a list", card_with(inputs={"x": [["photo"]]}), "m.onnx…requests ['photo']"),
+        ("card that stacks the lights with maps", card_with(inputs={"x": ["photo", "lights"]}), "card stacks lights"),
         ("card without features", card_with(inputs={"x": []}), "m.onnx…no list of features for input 'x'"),
         ("card with features in words", card_with(inputs={"x": "photo"}), "m.onnx…no list of features for input 'x'"),
         ("card with inputs as a list", card_with(inputs=["photo"]), 'm.onnx…"inputs" must name each input\'s features'),
         ("card with a negative halo", card_with(halo=-1), 'm.onnx…"halo" is -1; expected a whole number from 0'),
         ("card with an even patch", card_with(kind="patch", patch=4), 'm.onnx…"patch" is 4; expected an odd number'),
-        (
-            "card with an unknown frame",
-            card_with(frame="world"),
-            'm.onnx…"frame" is \'world\'; expected "camera" or "canonical"',
-        ),
-        (
-            "canonical card of patches",
-            card_with(kind="patch", frame="canonical"),
-            'm.onnx…"frame" is "canonical", which a network that sees patches cannot have',
-        ),
-        (
-            "card with seven passes",
-            card_with(frame="canonical", passes=7),
-            'm.onnx…"passes" is 7; expected a whole number from 1 to 6',
-        ),
-        (
-            "a dense network that magnifies",
-            card_with(magnified=2.0),
-            'm.onnx…"magnified" needs the "kind" "pyramid", not \'dense\'',
-        ),
-        (
-            "a magnification beyond memory",
-            card_with(kind="pyramid", magnified=1e6),
-            'm.onnx…"magnified" is 1000000.0; expected a number from 1 to 4',
-        ),
-        (
-            "three passes in the camera's frame",
-            card_with(passes=3),
-            'm.onnx…"passes" is 3, which needs the "frame" "canonical"',
-        ),
+        ("card with an unknown frame", card_with(frame="world"), "m.onnx…\"frame\" is 'world'"),
+        ("canonical card of patches", card_with(kind="patch", frame="canonical"), '"frame" is "canonical", which a'),
+        ("card with seven passes", card_with(frame="canonical", passes=7), 'm.onnx…"passes" is 7'),
+        ("a dense network that magnifies", card_with(magnified=2.0), '"magnified" needs the "kind" "pyramid", not'),
+        ("a magnification beyond memory", card_with(kind="pyramid", magnified=1e6), 'm.onnx…"magnified" is 1000000.0'),
+        ("three passes in the camera's frame", card_with(passes=3), '"passes" is 3, which needs the "frame"'),
         ("card with other inputs", card_with(inputs={"y": ["photo"]}), "m.onnx…inputs ['x'], its card describes ['y']"),
-        (
-            "wrong channel count",
-            use(dense(channels=4, shape=("n", 4, "h", "w"))),
-            "m.onnx…input 'x'…'any', 4, 'any'…expected tensor(float) ['any', 3, 'any', 'any'] for initial_normals",
-        ),
+        ("wrong channel count", use(dense(channels=4, shape=("n", 4, "h", "w"))), "expected tensor(float) ['any', 3"),
         (
             "wrong type",
             use(
@@ -446,11 +382,7 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             "m.onnx…tensor(double)…expected tensor(float)",
         ),
         ("fixed size", use(dense(shape=("n", 3, 64, 64))), "m.onnx…fixed size…64, 64]…export with dynamic sizes"),
-        (
-            "a patch of another size",
-            use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))),
-            "m.onnx…7, 7]; expected tensor(float) ['any', 3, 5, 5]",
-        ),
+        ("a patch of another size", use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))), "m.onnx…7, 7]"),
         (
             "flat input",
             use(dense(shape=("n", 3), nodes=[helper.make_node("Identity", ["x"], ["normals"])])),

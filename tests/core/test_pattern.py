@@ -5,7 +5,7 @@ import pytest
 
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.synthesis.noise import gradient_noise, voronoi
-from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
+from mpsnet_core.synthesis.scene_description import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.shading.pattern import bumped, dirt_weight, material_weights, paint_factors
 
 KINDS = ("parts", "noise", "voronoi", "stripes")

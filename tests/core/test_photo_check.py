@@ -177,11 +177,7 @@ def test_the_command_writes_a_line_and_a_sentence_an_item(tmp_path: Path, mpsnet
 test_bad_input_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("no such rig", lambda b: b.run("check", b.photo(), "--rig", b / "none.json"), "none.json…"),
-        (
-            "the answer over the photo",
-            lambda b: b.run("check", b.photo(), "--json", b.photo()),
-            "overwrite",
-        ),
+        ("the answer over the photo", lambda b: b.run("check", b.photo(), "--json", b.photo()), "overwrite"),
         (
             "a mask of another size",
             lambda b: b.run("check", b.photo(), "--mask", b.photo("mask.png", np.ones((8, 8)), "uint8")),

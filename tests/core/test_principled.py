@@ -7,9 +7,9 @@ import pytest
 from directions import Array, hemisphere, rotation, up
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import PrincipledBsdf, load_reflectance
 from mpsnet_core.synthesis.reflectance.ggx import fresnel_dielectric, ggx, ior_of_reflectance, reflectance_of_ior
+from mpsnet_core.synthesis.scene_description import Material
 
 WHITE = (1.0, 1.0, 1.0)
 MATERIALS = {

@@ -18,8 +18,8 @@ from synthetic import listing, write_file
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data, write_sample
+from mpsnet_core.synthesis.scene_description import Bump, Dirt, Paint, Pattern
 
 ARRAYS = ("lights", "normals", "depth", "alpha", "material", "lit")
 

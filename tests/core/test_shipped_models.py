@@ -23,9 +23,9 @@ from mpsnet_core.estimate.registry import (
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
 
@@ -48,7 +48,7 @@ def turn(degrees: float) -> NDArray[np.float64]:
     return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
 
 
-def scene(degrees: float = 0.0, seed: int = HELD_OUT_SEED) -> Recipe:
+def scene(degrees: float = 0.0, seed: int = HELD_OUT_SEED) -> SceneDescription:
     """A blob of two soft-edged colours under the published rig, all of it turned about the viewing axis."""
     upright = published_view(
         {**held_out_blob(), "seed": seed},

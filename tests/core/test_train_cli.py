@@ -119,11 +119,7 @@ def test_the_threads_of_a_training_are_its_own(tmp_path: Path) -> None:
 
 test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "without PyTorch",
-            lambda b: without("torch", lambda: train(b)),
-            "needs PyTorch: pip install '.[train]' in a copy of the repository",
-        ),
+        ("without PyTorch", lambda b: without("torch", lambda: train(b)), "needs PyTorch: pip install '.[train]' in a"),
         (
             "samples to measure on without PyTorch",
             lambda b: without("torch", lambda: b.run("evaluate", "samples", b.folder)),
@@ -136,16 +132,8 @@ test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
 test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
     gets_one_clear_sentence(
         [
-            (
-                "without ONNX",
-                lambda b: without("onnx", lambda: train(b)),
-                "needs ONNX: pip install",
-            ),
-            (
-                "without TensorBoard",
-                lambda b: without("tensorboard", lambda: train(b)),
-                "needs TensorBoard: pip install",
-            ),
+            ("without ONNX", lambda b: without("onnx", lambda: train(b)), "needs ONNX: pip install"),
+            ("without TensorBoard", lambda b: without("tensorboard", lambda: train(b)), "needs TensorBoard: pip"),
             (
                 "no recipe",
                 lambda b: b.run("train", "--samples", b.folder, "-o", b / "m.onnx"),
@@ -156,31 +144,15 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: b.run("train", "--recipe", "psfcn", "-o", b / "m.onnx"),
                 "--samples; see mpsnet train",
             ),
-            (
-                "unknown recipe",
-                lambda b: train(b, "--recipe", "resnet"),
-                "no recipe 'resnet'; choose demultiplexer, mpsnet…psfcn or give a .toml file",
-            ),
-            (
-                "recipe missing",
-                lambda b: train(b, "--recipe", b / "no.toml"),
-                "recipe…no.toml does not exist; check the path",
-            ),
+            ("unknown recipe", lambda b: train(b, "--recipe", "resnet"), "no recipe 'resnet'"),
+            ("recipe missing", lambda b: train(b, "--recipe", b / "no.toml"), "recipe…no.toml does not exist"),
             (
                 "recipe that is a folder",
                 lambda b: train(b, "--recipe", sample_folder(b, "a.toml")),
                 "a.toml is a folder, not a file",
             ),
-            (
-                "recipe that is no TOML",
-                lambda b: train(b, "--recipe", b.text("a.toml", "steps: 3")),
-                "a.toml is not valid TOML",
-            ),
-            (
-                "recipe that is no text",
-                lambda b: train(b, "--recipe", b.bytes("a.toml", b"\xff\x00")),
-                "a.toml is not valid TOML",
-            ),
+            ("recipe that is no TOML", lambda b: train(b, "--recipe", b.text("a.toml", "steps: 3")), "a.toml is not"),
+            ("recipe that is no text", lambda b: train(b, "--recipe", b.bytes("a.toml", b"\xff\x00")), "a.toml is not"),
             (
                 "a number of more digits than Python reads",
                 lambda b: train(b, "--recipe", b.text("a.toml", "steps = " + "1" * 5000)),
@@ -191,20 +163,12 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, "--recipe", b.text("a.toml", f"a{'.a' * 5000} = 1")),
                 "a.toml is larger than 8 KiB",
             ),
-            (
-                "misspelled key",
-                lambda b: train(b, stesp=3),
-                "tiny.toml: the recipe's 'stesp' is not known; choose augment, batch, capture, crop, decay",
-            ),
+            ("misspelled key", lambda b: train(b, stesp=3), "tiny.toml: the recipe's 'stesp' is not known"),
             ("no steps", lambda b: train(b, steps=None), 'the recipe lacks "steps"; add it'),
             ("no step", lambda b: train(b, steps=0), "recipe's steps must be from 1 to…not 0"),
             ("steps in words", lambda b: train(b, steps="many"), "recipe's steps must be from 1 to…not 'many'"),
             ("half a picture", lambda b: train(b, batch=1.5), "recipe's batch must be from 1 to 65536, not 1.5"),
-            (
-                "rate beyond reason",
-                lambda b: train(b, learning_rate=3.0),
-                "learning_rate must be from 1e-08 to 1, not 3.0",
-            ),
+            ("rate beyond reason", lambda b: train(b, learning_rate=3.0), "learning_rate must be from 1e-08 to 1, not"),
             ("name that is no text", lambda b: train(b, name=3), "recipe's name must be a text, not 3"),
             ("options that are no table", lambda b: train(b, options=[3]), "recipe's options must be a table, not [3]"),
             (
@@ -212,33 +176,17 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: train(b, "--recipe", recipe(b, samples="x").rename(b / "a.toml")),
                 "samples must be a list, not 'x'",
             ),
-            (
-                "unknown network",
-                lambda b: train(b, network="resnet"),
-                "there is no network 'resnet'; choose demultiplexer",
-            ),
+            ("unknown network", lambda b: train(b, network="resnet"), "there is no network 'resnet'"),
             ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; correct the recipe"),
-            (
-                "width of nothing",
-                lambda b: train(b, **{"options.width": 0}),
-                "width 0 is not a number above 0…correct the recipe",
-            ),
+            ("width of nothing", lambda b: train(b, **{"options.width": 0}), "correct the recipe"),
             (
                 "gradients of patches",
                 lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3),
                 "network mpsnet sees patches, not gradients; leave out gradient_weight",
             ),
             ("crop that is too small", lambda b: train(b, crop=1), "on a crop of 1; choose a multiple of 1 from 2"),
-            (
-                "samples missing",
-                lambda b: train(b, samples=b / "no"),
-                "folder of samples…no does not exist; check the path",
-            ),
-            (
-                "folder without samples",
-                lambda b: train(b, samples=b.folder),
-                "there is no whole sample in…make some with mpsnet",
-            ),
+            ("samples missing", lambda b: train(b, samples=b / "no"), "folder of samples…no does not exist"),
+            ("folder without samples", lambda b: train(b, samples=b.folder), "make some with mpsnet"),
             (
                 "no sample that is whole",
                 lambda b: (
@@ -258,37 +206,13 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 "there is no whole sample in…make some with mpsnet",
             ),
             ("validation missing", lambda b: train(b, "--validation", b / "no"), "folder of samples…no does not exist"),
-            (
-                "another format",
-                lambda b: train(b, "-o", b / "m.pth"),
-                "m.pth: models are written as .onnx; change the suffix",
-            ),
+            ("another format", lambda b: train(b, "-o", b / "m.pth"), "m.pth: models are written as .onnx"),
             ("model in no folder", lambda b: train(b, "-o", b / "no" / "m.onnx"), "no does not exist; create it first"),
-            (
-                "checkpoint in no folder",
-                lambda b: train(b, "--checkpoint", b / "no" / "c"),
-                "no does not exist; create it",
-            ),
-            (
-                "logs in a file",
-                lambda b: train(b, "--logs", b.text("logs", "")),
-                "logs is a file; name a folder for the logs",
-            ),
-            (
-                "unknown precision",
-                lambda b: train(b, "--precision", "int8"),
-                "precision 'int8' is not known; choose auto, float32",
-            ),
-            (
-                "steps below 0",
-                lambda b: train(b, "--stop-after", "-5"),
-                "stop after -5 is out of range; choose 0 or more",
-            ),
-            (
-                "model over the checkpoint",
-                lambda b: train(b, "--checkpoint", b / "out.onnx"),
-                "the result would overwrite …out.onnx, a file that it needs",
-            ),
+            ("checkpoint in no folder", lambda b: train(b, "--checkpoint", b / "no" / "c"), "no does not exist"),
+            ("logs in a file", lambda b: train(b, "--logs", b.text("logs", "")), "logs is a file"),
+            ("unknown precision", lambda b: train(b, "--precision", "int8"), "precision 'int8' is not known"),
+            ("steps below 0", lambda b: train(b, "--stop-after", "-5"), "stop after -5 is out of range"),
+            ("model over the checkpoint", lambda b: train(b, "--checkpoint", b / "out.onnx"), "out.onnx, a file that"),
         ]
     )
 )
@@ -297,57 +221,29 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
 test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
     gets_one_clear_sentence(
         [
-            (
-                "no such checkpoint",
-                lambda b: train(b, "--resume", b / "no"),
-                "checkpoint…no does not exist; check the path",
-            ),
-            (
-                "checkpoint of another recipe",
-                lambda b: resume(b, checkpoint(b, seed=5)),
-                "c is of another recipe; resume with",
-            ),
+            ("no such checkpoint", lambda b: train(b, "--resume", b / "no"), "checkpoint…no does not exist"),
+            ("checkpoint of another recipe", lambda b: resume(b, checkpoint(b, seed=5)), "c is of another recipe"),
             (
                 "text as a network to train further",
                 lambda b: train(b, "--resume", b.text("c.onnx", "hello")),
                 "c.onnx is damaged or was not trained here; resume from another",
             ),
-            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged, or is not a checkpoint"),
+            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "c is damaged, or is not a checkpoint"),
             (
                 "checkpoint behind something else",
                 lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())),
                 "checkpoint…c is damaged, or is not a checkpoint",
             ),
-            (
-                "spoilt checkpoint",
-                lambda b: resume(b, spoilt(checkpoint(b))),
-                "checkpoint…c is damaged, or is not a checkpoint",
-            ),
-            (
-                "text as checkpoint",
-                lambda b: train(b, "--resume", b.text("c", "hello")),
-                "c is damaged, or is not a checkpoint",
-            ),
-            (
-                "checkpoint with code",
-                lambda b: train(b, "--resume", with_code(b, True)),
-                "c is damaged, or is not a checkpoint",
-            ),
-            (
-                "bare checkpoint with code",
-                lambda b: train(b, "--resume", with_code(b, False)),
-                "c is damaged or not one",
-            ),
+            ("spoilt checkpoint", lambda b: resume(b, spoilt(checkpoint(b))), "c is damaged, or is not a checkpoint"),
+            ("text as checkpoint", lambda b: train(b, "--resume", b.text("c", "hello")), "c is damaged, or is not a"),
+            ("checkpoint with code", lambda b: train(b, "--resume", with_code(b, True)), "c is damaged, or is not a"),
+            ("bare checkpoint with code", lambda b: train(b, "--resume", with_code(b, False)), "c is damaged or not"),
             (
                 "checkpoint of the optimiser alone",
                 lambda b: (torch_file(b / "c", {"format": "mpsnet-checkpoint"}), train(b, "--resume", b / "c")),
                 "c is damaged, or is not a checkpoint",
             ),
-            (
-                "checkpoint of another network",
-                lambda b: resume(b, renamed(checkpoint(b))),
-                "c does not fit the network: Error…resume from another",
-            ),
+            ("checkpoint of another network", lambda b: resume(b, renamed(checkpoint(b))), "resume from another"),
         ]
     )
 )

@@ -31,7 +31,7 @@ from mpsnet_core.learning.training.loop import LOGGED_EVERY, Trained, TrainingPa
 from mpsnet_core.learning.training.loss import angle_between, loss_of
 from mpsnet_core.learning.training.networks import build_network
 from mpsnet_core.learning.training.networks.network import IntermediateOutputs, Prediction
-from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
+from mpsnet_core.learning.training.recipe import TrainingConfig, recipe_from_data
 from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.sample import write_sample
@@ -57,11 +57,11 @@ def ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def recipe(network: str, **changes: Any) -> TrainingRecipe:
+def recipe(network: str, **changes: Any) -> TrainingConfig:
     return recipe_from_data(recipe_data(network, **changes))
 
 
-def run(of: TrainingRecipe, samples: Path, checkpoint: Path, **options: Any) -> Trained:
+def run(of: TrainingConfig, samples: Path, checkpoint: Path, **options: Any) -> Trained:
     paths = TrainingPaths(checkpoint, options.pop("resume", None), options.pop("logs", None))
     return train(of, [samples], options.pop("validation", []), paths=paths, **options)
 
@@ -314,7 +314,7 @@ def test_a_run_goes_on_with_other_samples_and_says_so(
     assert caplog.messages == [f"checkpoint {checkpoint} was trained on other samples before"]
 
 
-def interrupted(of: TrainingRecipe, samples: Path, checkpoint: Path, stop: Callable[..., Any]) -> None:
+def interrupted(of: TrainingConfig, samples: Path, checkpoint: Path, stop: Callable[..., Any]) -> None:
     with pytest.raises((Cancelled, KeyboardInterrupt)):
         run(of, samples, checkpoint, progress=stop)
 

@@ -24,7 +24,7 @@ from synthetic import degrees_between, listing, write_file
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.multi_view import Photography, sources_of
+from mpsnet_core.bake.multi_view import ViewCaptureSettings, sources_of
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
@@ -393,11 +393,11 @@ def test_photos_of_the_same_name_have_masks_of_their_own(tmp_path: Path, naming:
         (tmp_path / "photos" / side / "IMG_1.cr3").touch()
         views.append(ViewPhoto(f"{side}_IMG_1", tmp_path / "photos" / side / "IMG_1.cr3", camera, folder=Path(side)))
     (tmp_path / "masks" / "IMG_1.png").touch()  # of which nobody knows whose it is
-    photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
+    photography = ViewCaptureSettings(lambda camera: published_rig(), str(tmp_path / "masks"))
     for view, side in zip(views, ("left", "right"), strict=True):
         assert photography.mask_of(view) == str(tmp_path / "masks" / naming.format(side))
         (tmp_path / "masks" / naming.format(side)).unlink()
-    photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
+    photography = ViewCaptureSettings(lambda camera: published_rig(), str(tmp_path / "masks"))
     with pytest.raises(
         FileError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; name one"
     ):

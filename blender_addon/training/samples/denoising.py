@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
-from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.scene_description import SceneDescription
 
 from ...outputs import with_escaped_braces
 
@@ -14,7 +14,7 @@ LAYER = "ViewLayer"  # the view layer's name, which the names of a render's pass
 _FRAME = 1  # Blender 4.5 appends its number to the name of the compositor's file
 
 
-def denoising_helps(recipe: Recipe) -> bool:
+def denoising_helps(recipe: SceneDescription) -> bool:
     """Whether denoising brings the light closer to the converged render.
 
     Direct light has hardly any noise: denoising would remove its texture and highlights. Indirect light is noisy.

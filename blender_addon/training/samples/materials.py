@@ -4,7 +4,7 @@ from itertools import pairwise
 from typing import Any
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.scene_description import Bump, Dirt, Material, Paint, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import DARKEST_PAINT, DIRT_EDGE, DIRT_OCTAVES, NOISE, PAINT_OCTAVES
 
 from ...appearance.nodes import new_material
@@ -16,12 +16,12 @@ WEIGHTS_PER_PASS = 3
 _LOGISTIC = 1.702
 
 
-def weight_passes(recipe: Recipe) -> list[str]:
+def weight_passes(recipe: SceneDescription) -> list[str]:
     """Names of the render passes (AOVs) with the materials' weights, three per pass as R, G and B."""
     return [f"weights{first}" for first in range(0, len(recipe.materials), WEIGHTS_PER_PASS)]
 
 
-def build_material(recipe: Recipe) -> Any:
+def build_material(recipe: SceneDescription) -> Any:
     """A new material after the recipe, in object space.
 
     Raises InputError if one of the recipe's materials is not principled: Cycles does not support measured ones.

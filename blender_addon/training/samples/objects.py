@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.scene_description import SceneDescription
 
 from ...errors import operator_report
 from ...photo.studio import refuse_glow
@@ -119,7 +119,9 @@ def _number_materials(meshes: Any) -> None:
         material.displacement_method = "BUMP"
 
 
-def add_objects(scene: Any, recipe: Recipe, objects: SceneObjects) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def add_objects(
+    scene: Any, recipe: SceneDescription, objects: SceneObjects
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Add the rotated objects to the scene. Returns their triangles in world space."""
     turn = bpy.data.objects.new("MPS Turn", None)
     turn.matrix_world = Matrix(recipe.rotation).to_4x4()

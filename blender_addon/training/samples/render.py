@@ -11,8 +11,8 @@ from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import unfinished_path
 from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
-from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import SceneDescription
 from mpsnet_core.synthesis.shapes import Shape
 
 from ...errors import operator_report
@@ -24,7 +24,7 @@ from .scene import add_shape, sample_scene
 
 
 def render_sample(
-    recipe: Recipe, shown: Shape | SceneObjects, samples: int, path: Path, *, denoise: bool = False
+    recipe: SceneDescription, shown: Shape | SceneObjects, samples: int, path: Path, *, denoise: bool = False
 ) -> Sample:
     """Render a shape with the recipe's materials, or a scene's objects with their own, from the recipe's camera.
 
@@ -48,7 +48,7 @@ def render_sample(
             layers.unlink(missing_ok=True)
 
 
-def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
+def prepare(scene: Any, recipe: SceneDescription, samples: int) -> None:
     """Set up a scene for a render of the recipe with this many samples per pixel."""
     render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = "CYCLES"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.scene.camera import FULL_FRAME, Camera
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
-from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.scene_description import SceneDescription
 from mpsnet_core.synthesis.shapes import Shape
 
 from .materials import PART, build_material
@@ -27,7 +27,7 @@ _KINDS = ("scenes", "worlds", "objects", "meshes", "cameras", "lights", "materia
 
 
 @contextmanager
-def sample_scene(recipe: Recipe) -> Iterator[Any]:
+def sample_scene(recipe: SceneDescription) -> Iterator[Any]:
     """A scene with the recipe's camera and lights alone. It is removed at the end, with everything added to it."""
     before = {data for kind in _KINDS for data in getattr(bpy.data, kind)}
     scene = bpy.data.scenes.new("MPS Sample")
@@ -76,7 +76,7 @@ def _add_sun(scene: Any, direction: NDArray[np.float64], irradiance: float, size
     return light
 
 
-def add_shape(scene: Any, recipe: Recipe, shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def add_shape(scene: Any, recipe: SceneDescription, shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Add the rotated shape with the recipe's materials to the scene. Returns its triangles in world space."""
     mesh = _mesh(shape)
     mesh.materials.append(build_material(recipe))

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import temporary_folder
-from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.farm.work import serve
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import write_sample
+from mpsnet_core.synthesis.scene_description import SceneDescription
+from mpsnet_core.synthesis.scene_sampling import draw_recipe
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 from ...child_process.simulation_caches import simulations_write_into
@@ -39,7 +39,7 @@ class _Worker:
         shown = self._shown(recipe, job, path.parent)
         write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))
 
-    def _shown(self, recipe: Recipe, job: SampleJob, folder: Path) -> Shape | SceneObjects:
+    def _shown(self, recipe: SceneDescription, job: SampleJob, folder: Path) -> Shape | SceneObjects:
         if recipe.shape["kind"] != "scene":
             return build_shape(recipe.shape, job.meshes)
         if self.objects is None:

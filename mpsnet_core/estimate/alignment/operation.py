@@ -235,7 +235,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
         if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
-            log.warning("the mesh's outline and normals contradict the pairs of points; the camera is found from the pairs alone")
+            log.warning("the mesh contradicts the pairs of points; the camera is found from the pairs alone")
             fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
         progress(0.9, "comparing with the mirrored mesh")

@@ -230,7 +230,9 @@ def _opened(path: Path) -> "InputContainer":
         container = av.open(f"file:{path}", options=dict(_OPEN))
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FormatError(f"{path} cannot be read as a video ({reason}); check that it is a complete video file") from None
+        raise FormatError(
+            f"{path} cannot be read as a video ({reason}); check that it is a complete video file"
+        ) from None
     try:
         if not container.streams.video:
             raise FormatError(f"{path} holds no pictures, only sound or text; choose another")

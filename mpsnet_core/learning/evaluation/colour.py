@@ -11,8 +11,8 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
-from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.scene_description import Colour, Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shading.surface_points import Surface
 from mpsnet_core.synthesis.shading.synthesise import synthesise
@@ -103,7 +103,7 @@ def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int 
     )
 
 
-def surface_colours(recipe: Recipe, shape: Shape) -> NDArray[np.float32]:
+def surface_colours(recipe: SceneDescription, shape: Shape) -> NDArray[np.float32]:
     """(H, W, 3) base colour of the surface at each pixel's centre, from the recipe; NaN outside the object.
 
     recipe: with principled materials, without paint or dirt.

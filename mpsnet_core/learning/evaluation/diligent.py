@@ -22,7 +22,7 @@ from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.evaluation.published import DiligentFigure, Lights, diligent_figures
 from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.synthesis.reflectance.equation_2 import PUBLISHED_MIXING
+from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
 # Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, NDArray[np.float64]] = {

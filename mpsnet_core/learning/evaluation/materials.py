@@ -12,10 +12,10 @@ from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
-from mpsnet_core.synthesis.drawing import HELD_OUT
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material
+from mpsnet_core.synthesis.scene_sampling import HELD_OUT
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 
 

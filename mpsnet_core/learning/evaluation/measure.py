@@ -12,7 +12,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.estimate.registry import AVERAGED_MODEL, registered_models
+from mpsnet_core.estimate.registry import registered_models
 from mpsnet_core.learning.evaluation.confidence import error_by_confidence
 from mpsnet_core.learning.evaluation.magnify import estimate_magnified, magnified_name
 from mpsnet_core.progress import Progress, part, silent
@@ -133,8 +133,8 @@ class Result:
 
 
 def chosen_models(names: Sequence[str]) -> list[str]:
-    """The named models without duplicates; "all" means what `mpsnet models` lists, without the default's old name."""
-    every = [entry.name for entry in registered_models() if entry.name != AVERAGED_MODEL]
+    """The named models without duplicates; "all" means what `mpsnet models` lists."""
+    every = [entry.name for entry in registered_models()]
     return list(dict.fromkeys(name for given in names for name in (every if given == EVERY_MODEL else [given])))
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from mpsnet_core.errors import FileError
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, NO_PATTERN, published_view
-from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
 from mpsnet_core.synthesis.shapes.shape import turn_about
@@ -32,8 +32,8 @@ class MeshView:
 
     def recipe(
         self, materials: tuple[Material, ...], size: int, *, pattern: Pattern = NO_PATTERN, bounces: int = 0
-    ) -> Recipe:
-        """Recipe of the view: the mesh's z is up, and the camera looks slightly down. See :func:`published_view`."""
+    ) -> SceneDescription:
+        """Scene of the view: the mesh's z is up, and the camera looks slightly down. See :func:`published_view`."""
         standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
         shape = {
             "kind": "meshes",
@@ -44,7 +44,7 @@ class MeshView:
         }
         return published_view(shape, materials, size, standing, pattern=pattern, bounces=bounces)
 
-    def sample(self, recipe: Recipe, merl: str = "") -> Sample:
+    def sample(self, recipe: SceneDescription, merl: str = "") -> Sample:
         """The recipe's sample. merl: path of measured materials. Raises InputError if the mesh is damaged."""
         return synthesise(
             recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]

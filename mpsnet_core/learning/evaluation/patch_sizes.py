@@ -20,8 +20,8 @@ from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
-from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model, read_recipe
-from mpsnet_core.learning.training.validation import Figures, validate
+from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model, read_recipe
+from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, part, silent
 
 SIDES = (1, 3, 5, 7, 9)
@@ -42,8 +42,8 @@ class PatchRow:
     patches: int
 
 
-def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
-    """Recipe of one of the ten networks, which differ in side and normals only. Photographs are like the paper's, but
+def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingConfig:
+    """Training of one of the ten networks, which differ in side and normals only. Photographs are like the paper's, but
     the optimiser is Muon: with AdamW these short trainings end at about the same error for all sides."""
     warm_up = min(100, math.ceil(steps / 10))
     return replace(
@@ -113,8 +113,8 @@ def evaluate_patch_sizes(
 
 
 def _validated(
-    recipe: TrainingRecipe, samples: list[Path], held_out: PackedSamples, runs: Path, a_picture: int, progress: Progress
-) -> tuple[Figures, float]:
+    recipe: TrainingConfig, samples: list[Path], held_out: PackedSamples, runs: Path, a_picture: int, progress: Progress
+) -> tuple[Metrics, float]:
     """Train one network, or resume its training, and measure it. Also returns the training time in seconds."""
     checkpoint = runs / f"{recipe.name}.checkpoint"
     progress(0.0, recipe.title)

@@ -11,12 +11,12 @@ from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.published import FIGURE_6
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, ideal_photograph
-from mpsnet_core.synthesis.drawing import HELD_OUT, draw_recipe
-from mpsnet_core.synthesis.draws import generator
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import Material, Pattern
+from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material, Pattern
+from mpsnet_core.synthesis.scene_sampling import HELD_OUT, draw_recipe
 
 SEVERAL = 4  # materials
 

@@ -12,7 +12,7 @@ from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import simulate_photo
 from mpsnet_core.synthesis.capture_model import CaptureModel
-from mpsnet_core.synthesis.draws import generator
+from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.sample import read_sample_data
 
 SEED = 0  # of the photographs

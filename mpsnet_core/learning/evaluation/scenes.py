@@ -1,7 +1,7 @@
 """Scenes of the synthetic tests: photographs of held-out shapes under the published rig.
 
-Jobs draw the seeds of their shapes below 2^62 (:func:`mpsnet_core.synthesis.draws.new_seed`), whatever the job's seed.
-The seeds here are above that: no training data contains these shapes.
+Jobs draw the seeds of their shapes below 2^62 (:func:`mpsnet_core.synthesis.random_sampling.new_seed`), whatever the
+job's seed. The seeds here are above that: no training data contains these shapes.
 """
 
 from functools import lru_cache
@@ -15,8 +15,8 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
-from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 HELD_OUT_SEED = 1 << 62
@@ -45,11 +45,11 @@ def published_view(
     *,
     pattern: Pattern = NO_PATTERN,
     bounces: int = 0,
-) -> Recipe:
-    """Recipe of an orthographic view under the paper's rig: three point lights, slant 30°, tilts 120° apart."""
+) -> SceneDescription:
+    """Scene of an orthographic view under the paper's rig: three point lights, slant 30°, tilts 120° apart."""
     pose = np.eye(4)
     pose[2, 3] = DISTANCE
-    return Recipe(
+    return SceneDescription(
         seed=HELD_OUT_SEED,
         number=0,
         shape=shape,

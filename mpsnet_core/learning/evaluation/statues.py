@@ -10,8 +10,8 @@ from mpsnet_core.learning.evaluation.measure import Case, Result, Row
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.scenes import ideal_photograph
 from mpsnet_core.scene.rig import published_rig
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import Material
 
 MATT_GREY = Material(base_color=(0.6, 0.6, 0.6), roughness=1.0, specular=0.0)
 REACHED = 0.99  # least share of a light at a lit pixel

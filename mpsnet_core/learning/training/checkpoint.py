@@ -15,7 +15,7 @@ from torch import Tensor
 
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import atomic_write, existing_file
-from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
+from mpsnet_core.learning.training.recipe import TrainingConfig, recipe_from_data
 
 FORMAT = "mpsnet-checkpoint"
 MAX_BYTES = 4 << 30
@@ -43,7 +43,7 @@ class Checkpoint(NamedTuple):
     the optimisers. seconds: training time so far. samples: fingerprint of the samples. precision: of the layers.
     continues: training record of the initial network, see :class:`mpsnet_core.learning.training.loop.Trained`."""
 
-    recipe: TrainingRecipe
+    recipe: TrainingConfig
     step: int
     weights: dict[str, Tensor]
     mean_weights: dict[str, Tensor]
@@ -69,7 +69,7 @@ def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> No
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
-    """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or not written here."""
+    """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or another file."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:
         raise FormatError(f"checkpoint {path} is larger than 4 GiB, the limit for checkpoints; check the path")
@@ -88,7 +88,9 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         raise FormatError(f"checkpoint {path} is damaged, or is not a checkpoint of this program; resume from another")
     for name, kind in _TYPES.items():
         if not isinstance(data[name], kind):
-            raise FormatError(f"checkpoint {path} is not a checkpoint of this program ({name} has another type); resume from another")
+            raise FormatError(
+                f"checkpoint {path} is not a checkpoint of this program ({name} has another type); resume from another"
+            )
     if isinstance(data["step"], bool) or not (0 <= data["step"] < MAX_STEPS and 0 <= data["seconds"] < MAX_STEPS):
         raise FormatError(f"checkpoint {path} is damaged: its steps or seconds are out of range; resume from another")
     try:

@@ -31,9 +31,9 @@ from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
-from mpsnet_core.learning.training.recipe import TrainingRecipe, capture_model
+from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
 from mpsnet_core.learning.training.signals import delay_signals
-from mpsnet_core.learning.training.validation import Figures, validate
+from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
 
@@ -59,10 +59,10 @@ class Trained:
     rank 0 writes the network."""
 
     network: Network
-    recipe: TrainingRecipe
+    recipe: TrainingConfig
     step: int
     seconds: float
-    figures: Figures | None
+    figures: Metrics | None
     samples: int
     fingerprint: str
     hardware: str
@@ -87,7 +87,7 @@ class TrainingPaths:
 
 
 def train(
-    recipe: TrainingRecipe,
+    recipe: TrainingConfig,
     samples: list[Path],
     validation: list[Path],
     *,
@@ -146,7 +146,7 @@ def train(
         return run.trained(figures)
 
 
-def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress: Progress) -> Figures | None:
+def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress: Progress) -> Metrics | None:
     """Train until step `end`, or for `seconds`. Returns the metrics of the last validation, on rank 0."""
     processes, first = run.processes, run.processes.rank == 0
     writer = None if paths.logs is None else SummaryWriter(str(paths.logs))
@@ -215,7 +215,7 @@ def _check_paths(paths: TrainingPaths, anneal: int) -> None:
         )
 
 
-def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
+def _check_fit(recipe: TrainingConfig, network: Network) -> None:
     """Raise SettingsError if the recipe's crop or patches do not suit the network."""
     if network.kind != "patch":
         least = 2 * network.multiple  # batch norm needs two pixels on the coarsest scale
@@ -234,7 +234,7 @@ def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
         raise SettingsError(f"a crop of {recipe.crop} holds no patch; choose 0, which is the whole picture, or more")
 
 
-def learning_rate(recipe: TrainingRecipe, step: int) -> float:
+def learning_rate(recipe: TrainingConfig, step: int) -> float:
     """Learning rate of step `step`, 0 to steps - 1: linear warm-up, constant, linear decay to zero."""
     if step < recipe.warm_up:
         return recipe.learning_rate * (step + 1) / recipe.warm_up
@@ -247,7 +247,7 @@ class _Run:
 
     def __init__(
         self,
-        recipe: TrainingRecipe,
+        recipe: TrainingConfig,
         samples: list[Path],
         validation: list[Path],
         paths: TrainingPaths,
@@ -402,7 +402,7 @@ class _Run:
         )
         write_checkpoint(path, checkpoint)
 
-    def trained(self, figures: Figures | None) -> Trained:
+    def trained(self, figures: Metrics | None) -> Trained:
         """The result of the run, with the metrics of the last validation."""
         return Trained(
             self.mean().cpu(),
@@ -467,7 +467,7 @@ class _Run:
         self.step, self.continues = exported.step, exported.record
 
 
-def _optimisers(recipe: TrainingRecipe, network: Network, precision: str) -> list[torch.optim.Optimizer]:
+def _optimisers(recipe: TrainingConfig, network: Network, precision: str) -> list[torch.optim.Optimizer]:
     single, matrices, rest = [], [], []
     for value in network.parameters():
         if value.ndim <= 1:

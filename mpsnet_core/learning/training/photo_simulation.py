@@ -27,7 +27,7 @@ from mpsnet_core.learning.training.networks.network import Network, unit
 from mpsnet_core.learning.training.packed import Packed, PackedSamples
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, blur_weights, turned
-from mpsnet_core.synthesis.draws import generator, new_seed
+from mpsnet_core.synthesis.random_sampling import generator, new_seed
 
 WINDOW = 128  # pixels a side
 Frames = Literal["canonical", "any", "camera"]

@@ -69,7 +69,7 @@ _CAPTURE_RANGES: dict[str, tuple[float, float]] = {
 
 
 @dataclass(frozen=True)
-class TrainingRecipe:
+class TrainingConfig:
     """How one model is trained.
 
     name: the model's. title: a line for people. network: of :data:`mpsnet_core.learning.training.networks.NETWORKS`,
@@ -186,7 +186,7 @@ def recipe_names() -> list[str]:
     return sorted(file.stem for file in RECIPES.glob("*.toml"))
 
 
-def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
+def read_recipe(name: str | os.PathLike[str]) -> TrainingConfig:
     """A recipe by its name, or from a TOML file. Raises InputError where there is none or it is malformed."""
     name = os.fspath(name)
     path = RECIPES / f"{name}.toml" if name in recipe_names() else Path(name)
@@ -205,9 +205,9 @@ def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
         raise FormatError(f"recipe {path}: {error}") from None
 
 
-def recipe_from_data(data: Mapping[str, Any]) -> TrainingRecipe:
+def recipe_from_data(data: Mapping[str, Any]) -> TrainingConfig:
     """A recipe from plain data. Raises SettingsError where something is missing, unknown or out of its range."""
-    known = {entry.name for entry in fields(TrainingRecipe)}
+    known = {entry.name for entry in fields(TrainingConfig)}
     for name in data:
         if name not in known:
             raise SettingsError(f"the recipe's {name!r} is not known; choose {', '.join(sorted(known))}")
@@ -217,4 +217,4 @@ def recipe_from_data(data: Mapping[str, Any]) -> TrainingRecipe:
     samples = data.get("samples", ())
     if not isinstance(samples, list | tuple):
         raise SettingsError(f"the recipe's samples must be a list, not {samples!r}")
-    return TrainingRecipe(**{**data, "samples": tuple(samples)})
+    return TrainingConfig(**{**data, "samples": tuple(samples)})

@@ -17,7 +17,7 @@ PATCHES_AT_ONCE = 1000
 PICTURES_AT_ONCE = 8
 
 
-class Figures(NamedTuple):
+class Metrics(NamedTuple):
     """mae_deg, highest_deg: mean and largest angular error over all pixels. rank_correlation: Spearman's, between
     expected and true error; None if the network predicts no error."""
 
@@ -31,7 +31,7 @@ class Figures(NamedTuple):
 
 
 @torch.no_grad()
-def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
+def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int = PATCHES_A_PICTURE) -> Metrics:
     """Errors over all windows on all scales of each held-out sample, photographed once.
 
     patches_a_picture: number of pixels per sample, drawn with a fixed seed, that a patch-wise network estimates.
@@ -53,7 +53,7 @@ def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int
                 expected += [] if prediction is None else [prediction]
     error = np.concatenate(errors).astype(np.float64)
     rank = rank_correlation(np.concatenate(expected), error) if expected else None
-    return Figures(float(error.mean()), float(error.max()), rank)
+    return Metrics(float(error.mean()), float(error.max()), rank)
 
 
 def _errors(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:

@@ -23,7 +23,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.displacement.height_constraints import Chords, chords, seen_share
+from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, chords, seen_share
 from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
@@ -188,7 +188,7 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
 
 
 def _solved(
-    graph: Graph, seams: Seams, wanted: Chords, areas: NDArray[np.float64], progress: Progress
+    graph: Graph, seams: Seams, wanted: HeightDifferences, areas: NDArray[np.float64], progress: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """(N,) heights, (N,) trust in the normals there, and (M,) the steps of height at the ties across seams."""
     solver = Solver(graph)

@@ -32,7 +32,7 @@ ROWS = 64
 
 
 @dataclass(frozen=True)
-class Chords:
+class HeightDifferences:
     """For N covered texels, h_j - h_i = -(flat + curved (h_i + h_j) / 2) to the neighbours j on the right and below.
 
     flat: (2, N) in world units. curved: (2, N) per unit of height. Both are meaningless where there is no neighbour.
@@ -59,7 +59,7 @@ def chords(
     base: Layout,
     shaded: bool,
     progress: Progress,
-) -> Chords:
+) -> HeightDifferences:
     """Constraints on heights over the mesh of `base` from normals `vectors` (S, S, 3) baked onto the mesh of `own`.
 
     seen: (S, S) weight of the normals, from 0 (the mesh's own smooth normals apply) to 1. shaded: heights are relative
@@ -104,7 +104,7 @@ def chords(
             f"the texture does not fit the mesh in {space} space: many of its normals point inwards; give the space "
             "that it was baked in, and the mesh that it was baked onto"
         )
-    return Chords(flat, curved, outwards)
+    return HeightDifferences(flat, curved, outwards)
 
 
 def _to_neighbour(

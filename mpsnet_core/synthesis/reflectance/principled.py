@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance.ggx import (
     albedo,
     fresnel_average,
@@ -28,6 +27,7 @@ from mpsnet_core.synthesis.reflectance.ggx import (
 )
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
 from mpsnet_core.synthesis.reflectance.sheen import sheen, sheen_lobe
+from mpsnet_core.synthesis.scene_description import Material
 
 COAT_IOR = 1.5
 # Steps of tables over the view's cosine. Those of Cycles have 15 and 31 steps, and 465 is a multiple of both.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import Points, fractal_noise, gradient_noise, voronoi
-from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
+from mpsnet_core.synthesis.scene_description import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.shading.directions import frames
 
 # The noise is nearly normally distributed, with this standard deviation.

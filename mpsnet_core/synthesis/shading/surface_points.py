@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
-from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.scene_description import SceneDescription
 from mpsnet_core.synthesis.shading.pattern import bumped
 from mpsnet_core.synthesis.shapes import Shape
 
@@ -47,7 +47,7 @@ class SurfacePoints:
 class Surface:
     """A recipe's shape in world space, prepared for ray casting."""
 
-    def __init__(self, recipe: Recipe, shape: Shape) -> None:
+    def __init__(self, recipe: SceneDescription, shape: Shape) -> None:
         self.bump = recipe.bump
         self.turn = recipe.rotation.T.astype(np.float32)  # row vectors from object to world space
         self.placed = shape.vertices @ recipe.rotation.T

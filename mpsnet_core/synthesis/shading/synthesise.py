@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import generator
-from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.scene_description import SceneDescription
 from mpsnet_core.synthesis.shading.bounce import STRIDE, indirect
 from mpsnet_core.synthesis.shading.gloss import Lobe, lobe, reflect_light
 from mpsnet_core.synthesis.shading.lights import TURNS, Light, illumination
@@ -34,7 +34,7 @@ class _Colouring:
     paint: NDArray[np.float32] | None
     dirt: NDArray[np.float32] | None
 
-    def albedo(self, recipe: Recipe, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
+    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
         """(N, 3) diffuse albedo of the points, as if they were matt."""
         colour: NDArray[np.float32] = self.weights @ np.array([lobe.albedo for lobe in lobes])
         if self.paint is not None:
@@ -44,7 +44,9 @@ class _Colouring:
         return colour
 
 
-def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance], supersampling: int = 1) -> Sample:
+def synthesise(
+    recipe: SceneDescription, shape: Shape, reflectances: Sequence[Reflectance], supersampling: int = 1
+) -> Sample:
     """Render the shape with the recipe's camera, under each of its lights alone.
 
     reflectances: one for each of the recipe's materials. supersampling: rays along a pixel's side; radiance, coverage,
@@ -105,7 +107,7 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
     )
 
 
-def _colouring(recipe: Recipe, points: SurfacePoints) -> _Colouring:
+def _colouring(recipe: SceneDescription, points: SurfacePoints) -> _Colouring:
     return _Colouring(
         material_weights(recipe.pattern, len(recipe.materials), points.place, points.part),
         paint_factors(recipe.paint, points.place),
@@ -114,7 +116,7 @@ def _colouring(recipe: Recipe, points: SurfacePoints) -> _Colouring:
 
 
 def _direct(
-    recipe: Recipe,
+    recipe: SceneDescription,
     reflectances: Sequence[Reflectance],
     lobes: Sequence[Lobe],
     light: Light,

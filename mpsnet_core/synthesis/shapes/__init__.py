@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
-from mpsnet_core.synthesis.draws import chance, choice, generator, integer, new_seed, uniform
 from mpsnet_core.synthesis.noise import gradient_noise
+from mpsnet_core.synthesis.random_sampling import chance, choice, generator, integer, new_seed, uniform
 from mpsnet_core.synthesis.shapes import blobs, drapery, groups, reliefs
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted

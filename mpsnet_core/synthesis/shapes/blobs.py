@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import chance, choice, direction, integer, new_seed, rotation, uniform
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
 from mpsnet_core.synthesis.shapes.isosurface import isosurface
 from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, placed, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import ellipsoid, limb

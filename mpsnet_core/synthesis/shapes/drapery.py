@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.synthesis.draws import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.shapes.shape import Shape, turn_about
 from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, lengths, limb
 from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.draws import chance, choice, integer, new_seed, rotation, uniform
 from mpsnet_core.synthesis.noise import fractal_noise
+from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, rotation, uniform
 from mpsnet_core.synthesis.shapes.blobs import CHARACTERS, build_blob
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted, joined, placed, standing, turn_about
 from mpsnet_core.synthesis.shapes.surfaces import sheet, slab

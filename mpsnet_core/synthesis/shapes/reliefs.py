@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.draws import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.shapes.shape import Shape
 from mpsnet_core.synthesis.shapes.solids import blended
 from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet

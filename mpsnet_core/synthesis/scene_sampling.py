@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.draws import choice, direction, generator, log_uniform, new_seed, rotation, uniform
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import Bump, Colour, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.random_sampling import choice, direction, generator, log_uniform, new_seed, rotation, uniform
 from mpsnet_core.synthesis.reflectance import material_names
-from mpsnet_core.synthesis.reflectance.equation_2 import measured_errors
+from mpsnet_core.synthesis.reflectance.lambertian_error import measured_errors
+from mpsnet_core.synthesis.scene_description import Bump, Colour, Dirt, Material, Paint, Pattern, SceneDescription
 from mpsnet_core.synthesis.shapes import draw_shape, mesh_files
 from mpsnet_core.synthesis.shapes.shape import turn_about
 
@@ -95,7 +95,7 @@ SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE = 0.1, 0.15, 0.1
 SUBSURFACE_RADIUS = (0.1, 1.0)  # Blender's parameter; light spreads about a twelfth of it
 
 
-def draw_recipe(job: SampleJob, number: int) -> Recipe:
+def draw_recipe(job: SampleJob, number: int) -> SceneDescription:
     """The recipe of sample `number` of `job`. It is the same on every machine and in any order.
 
     Raises FileError or FormatError if the job's folder of meshes or its measured materials cannot be read.
@@ -106,7 +106,7 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
         return _paper_recipe(job, number, rng, shape)
     finish = choice(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
     count = choice(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
-    return Recipe(
+    return SceneDescription(
         seed=job.seed,
         number=number,
         shape=shape,
@@ -123,7 +123,7 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
     )
 
 
-def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> Recipe:
+def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> SceneDescription:
     """A recipe like the MPS-Net paper's samples: two to six measured materials in a pattern, under point lights."""
     measured = _measured(job)
     if job.style != "paper-all-materials":
@@ -136,7 +136,7 @@ def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: 
     pattern = _pattern(rng, count)
     if pattern.kind == "parts":  # a shape with one part would have one material
         pattern = replace(pattern, kind="noise")
-    return Recipe(
+    return SceneDescription(
         seed=job.seed,
         number=number,
         shape=shape,

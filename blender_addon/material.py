@@ -12,19 +12,19 @@ from mpsnet_core.io.files import creatable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
-from ..appearance.modifiers import FACES, remove_modifier, subdivide
-from ..appearance.nodes import ensure_node, new_material
-from ..appearance.shader_graph import output_of, shaders_of
-from ..image_records import origin, remember, remembered
-from ..images import fine_preview, image_file, load_image, picture_size
-from ..operators.core_run import RunsCore
-from ..outputs import requested_path
-from ..photo.options import network, reading_without_mask, rig_and_camera_options
-from ..preferences import output_folder
-from ..provenance import Provenance, chosen, stamp
-from ..settings.declared import apply_given_settings, round_as_typed
-from ..settings.estimate import EstimateSettings
-from ..settings.material import MaterialSettings
+from .appearance.modifiers import FACES, remove_modifier, subdivide
+from .appearance.nodes import ensure_node, new_material
+from .appearance.shader_graph import output_of, shaders_of
+from .image_records import origin, remember, remembered
+from .images import fine_preview, image_file, load_image, picture_size
+from .operators.core_run import RunsCore
+from .outputs import requested_path
+from .photo.options import network, reading_without_mask, rig_and_camera_options
+from .preferences import output_folder
+from .provenance import Provenance, chosen, stamp
+from .settings.declared import apply_given_settings, options_of
+from .settings.estimate import EstimateSettings
+from .settings.material import MaterialSettings
 
 # Whether each texture is non-colour data.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
@@ -76,12 +76,9 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             **rig_and_camera_options(context, image, folder, self.schedule),
             **reading_without_mask(scene.mps.estimate),
             **network(self),
+            **options_of(MakeMaterial, MaterialSettings, self, without=("model",)),
             width=f"{self._width(scene, image, folder):.9g}m",
-            overlap=round_as_typed(self.overlap),
             crop=f"{self.crop_left},{self.crop_top},{across},{down}" if cropped else None,
-            bend=self.bend,
-            size=self.size or None,
-            grey=self.grey,
             output=str(output),
         )
         return operation, [output / "pictures"]

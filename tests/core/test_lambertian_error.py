@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from synthetic import matt_fits
 
-from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.reflectance.equation_2 import PUBLISHED_MIXING, equation_2_error, measured_errors
+from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING, lambertian_error, measured_errors
+from mpsnet_core.synthesis.scene_description import Material
 
 
 def matt(*colour: float) -> float:
     material = Material(base_color=(colour[0], colour[1], colour[2]), roughness=1.0, specular=0.0)
-    return equation_2_error(load_reflectance(material))
+    return lambertian_error(load_reflectance(material))
 
 
 def test_a_matt_grey_is_what_equation_2_takes_it_for() -> None:

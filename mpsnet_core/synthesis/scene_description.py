@@ -1,4 +1,4 @@
-"""Recipes: complete descriptions of a sample's scene, as plain data for both renderers."""
+"""Complete descriptions of a sample's scene, as plain data for both renderers."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -101,7 +101,7 @@ class Bump:
 
 
 @dataclass(frozen=True)
-class Recipe:
+class SceneDescription:
     """Complete description of the scene of sample `number` of a job.
 
     shape: description for :func:`mpsnet_core.synthesis.shapes.build_shape`, plain JSON.
@@ -147,12 +147,12 @@ class Recipe:
         }
 
 
-def recipe_from_data(data: dict[str, Any]) -> Recipe:
-    """A recipe from :meth:`Recipe.data`, also after a JSON round trip. Raises FormatError if it is invalid."""
+def recipe_from_data(data: dict[str, Any]) -> SceneDescription:
+    """A scene from :meth:`SceneDescription.data`, also after a JSON round trip. Raises FormatError if it is invalid."""
     try:
         if data["version"] > RECIPE_VERSION:
             raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
-        return Recipe(
+        return SceneDescription(
             seed=int(data["seed"]),
             number=int(data["number"]),
             shape=dict(data["shape"]),
