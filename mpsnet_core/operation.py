@@ -232,12 +232,15 @@ class Running:
         The operation.
     written
         The absolute paths of the files that it wrote so far.
+    read
+        The absolute paths of the files that it read so far, as keys.
     folders
         The folders that it made. If it fails, those that are still empty are removed.
     """
 
     operation: Operation
     written: set[str] = field(default_factory=set)
+    read: dict[str, None] = field(default_factory=dict)
     folders: list[str] = field(default_factory=list)
 
     @functools.cached_property

@@ -1,7 +1,7 @@
 """The studio: renders of the scene from the rig's camera, under the rig's lights alone, and of its true normals."""
 
 import glob
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import combinations
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
+from mpsnet_core.io.metadata import content
+from mpsnet_core.io.provenance import digest
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
@@ -88,32 +90,33 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         studio.cycles.samples = photo.samples
         files = [path, sidecar(path, "rig"), sidecar(path, "camera")]
         place = f"{scene.frame_current_final} {photo.samples} {sorted(obj.name for obj in studio.objects)}"
-        from mpsnet_core.io.provenance import digest
-
         line = f"render {digest(facts, place, repr(rig), repr(taken_by))}" if facts else ""
         if _is_there(path, line):
             return Rendered(path, notes, files, kept=True)
-        # Each Cycles sample picks one of the lights at random; rendering one light at a time avoids this noise.
-        parts = [folder / f"{number}.exr" for number in range(len(lights))]
-        for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
-            progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
-            others = [other for other in lights if other != light]
-            for other in others:
-                studio.collection.objects.unlink(other)
-            _render(studio, part, "OPEN_EXR")
-            for other in others:
-                studio.collection.objects.link(other)
+        parts = _render_lights_apart(studio, lights, folder, progress)
         load_openimageio()
         from mpsnet_core.capture.superpose import superpose
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_photo
 
-        pixels, alpha = superpose(parts)
-        colours = pixels if alpha is None else np.concatenate([pixels, alpha[..., None]], axis=-1)
         with write_transaction():
             write_rig(sidecar(path, "rig"), replace(rig, exact=True))
             write_camera(sidecar(path, "camera"), taken_by)
-            write_image(path, colours, bits=32, color_space="lin_rec709_scene", description=line or None)
+            write_photo(path, superpose(parts), bits=32, description=line or None)
     return Rendered(path, notes, files)
+
+
+def _render_lights_apart(studio: Any, lights: Sequence[Any], folder: Path, progress: RenderProgress) -> list[Path]:
+    """Render under each light alone. Each Cycles sample picks one of the lights at random; this avoids that noise."""
+    parts = [folder / f"{number}.exr" for number in range(len(lights))]
+    for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
+        progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
+        others = [other for other in lights if other != light]
+        for other in others:
+            studio.collection.objects.unlink(other)
+        _render(studio, part, "OPEN_EXR")
+        for other in others:
+            studio.collection.objects.link(other)
+    return parts
 
 
 def _is_there(path: Path, line: str) -> bool:
@@ -133,9 +136,6 @@ def scene_facts(output: Path) -> str:
     """
     if not bpy.data.filepath:
         return ""
-    load_openimageio()
-    from mpsnet_core.io.provenance import content
-
     used = {Path(path) for path in bpy.utils.blend_paths(absolute=True)}
     there = sorted(path for path in used if path.is_file() and output not in path.parents)
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in there]
