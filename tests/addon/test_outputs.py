@@ -76,6 +76,20 @@ def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
     assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
 
 
+def test_tokens_of_a_path_are_shot_version_and_frame_of_the_file(scene, tmp_path):
+    given = f"{tmp_path}/<SHOT>/<SHOT>_<VERSION>.<FRAME>.png"
+    with pytest.raises(InputError, match="nothing stands for <SHOT>"):
+        output_path(given, "n", "PNG")
+    scene.frame_set(7)
+    for name, shot, version in (("statue_v003", "statue", "v003"), ("sh010.comp-v12", "sh010.comp", "v12")):
+        (tmp_path / shot).mkdir()
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / f"{name}.blend"))
+        assert output_path(given, "n", "PNG") == tmp_path / shot / f"{shot}_{version}.0007.png"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "statue.blend"))
+    with pytest.raises(InputError, match="nothing stands for <VERSION>"):
+        output_path(given, "n", "PNG")
+
+
 def test_names_that_differ_in_their_letters_alone_are_files_of_their_own(tmp_path):
     names = ("Bär 1.5", "Bör/1.5", "熊-1")
     assert [output_path(f"{tmp_path}/", name, "PNG").name for name in names] == [
