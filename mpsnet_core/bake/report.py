@@ -84,7 +84,9 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
         _, apart = scaled_error_bands(spread, shared)
-        maps.append(TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart(np.s_[:])))
+        maps.append(
+            TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart(np.s_[:]))
+        )
     return maps
 
 
