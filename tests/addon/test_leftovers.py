@@ -15,7 +15,7 @@ from blender_addon.commands import VERBS
 
 pytestmark = pytest.mark.long
 
-# Options with which a verb works in the scene of the test; the others say what they lack, and must leave nothing either.
+# Options with which a verb works in the scene of the test; the others say what they lack, and leave nothing either.
 OPTIONS = {
     "try_it": "--output nowhere/o",
     "render_photo": "--output o.exr --width 16 --height 16 --samples 1",
