@@ -10,6 +10,11 @@ from importlib import import_module
 
 import bpy
 
+from .bake.gltf_export import GltfExtension
+
+# Blender's glTF exporter finds it by this name.
+glTF2ExportUserExtension = GltfExtension
+
 # Modules with classes or handlers, in the order in which they are registered.
 _NAMES = (
     *("settings.scene", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
@@ -28,6 +33,8 @@ def register() -> None:
     for module in _MODULES:
         module.register()
     if bpy.app.module:
+        # As an extension is. The glTF exporter looks there for what changes its images.
+        bpy.context.preferences.addons.new().module = preferences.PACKAGE
         # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs.
         atexit.register(unregister)
 
@@ -35,5 +42,7 @@ def register() -> None:
 def unregister() -> None:
     """Remove everything that :func:`register` added."""
     atexit.unregister(unregister)
+    if bpy.app.module and (entry := bpy.context.preferences.addons.get(preferences.PACKAGE)):
+        bpy.context.preferences.addons.remove(entry)
     for module in reversed(_MODULES):
         module.unregister()

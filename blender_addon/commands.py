@@ -3,6 +3,7 @@
 import argparse
 import logging
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -13,17 +14,22 @@ import bpy
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli.reporter import Notes, Reporter, print_json, refuse
 from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from .estimate.decode_video import decode_video
 from .openimageio import load_openimageio
+from .operators import progress, reporting
 from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
+from .rig.several_rigs import all_rigs
 from .scene.objects import find_object, refuse_unselectable
-from .training.training_data import samples_folder, samples_status
+from .settings.record import result_of
 
 COMMAND = "mpsnet"
+# Up to this many files are listed one by one.
+LISTED = 12
 VERBS = (
     "try_it",
     "add_rig",
@@ -50,7 +56,8 @@ def main(argv: Sequence[str]) -> int:
     """Run one verb on the open file and return the exit code.
 
     It is 0; 2 with one sentence on stderr for bad input; 1 with one for a fault of the program outside its operators;
-    130 if cancelled. Progress of longer work is reported on stderr occasionally.
+    130 if cancelled. Notes and the progress of longer work are on stderr; ``--progress json`` has all of it on stdout,
+    as the package's own command line does: one JSON object a line.
     """
     try:
         options = vars(argument_parser().parse_args(argv))
@@ -66,43 +73,83 @@ def main(argv: Sequence[str]) -> int:
         if verb == "decode":
             decode_video(Path(options["path"]))
             return 0
+        _refuse_unopened(sys.argv)
         with _window():
-            _do(verb, options)
+            style = options.pop("progress")
+            _do(verb, options, Reporter("json" if style == "json" else "none"))
     except (InputError, RuntimeError) as error:
         # Blender turns an operator's report into a RuntimeError with a prefix.
         sentence = in_one_line(str(error)).removeprefix("Error: ")
         if sentence.startswith("Python: Traceback"):
-            return _fault(error)
-        print(f"{COMMAND}: {sentence}", file=sys.stderr)  # noqa: T201
+            refuse(describe_unexpected_error(error), argv)
+            return EXIT_UNFORESEEN
+        refuse(sentence, argv)
         return EXIT_CANCELLED if sentence == CANCELLED else EXIT_BAD_INPUT
     except SystemExit as leaving:  # --help
         return int(leaving.code or 0)
     except Exception as error:  # noqa: BLE001
-        return _fault(error)
+        refuse(describe_unexpected_error(error), argv)
+        return EXIT_UNFORESEEN
     return 0
 
 
-def _fault(error: BaseException) -> int:
-    print(f"{COMMAND}: {describe_unexpected_error(error)}", file=sys.stderr)  # noqa: T201
-    return EXIT_UNFORESEEN
+def _refuse_unopened(arguments: Sequence[str]) -> None:
+    """Raise FileError if Blender was to open a file and has its default scene instead: it goes on as if all were well.
+
+    arguments: Blender's own.
+    """
+    before = list(arguments[1 : arguments.index("--command")]) if "--command" in arguments else []
+    named = [
+        word
+        for place, word in enumerate(before)
+        if re.search(r"\.blend\d*$", word, re.IGNORECASE)
+        or (not word.startswith("-") and before[max(place - 1, 0)] in {"-b", "--background"})
+    ]
+    if named and not bpy.data.filepath:
+        reason = "Blender cannot read it" if Path(named[-1]).is_file() else "there is no such file"
+        raise FileError(f"cannot open {named[-1]}: {reason}; check the path")
 
 
-def _do(verb: str, options: dict[str, Any]) -> None:
+def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
     names, save = options.pop("object"), options.pop("save")
+    reporter.progress(0.0, "starting")
     _select(names)
     if save and not Path(save).resolve().parent.is_dir():
         raise FileError(f"cannot save {save}: its folder does not exist; create it first")
+    if verb == "render_photo" and not any(word.startswith(("-P", "--python")) for word in sys.argv):
+        options.setdefault("resume", True)  # the scene is what its file holds
     operator = getattr(bpy.ops.mps, verb)
     if not operator.poll():
         raise InputError(_obstacle(verb))
-    with _progress_logged():
+    with _reported(reporter) as notes:
         operator(**options)
-    print(f"{COMMAND}: {verb.replace('_', '-')} done{_written(verb)}")  # noqa: T201
     if save:
         bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
+    result = _result(verb, every_rig=options.get("all_rigs", False))
+    if reporter.style == "json":
+        saved = str(Path(save).resolve()) if save else None
+        print_json(result={"command": verb.replace("_", "-"), **result, "notes": notes.lines, "saved": saved})
+        return
+    print(f"{COMMAND}: {verb.replace('_', '-')} done{_listed(result['written'])}")  # noqa: T201
+    if save:
         print(f"{COMMAND}: scene saved as {save}")  # noqa: T201
     elif verb not in {"render_samples", "check_photo"}:
         print(f"{COMMAND}: the scene is not saved; --save FILE.blend keeps what the next step needs")  # noqa: T201
+
+
+def _result(verb: str, *, every_rig: bool) -> dict[str, Any]:
+    """What a verb made: what there is to say of it and "written", the files of all rigs if it worked with every rig."""
+    verbs = ("render_photo", "estimate", "bake") if verb == "try_it" else (verb,)
+    mps = bpy.context.scene.mps
+    results = [result_of(one, step) for step in verbs for one in (all_rigs(bpy.context.scene) if every_rig else [mps])]
+    files = [file for result in results for file in result.get("written", [])]
+    return {**next(filter(None, results), {}), "written": list(dict.fromkeys(files))}
+
+
+def _listed(files: Sequence[str]) -> str:
+    """The files as the end of a sentence; of many, the first and the last."""
+    shown = [files[0], f"{len(files) - 2} more", files[-1]] if len(files) > LISTED else files
+    return f": {', '.join(shown)}" if files else ""
 
 
 def _window() -> AbstractContextManager[Any]:
@@ -114,45 +161,25 @@ def _window() -> AbstractContextManager[Any]:
 
 
 @contextmanager
-def _progress_logged() -> Iterator[None]:
-    logger, handler = logging.getLogger(__package__), logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
+def _reported(reporter: Reporter) -> Iterator[Notes]:
+    """Within the with block, notes and progress are reported as they come. Yields the notes."""
+    notes, lines, logger = Notes(), logging.StreamHandler(sys.stderr), logging.getLogger(__package__)
+    lines.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
     level = logger.level
-    logger.addHandler(handler)
     logger.setLevel(logging.INFO)
+    handled = ((reporting.log, notes), (progress.log, lines))
+    for log, handler in handled:
+        log.addHandler(handler)
+    progress.listeners.append(reporter.progress)
     try:
-        yield
+        yield notes
     finally:
+        progress.listeners.remove(reporter.progress)
+        for log, handler in handled:
+            log.removeHandler(handler)
         logger.setLevel(level)
-        logger.removeHandler(handler)
-
-
-def _written(verb: str) -> str:
-    """The files that a verb wrote, as the end of a sentence."""
-    if verb == "render_samples":
-        folder = samples_folder(bpy.context.scene)
-        return f": {samples_status(folder)} in {folder}"
-    scene = bpy.context.scene.mps
-    if verb in {"calibrate_lights", "calibrate_mixing"}:
-        return f": {scene.estimate.rig_file}"
-    if verb == "align_photo":
-        photo = scene.photo.image.mps
-        return f': camera "{photo.camera.name}"; {photo.fit}'
-    images = {
-        "render_photo": scene.photo.image,
-        "open_photo": scene.photo.image,
-        "superpose": scene.photo.image,
-        "show_mask": scene.estimate.mask_image,
-        "estimate": scene.estimate.image,
-        "bake": scene.bake.image,
-        "try_it": scene.bake.image,
-        "bake_views": scene.bake.image,
-        "displace": scene.displace.image,
-        "integrate": scene.heights.image,
-        "make_material": scene.material.image,
-    }
-    image = images.get(verb)
-    return f": {bpy.path.abspath(image.filepath)}" if image else ""
+        for line in notes.lines:
+            print(f"note: {line}", file=sys.stderr)  # noqa: T201
 
 
 def _obstacle(verb: str) -> str:
@@ -194,6 +221,8 @@ def argument_parser() -> argparse.ArgumentParser:
         selecting = "select this object first; may be repeated, the last is active"
         sub.add_argument("--object", action="append", metavar="NAME", help=selecting)
         sub.add_argument("--save", metavar="FILE", help="save the scene as this .blend file afterwards")
+        told = "how progress and the result are reported: as text, one JSON object a line, or not at all"
+        sub.add_argument("--progress", choices=("auto", "json", "none"), default="auto", help=told)
         for setting in kind.properties:
             if setting.identifier != "rna_type" and not setting.is_hidden:
                 _add_flag(sub, setting)
@@ -224,7 +253,7 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
         metavar = {"FILE_PATH": "FILE", "DIR_PATH": "DIR"}.get(setting.subtype, "NAME")
         parser.add_argument(flag, type=str if metavar == "NAME" else _absolute, metavar=metavar, help=words)
     else:
-        number = _number(int if setting.type == "INT" else float, setting.hard_min, setting.hard_max)
+        number = _number(int if setting.type == "INT" else float, setting.soft_min, setting.soft_max)
         parser.add_argument(flag, type=number, metavar="N", help=words + default)
 
 

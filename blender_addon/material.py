@@ -124,7 +124,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             f"{made['width_mm']:.4g} x {made['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
-        self.report({"INFO"}, f"Material written to {self._output}: {settings.summary}")
+        self.tell(f"Material written to {self._output}: {settings.summary}")
 
 
 def _check_own(folder: Path, photo: str) -> None:

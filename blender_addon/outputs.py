@@ -44,13 +44,33 @@ def _refuse_images_of_users(path: Path) -> None:
 
 
 def requested_path(given: str) -> Path:
-    """The requested file or folder. Raises FileError if it is relative to a .blend file that was never saved.
+    """The requested file or folder, with what its tokens stand for: <SHOT>, <VERSION> and <FRAME>.
 
-    In a file that was never saved, Blender resolves "//" to the folder that it was started in.
+    Raises FileError if it is relative to a .blend file that was never saved, or that file's name lacks what a token
+    stands for. In a file that was never saved, Blender resolves "//" to the folder that it was started in.
     """
+    given = _without_tokens(given)
     if given.startswith("//") and not bpy.data.filepath:
         raise FileError(f"{given} is beside this file, which was never saved; save it, or give a path in full")
     return Path(bpy.path.abspath(given))
+
+
+def _without_tokens(given: str) -> str:
+    """A path with the names of this file and the number of its frame for its tokens: "statue" and "v003" are those of
+    statue_v003.blend."""
+    stem = Path(bpy.data.filepath).stem
+    shot, version = re.fullmatch(r"(.*?)(?:[._-]?(v\d+))?", stem).groups()  # type: ignore[union-attr]
+    for token, value in (
+        ("<SHOT>", shot),
+        ("<VERSION>", version),
+        ("<FRAME>", f"{bpy.context.scene.frame_current:04}"),
+    ):
+        if token in given and not value:
+            raise FileError(
+                f"{given}: nothing stands for {token}; save this file under a name such as statue_v003.blend"
+            )
+        given = given.replace(token, value or "")
+    return given
 
 
 def file_name(name: str) -> str:

@@ -1,11 +1,13 @@
 """Preferences of the add-on: what belongs to the machine rather than to a scene."""
 
+import os
 from pathlib import Path
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.farm.address import is_loopback
 
 # The add-on's name in Blender, and in the Blender processes that it starts.
@@ -81,7 +83,18 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
 
 
 def preference(name: str) -> Any:
-    """A preference, or its default if the add-on runs as a plain module."""
+    """A preference, or its default if the add-on runs as a plain module.
+
+    The environment overrides the output folder and the threads, as a farm has no preferences of its own. Raises
+    SettingsError if it holds no number of threads.
+    """
+    given = os.environ.get(f"MPSNET_{name.upper()}", "") if name in {"output_folder", "threads"} else ""
+    if given and name == "threads":
+        if not given.isdecimal():
+            raise SettingsError(f"MPSNET_THREADS is {given!r}, which is no number; set it to one, or to nothing")
+        return int(given)
+    if given:
+        return given
     addon = bpy.context.preferences.addons.get(PACKAGE)
     if addon is not None and addon.preferences is not None:
         return getattr(addon.preferences, name)

@@ -136,19 +136,22 @@ class Result:
     failed
         Why some inputs of a batch failed although the others were done, a sentence each. The command line then ends
         as for bad input.
+    written
+        The absolute paths of all files that it wrote, by name; None if there are none.
     """
 
     text: str = field(kw_only=True)
     failed: list[str] | None = field(kw_only=True, default=None)
+    written: list[str] | None = field(kw_only=True, default=None)
 
     def facts(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold."""
         return _facts(self)
 
     def figures(self, *names: str) -> dict[str, Any]:
-        """The facts that ``--json`` writes: those of these names, or all but the text if none is named."""
+        """The facts that ``--json`` writes: those of these names, or all but text and written if none is named."""
         facts = self.facts()
-        return {name: facts[name] for name in names or facts if name in facts and name != "text"}
+        return {name: facts[name] for name in names or facts if name in facts and name not in {"text", "written"}}
 
 
 def _facts(answer: Any) -> dict[str, Any]:
@@ -229,12 +232,15 @@ class Running:
         The operation.
     written
         The absolute paths of the files that it wrote so far.
+    read
+        The absolute paths of the files that it read so far, as keys.
     folders
         The folders that it made. If it fails, those that are still empty are removed.
     """
 
     operation: Operation
     written: set[str] = field(default_factory=set)
+    read: dict[str, None] = field(default_factory=dict)
     folders: list[str] = field(default_factory=list)
 
     @functools.cached_property
@@ -258,7 +264,9 @@ def _as_running(run: Callable[..., Any]) -> Callable[..., Any]:
         task = Running(self)
         token = running.set(task)
         try:
-            return run(self, *arguments, **named)
+            result = run(self, *arguments, **named)
+            written = sorted(filter(os.path.exists, task.written))
+            return dataclasses.replace(result, written=written or None) if isinstance(result, Result) else result
         except BaseException:
             for folder in reversed(task.folders):
                 with contextlib.suppress(OSError):  # it is not empty

@@ -108,6 +108,18 @@ def node_before(end: End) -> tuple[Any, tuple[Any, ...]]:
     return (None if output is None else output.node), last.groups
 
 
+def nodes_behind(end: End) -> list[Any]:
+    """All nodes that an input depends on, also those in groups, but for the group nodes themselves."""
+    todo, found = [end], []
+    while todo:
+        end = todo.pop()
+        for output in _linked(end.socket):
+            if output.node not in found or output.node.type in {"REROUTE", "GROUP_INPUT"}:
+                found.append(output.node)
+                todo += _before(output, end.groups)
+    return [node for node in dict.fromkeys(found) if not hasattr(node, "node_tree")]
+
+
 def way_in(end: End) -> Any:
     """The input in the material's own tree through which a link reaches an input in groups, None if there is none.
 

@@ -26,6 +26,7 @@ from .assign_textures import assign_textures, mark_assets
 from .bake_operator import BakeOperator, bake_target, low_frequencies, target_provenance, texture_name
 from .base_maps import store_base_map
 from .coverage import coverage_folder
+from .gltf_export import export_notes
 from .texture_owners import FRAME
 from .texture_sets import AssignedTexture
 
@@ -52,7 +53,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
-            **chosen(BakeSettings, settings, without=("output", "mark_asset")),
+            **chosen(BakeSettings, settings, without=("output", "assign", "mark_asset")),
             **target_provenance(settings),
             **camera_provenance(context.scene, context.scene.mps.estimate.image),
         }
@@ -175,17 +176,18 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
-        turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
         if self._frames:
             self._assign_frames(scene, Path(result["first_output"]))
             counts = f"{result['count']} textures are in {self._output}, {result['made']} made now"
-            self.report({"INFO"}, f"{counts}{turned}")
+            self.tell(counts)
             return
         self.assign_result(scene, result)
-        self.report({"INFO"}, f"{self.written(result)}{turned}")
+        self.tell(self.written(result))
 
     def _assign_frames(self, scene: Any, first: Path) -> None:
-        """Load a sequence of textures and assign it to the target."""
+        """Load a sequence of textures and assign it to the target, unless the files alone are wanted."""
+        if not self.assign:
+            return
         (onto,) = self._bake_targets
         target = by_session_uid(bpy.data.objects, onto.uid)
         if target is None:
@@ -196,8 +198,10 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         if (None, None) in self._bases:
             store_base_map(image, self._bases[None, None])
         assigned = [AssignedTexture(target, (image,), onto.uv_map)]
+        for sentence in export_notes(self.space, self.convention):
+            self.note(sentence)
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
-            self.report({"INFO"}, sentence)
+            self.tell(sentence)
         mark_assets(assigned, self.mark_asset)
 
 

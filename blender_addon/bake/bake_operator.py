@@ -9,7 +9,7 @@ from bpy.props import StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.bake.map_list import write_map_list
-from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import InputError
@@ -28,6 +28,7 @@ from ..settings.declared import options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
+from .gltf_export import export_notes
 from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
     SPLITS,
@@ -84,7 +85,8 @@ class BakeOperator(RunsCore):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         check_in_scene(context.scene, target, "target")
-        check_shows_normals(target)
+        if settings.assign:
+            check_shows_normals(target)
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
@@ -96,15 +98,18 @@ class BakeOperator(RunsCore):
         targets = [obj for obj in selected if obj.type == "MESH"]
         if not targets:
             raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
-        for target in targets:
-            check_shows_normals(target)
-        refuse_shared(targets, settings.split)
+        if settings.assign:
+            for target in targets:
+                check_shows_normals(target)
+            refuse_shared(targets, settings.split)
         return targets
 
     def texture_options(
         self, operation: type[Operation], settings: Any, targets: Sequence[Any], folder: Path
     ) -> dict[str, Any]:
         """The core's options for the texture and the base maps that it goes on top of."""
+        if settings.preset != "CUSTOM":
+            check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
         options = options_of(operation, BakeSettings, settings, without=("preset",))
         options["size"] = str(settings.size)
         if settings.padding != "NEAREST":
@@ -142,14 +147,17 @@ class BakeOperator(RunsCore):
         name = (active if active in targets else targets[0]).name
         # "<" and ">" are not allowed in file names; tokens are added after the path is checked.
         name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
-        path = output_path(bake.output, name, bake.file_format)
-        if SPLITS[bake.split] and requested_folder(bake.output) is not None:
+        given = getattr(self, "output", bake.output)
+        path = output_path(given, name, bake.file_format)
+        if SPLITS[bake.split] and requested_folder(given) is not None:
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
         self._notes = overruled_format(path, bake)
         return with_tokens(path, bake.split, bake.tiles)
 
     def assign_result(self, scene: Any, result: dict[str, Any]) -> None:
-        """Load the core's textures and assign them to their objects."""
+        """Load the core's textures and assign them to their objects, unless the files alone are wanted."""
+        if not scene.mps.bake.assign:
+            return
         existing = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
         if not any(target for _, target in existing):
             raise InputError(f"the target is gone; its texture is in {self._output}")
@@ -166,8 +174,10 @@ class BakeOperator(RunsCore):
         assigned = _assigned(existing, images)
         sentences = assign_textures(assigned, bake.space, bake.convention)
         for sentence in [*sentences, *self._assign_albedo(existing, written)]:
-            self.report({"INFO"}, sentence)
-        for sentence in [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]:
+            self.tell(sentence)
+        unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
+        mixed = bake.tiles and any(len({*one.target.material_slots.keys()}) > 1 for one in assigned)
+        for sentence in [*unshown, *export_notes(bake.space, bake.convention, mixed=mixed)]:
             self.note(sentence)
         mark_assets(assigned, bake.mark_asset)
 

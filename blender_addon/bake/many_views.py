@@ -51,7 +51,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
         photo = ("rig_file", "encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
         shared = ("model", "model_file", *photo)
         # Settings of the step Bake for a single photo, and those that do not affect the texture.
-        others = ("output", "mark_asset", "level", "level_scale", "animated", "all_rigs")
+        others = ("output", "assign", "mark_asset", "level", "level_scale", "animated", "all_rigs")
         stand = {} if scene.estimate.rig_file else lights_provenance(context.scene)
         behind = [] if scene.views.cameras else _with_photos(context.scene)
         return {
@@ -141,7 +141,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
         scene = self.scene(f"its texture is in {self._output}")
         scene.mps.views.report_file = self._report
         self.assign_result(scene, result)
-        self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
+        self.tell(f"{len(result['views'])} views baked. {self.written(result)}")
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:

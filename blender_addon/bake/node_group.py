@@ -47,7 +47,7 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
             raise InputError(f"{name} uses no baked texture; choose the object that it was baked onto")
         for group in groups:
             mark_asset(group)
-        self.report({"INFO"}, f"Made {', '.join(sorted(group.name for group in groups))}; find it in the Asset Browser")
+        self.tell(f"Made {', '.join(sorted(group.name for group in groups))}; find it in the Asset Browser")
 
 
 def surface_group(tree: Any) -> Any:

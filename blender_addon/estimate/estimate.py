@@ -123,7 +123,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         if "albedo" in result:
             estimate.albedo_image = load_image(Path(result["albedo"]), "MPS Albedo", is_data=False)
             self.made(estimate.albedo_image)
-        self.report({"INFO"}, f"Normals written to {self._output}")
+        self.tell(f"Normals written to {self._output}")
 
 
 def _lens_of_camera(scene: Any) -> Provenance:
@@ -173,9 +173,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
         self.made(image)
         fine_preview(image)
-        self.report(
-            {"INFO"}, f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}"
-        )
+        self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_estimate, MPS_OT_show_mask))

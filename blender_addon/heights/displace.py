@@ -125,8 +125,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         height = result["height"]
         normals_off = self._assign(target, image, normals, height["strength"] / self._size, height["midlevel"])
         off = "; the normal map is off, the displaced surface alone is shaded" if normals_off else ""
-        self.report(
-            {"INFO"},
+        self.tell(
             f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
         )
 
@@ -151,10 +150,10 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
                 self.note(f'Material "{material.name}" has no Material Output and is not displaced')
             elif by_material:
                 for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
-                    self.report({"INFO"}, f'The heights took the place of "{name}" in material "{material.name}"')
+                    self.tell(f'The heights took the place of "{name}" in material "{material.name}"')
             else:
                 for name in remove_heights(material):
-                    self.report({"INFO"}, f'Material "{material.name}" is displaced by "{name}" again')
+                    self.tell(f'Material "{material.name}" is displaced by "{name}" again')
             if normals is not None:
                 show_object_normals(material, normals, self._uv_map)
             else:

@@ -103,7 +103,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             shown.use_fake_user = True  # it has no other user when the file is saved
         if self._mesh is not None:
             estimate.mesh = _import_surface(scene, self._mesh, estimate.mesh)
-        self.report({"INFO"}, f"Heights written to {self._output}")
+        self.tell(f"Heights written to {self._output}")
 
 
 def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:

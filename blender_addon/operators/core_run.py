@@ -14,6 +14,7 @@ from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import resolved, temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
+from ..outputs import is_permanent
 from ..provenance import refuse_to_overwrite
 from ..settings.messages import in_blender
 from ..slices import Slices, close_slices
@@ -174,12 +175,14 @@ class RunsCore(ReportingOperator):
         for sentence in [*self._notes, *notes, *result.get("failed", []), *self.remarks(result)]:
             self.note(sentence)
         self.finish(context, result)
-        self._store_record(notes=self._stored)
+        facts = {name: value for name, value in result.items() if name not in {"text", "notes", "failed"}}
+        facts["written"] = [file for file in result.get("written", []) if is_permanent(Path(file))]
+        self._store_record(notes=self._stored, result=facts)
 
     def note(self, sentence: str) -> None:
         """Report a sentence that stays with the step; called by `finish`."""
         sentence = in_blender(sentence)
-        self.report({"INFO"}, sentence)
+        self.tell(sentence)
         self._stored.append(sentence)
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
@@ -221,7 +224,7 @@ class RunsCore(ReportingOperator):
     def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
             self.cancel(context)
-            self.report({"INFO"}, "Cancelled")
+            self.tell("Cancelled")
             return self._ended()
         if event.type != "TIMER":
             return {"PASS_THROUGH"}

@@ -18,6 +18,9 @@ _MIN_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
 
 log = logging.getLogger(__name__)
 
+# Told of the progress of every script's work.
+listeners: list[Progress] = []
+
 
 @contextmanager
 def cursor_progress(manager: Any) -> Iterator[Progress]:
@@ -27,6 +30,8 @@ def cursor_progress(manager: Any) -> Iterator[Progress]:
     def show(done: float, message: str) -> None:
         nonlocal logged
         manager.progress_update(int(100 * done))
+        for listener in listeners:
+            listener(done, message)
         if time.monotonic() - logged >= LOG_SECONDS:
             log.info("%.0f%%: %s", 100 * done, message)
             logged = time.monotonic()

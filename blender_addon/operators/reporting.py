@@ -1,12 +1,14 @@
 """Operators that report bad input in one sentence, which stays in their step of the panel until the next run."""
 
-from collections.abc import Callable
+import inspect
+import logging
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.errors import Cancelled, InputError, SettingsError
 from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import CoreCrashed
@@ -16,7 +18,11 @@ from ..scene.objects import by_session_uid
 from ..settings.messages import in_blender
 from ..settings.record import store_record
 
+log = logging.getLogger(__name__)
+
 CANCELLED = "cancelled"
+# The bounds of a number that a slider keeps, for those that Blender enforces.
+_SOFT = {"min": "soft_min", "max": "soft_max"}
 _MISSING = {
     "photo": "Render or open a photo first",
     "estimate": "Estimate the normals first",
@@ -36,6 +42,22 @@ class ReportingOperator(bpy.types.Operator):
     _rig_place = 0  # position of the chosen rig in the scene's list
     _whose = ""  # prefix of messages on one of several rigs: its name
     _made_from: Provenance
+
+    def __init_subclass__(cls) -> None:
+        """Let numbers keep their bounds for the mouse alone: Blender would clamp a script's silently."""
+        super().__init_subclass__()
+        softened = {}
+        for part in reversed(cls.__mro__):
+            for name, declared in inspect.get_annotations(part).items():
+                if getattr(declared, "function", None) in {IntProperty, FloatProperty}:
+                    facts = {_SOFT.get(fact, fact): value for fact, value in declared.keywords.items()}
+                    softened[name] = declared.function(**facts)
+        cls.__annotations__ = {**inspect.get_annotations(cls), **softened}
+
+    def tell(self, message: str, kind: str = "INFO") -> None:
+        """Report what is no error, to Blender and to the log, which has it where no window shows reports."""
+        self.report({kind}, message)
+        log.info("%s%s", self._whose, message)
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -78,7 +100,17 @@ class ReportingOperator(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[Any]:
         self.begin(context)
-        return {"FINISHED"} if self.done(lambda: self.act(context)) else {"CANCELLED"}
+        return {"FINISHED"} if self.done(lambda: self._act_in_range(context)) else {"CANCELLED"}
+
+    def _act_in_range(self, context: Any) -> None:
+        for one in self.properties.bl_rna.properties:
+            if one.type in {"INT", "FLOAT"} and self.properties.is_property_set(one.identifier):
+                value = getattr(self, one.identifier)
+                if not one.is_array and not one.soft_min <= value <= one.soft_max:
+                    raise SettingsError(
+                        f"{one.name} {value:g} is out of range; choose {one.soft_min:g} to {one.soft_max:g}"
+                    )
+        self.act(context)
 
     def done(self, step: Callable[[], None]) -> bool:
         """Run a step. If it fails, report why in one sentence and return False."""
@@ -101,10 +133,12 @@ class ReportingOperator(bpy.types.Operator):
         self._store_record(error=sentence)
         self.report({"ERROR"}, sentence)
 
-    def _store_record(self, *, error: str = "", notes: list[str] | None = None) -> None:
+    def _store_record(
+        self, *, error: str = "", notes: list[str] | None = None, result: Mapping[str, Any] | None = None
+    ) -> None:
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is not None:
-            store_record(scene, verb_of(self.bl_idname), error=error, notes=notes)
+            store_record(scene, verb_of(self.bl_idname), error=error, notes=notes, result=result)
 
 
 def verb_of(idname: str) -> str:

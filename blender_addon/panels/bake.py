@@ -105,7 +105,8 @@ def lacks_base_map(context: Any) -> str:
 def _lacks_target(scene: Any, obj: Any) -> str:
     try:
         check_in_scene(scene, obj, "target")
-        check_shows_normals(obj)
+        if scene.mps.bake.assign:
+            check_shows_normals(obj)
     except InputError as error:
         return str(error)
     if obj.modifiers or obj.mode == "EDIT":  # these may create faces and UVs
@@ -144,8 +145,10 @@ class MPS_PT_texture(Step):
             column.prop(bake, name)
         if bake.padding == "NEAREST":
             column.prop(bake, "margin")
-        for name in ("file_format", "bits", "mark_asset"):
+        for name in ("file_format", "bits", "assign"):
             column.prop(bake, name)
+        if bake.assign:
+            column.prop(bake, "mark_asset")
         self.layout.template_ID(bake, "image", open="image.open")
         self.layout.operator("mps.make_node_group", icon="NODETREE")
         self.failure(context.scene, "make_node_group")

@@ -145,7 +145,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         self.made(overlay)
         if not bpy.app.background:
             fine_preview(overlay)
-        self.report({"WARNING"} if photo.mps.poor else {"INFO"}, f'Camera "{camera.name}": {photo.mps.fit}')
+        self.tell(f'Camera "{camera.name}": {photo.mps.fit}', "WARNING" if photo.mps.poor else "INFO")
 
 
 def mesh_of_photo(context: Any) -> Any:

@@ -184,7 +184,8 @@ def render_job(folder: Path) -> int:
     except Exception as error:  # noqa: BLE001
         parent.send(error=describe_unexpected_error(error, folder.parent))  # the folder itself is removed
         return EXIT_UNFORESEEN
-    parent.send(result={"output": str(rendered.file), "notes": [*blocked_scripts_note(), *rendered.notes]})
+    notes, files = [*blocked_scripts_note(), *rendered.notes], [*map(str, rendered.files)]
+    parent.send(result={"output": str(rendered.file), "written": files, "notes": notes})
     return 0
 
 

@@ -40,7 +40,7 @@ class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
         super()._finished(context, result)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        self.report({"INFO"}, _VERDICTS[result["level"]])
+        self.tell(_VERDICTS[result["level"]])
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_check_photo,))

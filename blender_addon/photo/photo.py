@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
@@ -26,11 +26,12 @@ from ..outputs import output_frames, output_path, render_path
 from ..provenance import Provenance, chosen, file_stamp, rounded
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
+from ..scene.objects import find_object
 from ..settings.declared import PATH, apply_given_settings, options_of
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
-from .studio import RenderKind, render
+from .studio import RenderKind, render, scene_facts
 
 _LIGHTS = ("first", "second", "third")
 
@@ -38,18 +39,39 @@ _LIGHTS = ("first", "second", "third")
 class _Renders(RunsCore):
     """An operator that renders: from a button in another Blender process, from a script in this one."""
 
+    target: StringProperty(
+        name="Target",
+        description="Name of the mesh object that is baked onto later. It is left out of the picture where the "
+        "detailed object is in its place. Empty: the target of the step Bake",
+        options={"SKIP_SAVE"},
+    )
+    resume: BoolProperty(
+        name="Resume",
+        description="Of an animation, keep the frames that an interrupted run rendered from the same saved file, "
+        "settings and rig. Only if this script changes nothing else in the scene",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
     _first_job: dict[str, Any] | None = None  # its copy of the file serves all rigs
 
     @classmethod
     def lacks(cls, context: Any) -> str:
         return "" if context.scene.mps.rig.lights else "Add a rig first"
 
-    def target(self, scene: Any) -> tuple[RenderKind, Path]:
+    def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         """What the operator's settings render, and the file or folder."""
         raise NotImplementedError
 
+    def _destination(self, scene: Any) -> tuple[RenderKind, Path]:
+        if self.target:
+            target = find_object(scene, self.target)
+            if target.type != "MESH":
+                raise InputError(f'the target "{target.name}" is no mesh object; name one')
+            scene.mps.bake.target = target
+        return self.destination(scene)
+
     def prepare(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
-        what, output = self.target(context.scene)
+        what, output = self._destination(context.scene)
         light_rig(context.scene)  # report errors of the rig at once
         self._notes = not_found(context.scene)
         self._first_job = self._first_job or written_job(context, what, output, folder)
@@ -60,14 +82,15 @@ class _Renders(RunsCore):
         return rendering_blender(folder)
 
     def run_here(self, context: Any) -> None:
-        what, output = self.target(context.scene)
+        what, output = self._destination(context.scene)
         self.check_outputs([output])
         self._notes = not_found(context.scene)
         with cursor_progress(context.window_manager) as progress:
-            rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words))
+            facts = scene_facts(output) if self.resume and what == "frames" else ""
+            rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words), facts)
         self._notes += [*blocked_scripts_note(), *rendered.notes]
         self._made_from = self.provenance(context)
-        self._finished(context, {"output": str(rendered.file)})
+        self._finished(context, {"output": str(rendered.file), "written": [*map(str, rendered.files)]})
 
 
 class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator):
@@ -84,7 +107,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
     def provenance(cls, context: Any) -> Provenance:
         return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
 
-    def target(self, scene: Any) -> tuple[RenderKind, Path]:
+    def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         apply_given_settings(self, PhotoSettings, scene.mps.photo)
         self._moves = self.animation
         if self._moves:
@@ -99,7 +122,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
-        self.report({"INFO"}, f"Photo written to {result['output']}")
+        self.tell(f"Photo written to {result['output']}")
 
 
 class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
@@ -179,7 +202,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         self.made(image)
         rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states that it is linear
         _set_photo(rig, image)
-        self.report({"INFO"}, f"Photo written to {photo}")
+        self.tell(f"Photo written to {photo}")
 
 
 def _set_photo(rig: Any, image: bpy.types.Image) -> None:
@@ -239,13 +262,13 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         options=PATH,
     )
 
-    def target(self, scene: Any) -> tuple[RenderKind, Path]:
+    def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its true normals are in {result['output']}"
         rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
-        self.report({"INFO"}, f"True normals written to {result['output']}")
+        self.tell(f"True normals written to {result['output']}")
 
 
 CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_superpose, MPS_OT_render_truth)

@@ -1,7 +1,7 @@
 """The studio: renders of the scene from the rig's camera, under the rig's lights alone, and of its true normals."""
 
 import glob
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import combinations
@@ -12,9 +12,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
+from mpsnet_core.io.metadata import content
+from mpsnet_core.io.provenance import digest
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
@@ -45,25 +46,35 @@ def no_render_progress(done: int, renders: int, words: str) -> None:
 
 
 class Rendered(NamedTuple):
-    """A rendered file, or the first one of several frames, with notes as sentences."""
+    """A rendered file, or the first one of several frames, with notes as sentences, and all files that belong to it.
+
+    kept: whether an earlier run had rendered it.
+    """
 
     file: Path
     notes: list[str]
+    files: list[Path]
+    kept: bool = False
 
 
-def render(what: RenderKind, scene: Any, output: Path, progress: RenderProgress = no_render_progress) -> Rendered:
-    """Render to a file, or frames to a folder. Raises InputError."""
+def render(
+    what: RenderKind, scene: Any, output: Path, progress: RenderProgress = no_render_progress, facts: str = ""
+) -> Rendered:
+    """Render to a file, or frames to a folder. facts: of frames, see :func:`render_photo`. Raises InputError."""
     if what == "frames":
-        return render_frames(scene, output, progress)
+        return render_frames(scene, output, progress, facts)
     return (render_photo if what == "photo" else render_normals)(scene, output, progress)
 
 
-def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
+def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_progress, facts: str = "") -> Rendered:
     """Render a photo from the rig's camera, under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. Rig and camera are written to sidecar files, see
     :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is left out if another object
     is at the same place.
+
+    facts: what the photo depends on apart from the rig, the camera and the settings, see :func:`scene_facts`. A photo
+    that an earlier run made from the same is kept. "" if they are unknown.
 
     Raises InputError if the rig is incomplete, something else emits light, nothing is visible or the file cannot be
     written.
@@ -77,26 +88,61 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
-        # Each Cycles sample picks one of the lights at random; rendering one light at a time avoids this noise.
-        parts = [folder / f"{number}.exr" for number in range(len(lights))]
-        for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
-            progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
-            others = [other for other in lights if other != light]
-            for other in others:
-                studio.collection.objects.unlink(other)
-            _render(studio, part, "OPEN_EXR")
-            for other in others:
-                studio.collection.objects.link(other)
+        files = [path, sidecar(path, "rig"), sidecar(path, "camera")]
+        place = f"{scene.frame_current_final} {photo.samples} {sorted(obj.name for obj in studio.objects)}"
+        line = f"render {digest(facts, place, repr(rig), repr(taken_by))}" if facts else ""
+        if _is_there(path, line):
+            return Rendered(path, notes, files, kept=True)
+        parts = _render_lights_apart(studio, lights, folder, progress)
         load_openimageio()
+        from mpsnet_core.capture.superpose import superpose
+        from mpsnet_core.io.image_writing import write_photo
+
         with write_transaction():
             write_rig(sidecar(path, "rig"), replace(rig, exact=True))
             write_camera(sidecar(path, "camera"), taken_by)
-            images = tuple(map(str, parts))
-            Superpose(image=images, encoding="auto", channels=False, output=str(path)).run()
-    return Rendered(path, notes)
+            write_photo(path, superpose(parts), bits=32, description=line or None)
+    return Rendered(path, notes, files)
 
 
-def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render_progress) -> Rendered:
+def _render_lights_apart(studio: Any, lights: Sequence[Any], folder: Path, progress: RenderProgress) -> list[Path]:
+    """Render under each light alone. Each Cycles sample picks one of the lights at random; this avoids that noise."""
+    parts = [folder / f"{number}.exr" for number in range(len(lights))]
+    for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
+        progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
+        others = [other for other in lights if other != light]
+        for other in others:
+            studio.collection.objects.unlink(other)
+        _render(studio, part, "OPEN_EXR")
+        for other in others:
+            studio.collection.objects.link(other)
+    return parts
+
+
+def _is_there(path: Path, line: str) -> bool:
+    """Whether an earlier run has written this photo, with its rig and its camera."""
+    if not (line and all(sidecar(path, what).is_file() for what in ("rig", "camera")) and path.is_file()):
+        return False
+    load_openimageio()
+    from mpsnet_core.io.provenance import is_up_to_date
+
+    return is_up_to_date(path, line)
+
+
+def scene_facts(output: Path) -> str:
+    """What renders of the open .blend file into the folder `output` depend on outside of it; "" if it is not saved.
+
+    That is its contents, and name, size and time of each file that it uses.
+    """
+    if not bpy.data.filepath:
+        return ""
+    used = {Path(path) for path in bpy.utils.blend_paths(absolute=True)}
+    there = sorted(path for path in used if path.is_file() and output not in path.parents)
+    stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in there]
+    return f"{bpy.app.version_string} {content(bpy.data.filepath)} {stats}"
+
+
+def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render_progress, facts: str = "") -> Rendered:
     """:func:`render_photo` for each frame of the scene into `folder`, named by frame number. Returns the first file.
 
     Raises InputError as that function does.
@@ -115,7 +161,7 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
                 progress(place * renders + done, len(files) * renders, f"frame {number}: {words}")
 
             try:
-                rendered.append(render_photo(scene, file, of_all))
+                rendered.append(render_photo(scene, file, of_all, facts))
             except NoObject as error:
                 empty[number] = str(error)
             except InputError as error:
@@ -125,12 +171,14 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
     if not rendered:
         raise InputError(f"no frame shows the object; {empty[numbers[0]]}")
     notes = rendered[0].notes
+    if kept := sum(one.kept for one in rendered):
+        notes.append(f"{kept} frame(s) were there already and are kept")
     if empty:
         notes.append(f"{len(empty)} frame(s) show nothing and are left out, the first is {min(empty)}")
     others = {file for file in folder.glob(f"{glob.escape(folder.name)}_*.exr") if file not in files}
     if others:
         notes.append(f"{len(others)} frame(s) of an earlier render are in the folder too, and are estimated with these")
-    return rendered[0]
+    return Rendered(rendered[0].file, notes, [file for one in rendered for file in one.files])
 
 
 def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_progress) -> Rendered:
@@ -153,7 +201,7 @@ def render_normals(scene: Any, path: Path, progress: RenderProgress = no_render_
         seen_by = camera.evaluated_get(studio.view_layers[0].depsgraph)
         write_camera(sidecar(path, "camera"), scene_camera(seen_by, scene, (photo.width, photo.height)))
         _render(studio, path, "OPEN_EXR_MULTILAYER")
-    return Rendered(path, notes)
+    return Rendered(path, notes, [path, sidecar(path, "camera")])
 
 
 @contextmanager

@@ -68,7 +68,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         estimate.rig_file = str(self._rig)
         text = None if is_permanent(self._rig) else self._rig.read_text(encoding="utf-8")
         estimate.kept_rig = json.dumps([str(self._rig), text]) if text else ""
-        self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
+        self.tell(f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 
 class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):

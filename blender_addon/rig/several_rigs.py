@@ -22,7 +22,7 @@ from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
-from ..settings.declared import GIVEN
+from ..settings.declared import GIVEN, OF_ONE_RUN
 from ..settings.estimate import EstimateSettings
 from ..settings.photo import PhotoSettings
 from ..settings.rig import RigSettings
@@ -159,7 +159,7 @@ class OnEachRig(RunsCore):
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
         for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
-            for name in self._given.intersection(_STEPS[self.step].__annotations__):
+            for name in self._given.intersection(_STEPS[self.step].__annotations__) - OF_ONE_RUN:
                 setattr(getattr(one, self.step), name, getattr(self, name))
         return [partial(self._with_rig, place) for place in range(len(scene.mps.rigs))]
 

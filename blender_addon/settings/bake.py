@@ -136,6 +136,12 @@ class BakeSettings:
     onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")
     onto_convention: from_option(Bake, "onto_convention", name="Its Convention")
     onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})
+    assign: BoolSetting(
+        name="Assign to Materials",
+        description="Show the texture in the objects' materials. Off: write the files and change no object, material "
+        "or image, so that linked and overridden assets get textures too",
+        default=True,
+    )
     mark_asset: EnumSetting(
         name="Mark as Asset",
         description="What Blender's Asset Browser shows of the result",

@@ -19,6 +19,10 @@ GIVEN = {"SKIP_SAVE"}
 # Without the second, Blender marks relative paths ("//photo.png") red, as if they were unsupported.
 PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
+# Given settings that hold for one run alone. In the .blend file, they would lead the runs of its copies to the files of
+# the first one.
+OF_ONE_RUN = frozenset({"output", "keep"})
+
 # Translation context of words that Blender's own tables have in another sense: "Mirror Ball" as a command, "Space" as
 # free space, "Tangent" of an angle.
 OWN_SENSE = "MPS"
@@ -201,13 +205,19 @@ def _sentence(words: str) -> str:
 def apply_given_settings(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
     """Copy the operator's given properties to the scene's settings, and the other settings to the operator.
 
-    Afterwards operator and scene agree, and the "Adjust Last Operation" panel shows the values in use.
+    Afterwards operator and scene agree, except on what is :data:`OF_ONE_RUN`, and the "Adjust Last Operation" panel
+    shows the values in use. A report names the settings of the scene that this changed: later steps and runs use them.
     """
+    shared = [name for name in settings.__annotations__ if name not in OF_ONE_RUN]
+    before = {name: getattr(group, name) for name in shared}
     for name in settings.__annotations__:
-        if operator.properties.is_property_set(name):
-            setattr(group, name, getattr(operator, name))
-        else:
+        if not operator.properties.is_property_set(name):
             setattr(operator, name, getattr(group, name))
+        elif name in shared:
+            setattr(group, name, getattr(operator, name))
+    changed = [group.bl_rna.properties[name].name for name in shared if getattr(group, name) != before[name]]
+    if changed and bpy.app.background:
+        operator.tell(f"Kept in the scene for later runs too: {', '.join(changed)}")
 
 
 def round_as_typed(number: float) -> float:

@@ -91,7 +91,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         if running not in {"", self.bl_idname}:
             return {"PASS_THROUGH"}
         if manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
-            self.report({"INFO"}, "Cancelled")
+            self.tell("Cancelled")
             self._take_away(context)
             return self._end(context, "CANCELLED")
         if event.type != "TIMER":
@@ -158,7 +158,6 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
 
     def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
         demo = self._demo(context)
-        self._forget_files(context)
         if demo.mps.photo.image is None:
             raise _why(demo, "render_photo")
         _run(bpy.ops.mps.estimate, how, output=self._file(context, "normals.png"))
@@ -172,7 +171,6 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         scene = self._demo(context)
         if scene.mps.bake.image is None:
             raise _why(scene, "bake")
-        self._forget_files(context)
         for uid, shown in self._shown.items():
             obj = by_session_uid(scene.objects, uid)
             if obj is None:
@@ -183,7 +181,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             context.view_layer.objects.active = obj
         if not bpy.app.background:
             _run(bpy.ops.mps.relight)
-        self.report({"INFO"}, "The low-poly copy uses the photo's normals. To stop the lamp press Relight in 4 Bake")
+        self.tell("The low-poly copy uses the photo's normals. To stop the lamp press Relight in 4 Bake")
 
     def _demo(self, context: Any) -> Any:
         """The demo's scene, if the window still shows it."""
@@ -195,11 +193,6 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         """Images from Blender's temporary folder are packed into the .blend file."""
         folder = ensure_folder(requested_path(self.output), "files") if self.output else Path(bpy.app.tempdir)
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
-
-    def _forget_files(self, context: Any) -> None:
-        """Reset the output paths: later results in the demo's scene go to the default folders."""
-        settings = context.scene.mps
-        settings.photo.output = settings.estimate.output = settings.bake.output = ""
 
 
 def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:

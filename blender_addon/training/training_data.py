@@ -53,9 +53,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[MakeSamples, Sequence[Path]]:
         scene = context.scene
         apply_given_settings(self, SamplesSettings, scene.mps.samples)
-        if self.output:
-            requested_path(self.output)
-        target = samples_folder(scene)
+        target = samples_folder(scene, self.output)
         if not (self.output or is_permanent(target)):
             raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
         job, (cluster, trusted) = self._sample_job(context, target), self._cluster()
@@ -64,7 +62,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             self._store_scene(target / SCENE_FILE)
             self._notes = python_drivers()
         if job.denoise and not can_denoise():
-            self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
+            self.tell("this Blender has no OpenImageDenoise: light keeps its noise; take more samples", "WARNING")
         self._sheet, self._seen = target / CONTACT_SHEET, -1
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder
@@ -121,7 +119,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     def _store_scene(self, path: Path) -> None:
         """Save the scene for the rendering processes. An existing one is kept: the samples in the folder show it."""
         if path.exists():
-            self.report({"INFO"}, f"The scene is as it was when it was first rendered, see {path}")
+            self.tell(f"The scene is as it was when it was first rendered, see {path}")
             return
         painted = [image.name for image in bpy.data.images if image.is_dirty]
         if painted:
@@ -148,14 +146,18 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         sheet = self.scene(f"its samples are in {self._sheet.parent}").mps.samples.image
         if sheet is not None:
             self.made(sheet)
-        self.report({"INFO"}, f"{samples_status(self._sheet.parent)}: {self._sheet.parent}")
+        self.tell(f"{samples_status(self._sheet.parent)}: {self._sheet.parent}")
 
 
-def samples_folder(scene: Any) -> Path:
-    """The folder of the scene's samples."""
-    given = scene.mps.samples.output
+def samples_folder(scene: Any, given: str = "") -> Path:
+    """The folder of the scene's samples: `given`, else that of its settings, else one in the output folder.
+
+    Raises FileError if `given` is relative to a .blend file that was never saved.
+    """
     if given:
-        return Path(bpy.path.abspath(given)).resolve()
+        return requested_path(given).resolve()
+    if scene.mps.samples.output:
+        return Path(bpy.path.abspath(scene.mps.samples.output)).resolve()
     return output_folder() / file_name(f"{scene.name}_samples")
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError
@@ -109,6 +109,11 @@ class MakesTextures(TakesMesh):
         help="convention, bit depth, format and automatic file name that a program expects; you can change each",
         provenance="none",
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.preset is not None:
+            check_preset(self.preset, self.space, self.convention or PRESETS[self.preset].convention)
 
     def texture_words(self, target: "TextureTarget") -> str:
         """The properties that all textures share, as text for the report."""

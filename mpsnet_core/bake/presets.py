@@ -44,6 +44,8 @@ class Preset:
         Suffix of the file.
     lower : bool
         Whether names are in snake_case.
+    strict : bool
+        Whether the program has no way to show another space or convention.
 
     Examples
     --------
@@ -57,6 +59,7 @@ class Preset:
     naming: str = "{}_normal"
     suffix: str = ".png"
     lower: bool = False
+    strict: bool = False
 
     def stem(self, name: str) -> str:
         """The name of an object's texture, without suffix."""
@@ -70,9 +73,19 @@ PRESETS = Choices(
         "unreal": Preset("Unreal Engine", "directx", 16, naming="T_{}_N"),
         "unity": Preset("Unity", "opengl", 8, naming="{}_Normal"),
         "godot": Preset("Godot", "opengl", 8, lower=True),
-        "gltf": Preset("glTF", "opengl", 8),
+        "gltf": Preset("glTF", "opengl", 8, strict=True),
     },
 )
+
+
+def check_preset(name: str, space: str, convention: str) -> None:
+    """Raise SettingsError if a preset's program cannot show a texture of this space and convention at all."""
+    preset = PRESETS[name]
+    for given, needed in ((space, "tangent"), (convention, preset.convention)):
+        if preset.strict and given != needed:
+            raise SettingsError(
+                f"{preset.label} shows textures in {needed} alone, not in {given}; choose {needed}, or leave the preset"
+            )
 
 
 def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:

@@ -21,7 +21,7 @@ from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Subparsers
 from mpsnet_core.cli.operations import add_operation
-from mpsnet_core.cli.reporter import Notes, Reporter, refuse
+from mpsnet_core.cli.reporter import Notes, Reporter, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, ListModels
@@ -138,7 +138,7 @@ def _run(arguments: Sequence[str], notes: Notes) -> bool:
     finally:
         reporter.close()
     if reporter.style == "json":
-        print(json.dumps({"result": {**result, "notes": notes.lines}}), flush=True)
+        print_json(result={**result, "notes": notes.lines})
         return "failed" in result
     for line in notes.lines:
         print(f"note: {line}", file=sys.stderr)

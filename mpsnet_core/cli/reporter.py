@@ -7,6 +7,7 @@ import logging
 import sys
 import time
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from typing import Any
 
 from mpsnet_core.errors import in_one_line
@@ -38,10 +39,10 @@ class Reporter:
         if self.style == "json":
             # Steps below half a percent do not change a progress bar; they are sent once a second for their message.
             now = time.monotonic()
-            stepped = fraction >= 1 or fraction - self.shown >= 0.005 or fraction < self.shown
+            stepped = 1 <= fraction != self.shown or fraction - self.shown >= 0.005 or fraction < self.shown
             if stepped or (fraction > self.shown and now - self.when >= 1):
                 self.shown, self.when = fraction, now
-                print(json.dumps({"progress": round(fraction, 4), "message": message}), flush=True)
+                print_json(progress=round(fraction, 4), message=message)
         elif self.style == "bar":
             if self.bar is None:
                 from tqdm import tqdm
@@ -56,12 +57,17 @@ class Reporter:
             self.bar.close()
 
 
+def print_json(**fields: Any) -> None:
+    """Print one object a line on stdout, with the time, in UTC."""
+    print(json.dumps({**fields, "time": datetime.now(UTC).isoformat(timespec="milliseconds")}), flush=True)
+
+
 def refuse(sentence: str, arguments: Sequence[str]) -> None:
     """Print the error in one line on stderr and, if JSON is requested, on stdout, too."""
     sentence = in_one_line(sentence)
     # Works even if the arguments cannot be parsed.
     if "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments):
         with contextlib.suppress(OSError):  # the reader is gone
-            print(json.dumps({"error": sentence}), flush=True)
+            print_json(error=sentence)
     with contextlib.suppress(OSError):
         print(f"mpsnet: {sentence}", file=sys.stderr)

@@ -14,7 +14,7 @@ from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.file_kinds import AVIF, HEAD, HEIC, file_head, is_readable, kind_of
 from mpsnet_core.io.heif import HeifReader
 from mpsnet_core.io.image import MAX_PIXELS
-from mpsnet_core.io.opening import existing_file, is_file
+from mpsnet_core.io.opening import existing_file, is_file, note_read
 
 _Kind = TypeVar("_Kind")
 
@@ -40,6 +40,7 @@ def open_image(path: Path) -> Any:
         reason = reason or f"it is {kind or 'a file of another kind'}"
         mend = "save it as PNG, TIFF or EXR" if kind else "check that it is a complete PNG, JPEG, TIFF or EXR file"
         raise FormatError(f"{path} cannot be read as an image ({reason}); {mend}")
+    note_read(path)
     return source
 
 

@@ -16,6 +16,7 @@ from mpsnet_core.io.files import atomic_write, checked_bits, existing_file, temp
 from mpsnet_core.io.image import Image, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.marks import SOFTWARE, curve_assumed, made
+from mpsnet_core.io.metadata import is_provenance_line, metadata
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
@@ -67,17 +68,24 @@ def write_image(
     )
 
 
-def write_photo(path: str | os.PathLike[str], photo: Image, *, bits: int | None, linear: bool = True) -> None:
+def write_photo(
+    path: str | os.PathLike[str],
+    photo: Image,
+    *,
+    bits: int | None,
+    linear: bool = True,
+    description: str | None = None,
+) -> None:
     """Write a photo that was made of others, with its alpha. If its encoding is assumed, the file says so.
 
-    linear: whether its values are, or have the sRGB curve. Raises as :func:`write_image` does.
+    linear: whether its values are, or have the sRGB curve. description: of a photo whose encoding is known. Raises as
+    :func:`write_image` does.
     """
     values = photo.pixels if photo.alpha is None else np.concatenate([photo.pixels, photo.alpha[..., None]], axis=-1)
     unstated = not linear and photo.assumed == "srgb"
     space = "lin_rec709_scene" if linear else "unknown" if unstated else "sRGB"
-    write_image(
-        path, values, bits=bits, color_space=space, description=curve_assumed(photo.assumed) if linear else None
-    )
+    said = description or (curve_assumed(photo.assumed) if linear else None)
+    write_image(path, values, bits=bits, color_space=space, description=said)
 
 
 def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, description: str | None = None) -> None:
@@ -126,7 +134,8 @@ def write_bands(
 
     band: returns the values (h, W, C) of the given rows, from top to bottom. The rest as for :func:`write_image`.
     """
-    _write(Path(path), atomic_write(path), shape, band, bits, color_space, description)
+    facts = metadata(with_inputs=not is_provenance_line(description or ""))
+    _write(Path(path), atomic_write(path), shape, band, bits, color_space, description, facts)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
@@ -146,12 +155,16 @@ def _write(
     bits: int | None,
     color_space: str,
     description: str | None,
+    facts: str = "",
 ) -> None:
-    """Write the image `path` to the file that `place` yields."""
+    """Write the image `path` to the file that `place` yields. facts: see :func:`.provenance.metadata`."""
     premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
     spec = _output_spec(path, shape, bits)
     spec.attribute("oiio:ColorSpace", color_space)
     spec.attribute("Software", SOFTWARE)
+    spec.attribute("DateTime", "")  # OpenImageIO's own would make two equal runs differ
+    if facts:
+        spec.attribute(f"{SOFTWARE}:made", facts)
     if description is not None:
         spec.attribute("ImageDescription", description)
     with place as file:

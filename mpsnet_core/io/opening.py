@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from mpsnet_core.errors import FileError
+from mpsnet_core.operation import running
 
 # Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
 MAX_TEXT_BYTES = 1 << 20
@@ -29,7 +30,14 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
         path.open("rb").close()
     except OSError as error:
         raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
+    note_read(path)
     return path
+
+
+def note_read(path: Path) -> None:
+    """Note that the running operation reads a file, for the metadata of what it makes."""
+    if (task := running.get()) is not None:
+        task.read[os.path.abspath(path)] = None  # noqa: PTH100 - as in check_own
 
 
 def kind_of(path: Path) -> str:

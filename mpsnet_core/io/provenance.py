@@ -3,19 +3,22 @@
 import hashlib
 import os
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.marks import BY, made
+from mpsnet_core.io.metadata import content
 from mpsnet_core.operation import Operation, Provenance, settings
 
 
 def provenance_line(what: str, *facts: str) -> str:
     """The description of an image: what it is, and a hash of the facts that it was computed from."""
-    digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
-    return f"{made(what)}, {digest[:32]}"
+    return f"{made(what)}, {digest(*facts)}"
+
+
+def digest(*facts: str) -> str:
+    """A hash of facts, as 32 hexadecimal digits."""
+    return hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()[:32]
 
 
 def is_up_to_date(picture: Path, line: str) -> bool:
@@ -49,20 +52,6 @@ def identity(given: str | os.PathLike[str]) -> str:
     else:
         return text
     return text.removesuffix(place) + "; ".join(f"{file.name} {content(file)}" for file in files)
-
-
-def content(file: str | os.PathLike[str]) -> str:
-    """Hash of a file's content. Raises FileError if it is missing."""
-    path = existing_file(file, "file")
-    facts = path.stat()
-    return _digest(path, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
-
-
-@lru_cache(maxsize=1 << 16)
-def _digest(file: Path, *facts: int) -> str:
-    """The hash, computed once: smoothing asks for each photo several times. facts: what changes with the file."""
-    with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "blake2b").hexdigest()[:32]
 
 
 _FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content, "files": identity}

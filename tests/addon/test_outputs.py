@@ -29,7 +29,8 @@ def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scen
     bpy.ops.mps.estimate(output=str(tmp_path / "after.png"))
     bpy.ops.mps.bake(size=32, output=str(tmp_path / "after_texture.png"))
     for name in ("{}.png", "{}_texture.png"):
-        assert (tmp_path / name.format("after")).read_bytes() == (tmp_path / name.format("before")).read_bytes()
+        after, before = (read_data(tmp_path / name.format(when))[0] for when in ("after", "before"))
+        assert np.array_equal(after, before)
     rig = read_rig(tmp_path / "photo.rig.json")
     assert rig.exact and rig.slants == pytest.approx([30, 30, 30], abs=1e-3)
     assert not list(tmp_path.glob("*after*.camera.json"))
@@ -76,6 +77,20 @@ def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
     assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
 
 
+def test_tokens_of_a_path_are_shot_version_and_frame_of_the_file(scene, tmp_path):
+    given = f"{tmp_path}/<SHOT>/<SHOT>_<VERSION>.<FRAME>.png"
+    with pytest.raises(InputError, match="nothing stands for <SHOT>"):
+        output_path(given, "n", "PNG")
+    scene.frame_set(7)
+    for name, shot, version in (("statue_v003", "statue", "v003"), ("sh010.comp-v12", "sh010.comp", "v12")):
+        (tmp_path / shot).mkdir()
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / f"{name}.blend"))
+        assert output_path(given, "n", "PNG") == tmp_path / shot / f"{shot}_{version}.0007.png"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "statue.blend"))
+    with pytest.raises(InputError, match="nothing stands for <VERSION>"):
+        output_path(given, "n", "PNG")
+
+
 def test_names_that_differ_in_their_letters_alone_are_files_of_their_own(tmp_path):
     names = ("Bär 1.5", "Bör/1.5", "熊-1")
     assert [output_path(f"{tmp_path}/", name, "PNG").name for name in names] == [
@@ -105,7 +120,7 @@ def test_a_result_is_not_written_over_what_another_step_made(photographed, scene
 def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_reported(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
     assert "ending" not in "".join(notes_of(scene, "estimate")), "no format was chosen"
-    bpy.ops.mps.estimate(file_format="TIFF")
+    bpy.ops.mps.estimate(file_format="TIFF", output=str(tmp_path / "n.exr"))
     bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "t.exr"))
     bpy.ops.mps.integrate(file_format="PNG", mesh=False, output=str(tmp_path / "h.tif"))
     told = {verb: scene.mps.records[verb].notes for verb in ("estimate", "bake", "integrate")}

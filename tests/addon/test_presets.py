@@ -120,7 +120,7 @@ def test_a_folder_gets_the_texture_by_the_presets_name(
     bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "there"))
     bpy.ops.mps.bake(size=32, output=f"{tmp_path / 'new'}/")
     seen.data.materials[0].name = "Bark"
-    bpy.ops.mps.bake(size=32, split="MATERIAL")
+    bpy.ops.mps.bake(size=32, split="MATERIAL", output=f"{tmp_path / 'new'}/")
     written = sorted(str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*_N.png"))
     assert written == ["new/T_Bark_N.png", "new/T_Old_Oak_N.png", "there/T_Old_Oak_N.png"]
 

@@ -125,7 +125,8 @@ def test_what_has_changed_since_makes_one_step_out_of_date(baked, estimated, tmp
 def test_a_texture_whose_later_bake_was_undone_is_out_of_date(baked, tmp_path):
     """Undo takes back the material and the settings; the file stays what the later bake wrote, its green inverted."""
     bpy.ops.ed.undo_push(message="baked")
-    bpy.ops.mps.bake(convention="DIRECTX")
+    texture = str(tmp_path / "texture.png")
+    bpy.ops.mps.bake(convention="DIRECTX", output=texture)
     bpy.ops.ed.undo_push(message="baked again")
     assert stands(MPS_PT_bake) == (Kind.DONE, "")
     bpy.ops.ed.undo()
@@ -134,7 +135,7 @@ def test_a_texture_whose_later_bake_was_undone_is_out_of_date(baked, tmp_path):
     bpy.ops.ed.redo()
     assert stands(MPS_PT_bake) == (Kind.DONE, "")
     bpy.ops.ed.undo()
-    bpy.ops.mps.bake()
+    bpy.ops.mps.bake(output=texture)
     assert stands(MPS_PT_bake) == (Kind.DONE, "")
 
 

@@ -1,5 +1,6 @@
 """The whole job without a window: through bpy.ops, and through `blender --command mpsnet`."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -177,3 +178,66 @@ def test_command_line_refuses_in_one_line(blender, scene):
     lines = [line for line in done.stderr.splitlines() if "open a photo first" in line]
     assert len(lines) == 1, done.stderr
     assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_a_file_that_cannot_be_opened_is_no_success(blender, scene, tmp_path):
+    (tmp_path / "cut.blend").write_bytes(scene.read_bytes()[:1000])
+    for file in (tmp_path / "nosuch.blend", tmp_path / "cut.blend"):
+        done = blender.run("-b", file, "--command", "mpsnet", "add-rig", "--save", tmp_path / "bad.blend")
+        assert done.returncode == 2 and f"mpsnet: cannot open {file}" in done.stderr, done.stdout + done.stderr
+    assert not (tmp_path / "bad.blend").exists()
+
+
+FACTORY = """
+import bpy, addon_utils
+bpy.ops.wm.read_factory_settings()
+assert not hasattr(bpy.types, "MPS_OT_bake"), "the page says that this unloads extensions"
+addon_utils.enable({name!r})
+assert hasattr(bpy.types, "MPS_OT_bake")
+bpy.ops.mps.estimate()
+"""
+
+
+def test_a_farm_starts_it_as_the_page_says(blender, scene, tmp_path):
+    name = "bl_ext.user_default.mpsnet"
+    plain = ["--factory-startup", "--addons", name]
+    verb = [
+        "--command",
+        "mpsnet",
+        "add-rig",
+        "--object",
+        "Sphere",
+        "--progress",
+        "json",
+        "--save",
+        tmp_path / "r.blend",
+    ]
+    done = blender.run(*plain, "-b", scene, *verb)
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    assert told[0]["progress"] == 0 and told[-1]["result"]["saved"] == str(tmp_path / "r.blend")
+    # A script's error, here of a missing photo, is an exit code where one is asked for.
+    done = blender.run("-b", scene, "--python-exit-code", "7", "--python-expr", FACTORY.format(name=name))
+    assert done.returncode == 7 and "open a photo first" in done.stderr, done.stdout + done.stderr
+
+
+EXPORT = """
+import bpy
+bpy.ops.wm.open_mainfile(filepath={scene!r})
+bpy.ops.mps.add_rig()
+bpy.ops.mps.render_photo(width=64, height=64, samples=4, output={folder!r} + "/photo.exr")
+bpy.ops.mps.estimate(model="LAMBERTIAN", output={folder!r} + "/normals.png")
+bpy.ops.mps.bake(target="Sphere", preset="UNREAL", size=64, output={folder!r} + "/directx.png")
+bpy.ops.export_scene.gltf(filepath={folder!r} + "/export/scene.gltf", export_format="GLTF_SEPARATE")
+"""
+
+
+def test_a_directx_texture_is_turned_in_blenders_gltf(blender, scene, tmp_path):
+    (tmp_path / "export").mkdir()
+    script = EXPORT.format(scene=str(scene), folder=str(tmp_path))
+    done = blender.run("-b", "--python-exit-code", "3", "--python-expr", script)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (exported,) = (tmp_path / "export").glob("*.png")
+    ours, theirs = (np.rint(65535 * read(file)[..., :3]) for file in (tmp_path / "directx.png", exported))
+    assert np.array_equal(theirs[..., [0, 2]], ours[..., [0, 2]])
+    assert np.array_equal(theirs[..., 1], np.minimum(65536 - ours[..., 1], 65535)) and ours[..., 1].std() > 100

@@ -7,5 +7,5 @@ from typing import Any
 def events(stdout: str) -> tuple[list[float], dict[str, Any]]:
     """The fractions told, and the last object; every line of stdout must be one JSON object."""
     lines = [json.loads(line) for line in stdout.splitlines()]
-    assert all(set(line) == {"progress", "message"} for line in lines[:-1])
+    assert all(set(line) == {"progress", "message", "time"} for line in lines[:-1])
     return [line["progress"] for line in lines[:-1]], lines[-1]
