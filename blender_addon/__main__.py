@@ -2,7 +2,9 @@
 
 import atexit
 import os
+import shutil
 import sys
+from pathlib import Path
 
 code = 1  # until run() returns
 
@@ -50,3 +52,7 @@ except Exception as error:  # noqa: BLE001
 except SystemExit as ended:  # argparse's
     code = ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1
     raise
+finally:
+    scratch = Path(bpy.app.tempdir)  # Blender's own for this session, unless it could not make one
+    if scratch.name.startswith("blender_"):
+        shutil.rmtree(scratch, ignore_errors=True)

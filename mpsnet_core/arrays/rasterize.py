@@ -30,8 +30,9 @@ def texel_coordinates(uvs: NDArray[np.floating[Any]], size: TextureSize) -> NDAr
 
 def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(T,) areas in texels of triangles given by texel coordinates (T, 3, 2)."""
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    doubled: NDArray[np.float64] = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).astype(np.float64)
+    # In double precision, as files hold UVs of any size.
+    e1, e2 = (np.subtract(corners[:, number], corners[:, 0], dtype=np.float64) for number in (1, 2))
+    doubled: NDArray[np.float64] = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
     return doubled / 2
 
 

@@ -15,7 +15,7 @@ from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.pictures import on_background, scaled_error_picture
+from mpsnet_core.scene.pictures import on_background, scaled_error_bands
 
 PICTURE = 1024  # pixels on a side, at most
 # Colours of texels seen by no view, by one, by two, ...; the last one is for all higher counts.
@@ -83,8 +83,10 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
         counts = on_background(palette[np.minimum(texture.views[few], len(palette) - 1)], covered)
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
-        apart = scaled_error_picture(spread, shared)
-        maps.append(TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart))
+        _, apart = scaled_error_bands(spread, shared)
+        maps.append(
+            TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart(np.s_[:]))
+        )
     return maps
 
 

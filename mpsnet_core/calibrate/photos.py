@@ -1,9 +1,10 @@
 """From photo files to balls and highlights, one photo in memory at a time."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from mpsnet_core.capture.open import PhotoSet
 from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import prefix_errors
-from mpsnet_core.io.image import CHANNELS, Image, in_frame_of
+from mpsnet_core.io.image import CHANNELS, Image, in_one_frame
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera, camera_for, pixel_camera
@@ -57,19 +58,10 @@ class BallPhotos:
     options: PhotoReadOptions = AS_STATED
     mirror: bool = True
 
-    _frame: list[Image] = field(default_factory=list, init=False, repr=False)  # what states how the first was turned
-
-    def read(self, file: Path) -> Image:
-        """Read one of the photos, the first one first, whose frame the others share: the camera stood still."""
-        return corrected(self.as_read(file), self.options.correction)
-
-    def as_read(self, file: Path) -> Image:
-        """As :meth:`read`, without correction. Photos of one light each may have one channel."""
-        image = self.options.photo(file, grey=len(self.files) > 1)
-        if not self._frame:
-            empty = np.broadcast_to(np.float32(0), image.pixels.shape)
-            self._frame.append(replace(image, pixels=empty, alpha=None, clipped=None))
-        return in_frame_of(image, file, self._frame[0], self.files[0])
+    def read(self, *, corrected_too: bool = True) -> Iterator[Image]:
+        """Read the photos, one at a time: the camera stood still. Those of one light each may have one channel."""
+        for image in in_one_frame(self.files, partial(self.options.photo, grey=len(self.files) > 1)):
+            yield corrected(image, self.options.correction) if corrected_too else image
 
 
 def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
@@ -78,11 +70,9 @@ def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
     Its shading tells whether files that do not state their encoding are linear. Raises InputError if a file cannot be
     read, or the surface is not found.
     """
-    images = [*map(photos.as_read, photos.files)]
+    images = [*photos.read(corrected_too=False)]
     together = images[0]
     if len(images) == len(CHANNELS):  # each shows its own light in its own channel
-        for file, image in zip(photos.files, images, strict=True):
-            check_same_size(str(file), image.pixels.shape, str(photos.files[0]), together.pixels.shape)
         assumed = together.assumed if len({image.assumed for image in images}) == 1 else None
         pixels = np.stack([image.pixels[..., light] for light, image in enumerate(images)], axis=-1)
         together = replace(together, pixels=pixels, assumed=assumed)
@@ -90,7 +80,7 @@ def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
         source = Source(lambda: together, rig, partial(lit_surface, photos), photos.files[0].name)
         decided = PhotoSet([source], photos.options)
         decided.masked(source)
-        images = [*map(replace(photos, options=decided.options).as_read, photos.files)]
+        images = [*replace(photos, options=decided.options).read(corrected_too=False)]
     images = [corrected(image, photos.options.correction) for image in images]
     if len(images) == len(CHANNELS) and all(not np.ptp(image.pixels, axis=-1).any() for image in images):
         # A camera without colours: `superpose --channels` makes a channel of each light's photo.
@@ -102,9 +92,7 @@ def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
 def lit_surface(photos: BallPhotos, image: Image) -> NDArray[np.bool_]:
     """(H, W) the ball or card: its mask or circle, else the ball that is found. Raises InputError if there is none."""
     if photos.mask is not None and not photos.circles:
-        mask = read_mask(photos.mask)
-        check_same_size(f"the mask {photos.mask}", mask.shape, "the photo", image.pixels.shape[:2])
-        return mask
+        return _mask(photos.mask, image.pixels)
     circle = photos.circles[0] if photos.circles else seen_balls(photos, image.pixels)[0].circle
     height, width = image.pixels.shape[:2]
     x, y = np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5
@@ -118,9 +106,7 @@ def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDA
     images: the photos, if they have been read already.
     """
     total: NDArray[np.float32] = np.zeros((), np.float32)
-    for file, image in zip(photos.files, images or map(photos.read, photos.files), strict=True):
-        if total.ndim:
-            check_same_size(str(file), image.pixels.shape, str(photos.files[0]), total.shape)
+    for image in images or photos.read():
         total = total + image.pixels
     mean: NDArray[np.float32] = np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
     return mean
@@ -129,7 +115,7 @@ def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDA
 def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
     """The balls in the photos. image: (H, W, 3), their mean. Raises InputError if they are not found."""
     height, width = image.shape[:2]
-    camera = _camera(photos, width, height)
+    camera = camera_for(photos.camera, width, height) or pixel_camera(width, height)
     if photos.circles:
         for circle in photos.circles:
             if circle.radius > max(width, height):
@@ -143,9 +129,7 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
                 )
         return [ball_from_circle(circle, camera, photos.radius) for circle in photos.circles]
     if photos.mask is not None:
-        mask = read_mask(photos.mask)
-        check_same_size(f"the mask {photos.mask}", mask.shape, "the photo", image.shape[:2])
-        return [ball_from_mask(mask, camera, photos.radius)]
+        return [ball_from_mask(_mask(photos.mask, image), camera, photos.radius)]
     with prefix_errors(photos.files[0]):
         return find_balls(image, camera, count=photos.balls, radius=photos.radius, mirror=photos.mirror)
 
@@ -158,9 +142,8 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
     progress(0.0, "looking for the ball")
     balls = seen_balls(photos, mean_photo(photos))
     found: list[list[Highlight]] = [[] for _ in balls]
-    for number, file in enumerate(photos.files):
-        progress((number + 1) / (len(photos.files) + 1), f"looking for highlights in {file.name}")
-        image = photos.read(file)
+    for number, (file, image) in enumerate(zip(photos.files, photos.read(), strict=True), 1):
+        progress(number / (len(photos.files) + 1), f"looking for highlights in {file.name}")
         with prefix_errors(file):
             for spots, ball in zip(found, balls, strict=True):
                 if len(photos.files) == 1:
@@ -171,5 +154,7 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
     return [Sighting(ball, tuple(spots), lens_known) for ball, spots in zip(balls, found, strict=True)]
 
 
-def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
-    return camera_for(photos.camera, width, height) or pixel_camera(width, height)
+def _mask(file: Path, image: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    mask = read_mask(file)
+    check_same_size(f"the mask {file}", mask.shape, "the photo", image.shape[:2])
+    return mask

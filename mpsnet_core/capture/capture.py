@@ -150,7 +150,11 @@ class Capture:
     @property
     def saturated_lights(self) -> NDArray[np.bool_]:
         """(H, W, 3) whether saturation affects a light after unmixing. Read-only."""
-        saturated = self.saturated
+        return self.saturated_lights_in(slice(None))
+
+    def saturated_lights_in(self, rows: slice) -> NDArray[np.bool_]:
+        """(h, W, 3) whether saturation affects a light after unmixing, for some rows. Read-only."""
+        saturated = self.saturated_in(rows)
         if np.array_equal(self.rig.mixing, np.eye(3)):
             return saturated
         # Unmixing computes each light from all channels, so one saturated channel affects all three.

@@ -13,7 +13,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise, in_frame_of, turned
+from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise, in_frame_of, in_one_frame, turned
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_image
@@ -166,18 +166,17 @@ def _mean_frame(path: str | os.PathLike[str], encoding: Encoding, layer: str | N
 
     Frames of one channel are taken: what is dark, or even, has no colour.
     """
-    first, *others = expand_images([path])
-    mean = read_image(first, encoding=encoding, layer=layer_in(first, layer), grey=True)
+    files = expand_images([path])
+    frames = in_one_frame(
+        files, lambda file: read_image(file, encoding=encoding, layer=layer_in(file, layer), grey=True)
+    )
+    mean = next(frames)
     total, clipped = mean.pixels, mean.saturated
-    for other in others:
-        image = read_image(other, encoding=encoding, layer=layer_in(other, layer), grey=True)
-        image = in_frame_of(image, other, mean, first)
-        check_same_size(str(other), image.pixels.shape, str(first), total.shape, SAME_CAMERA)
-        total = total + image.pixels
-        clipped = clipped | image.saturated
+    for image in frames:
+        total, clipped = total + image.pixels, clipped | image.saturated
     if not np.isfinite(total).all():
         raise FormatError(f"{path} holds values that are not finite; export it again")
-    return replace(mean, pixels=total / np.float32(1 + len(others)), clipped=clipped)
+    return replace(mean, pixels=total / np.float32(len(files)), clipped=clipped)
 
 
 def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -187,13 +187,11 @@ class Superpose(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> PhotoMade:
         """Write the photo."""
-        import numpy as np
-
         from mpsnet_core.capture.superpose import as_channels, superpose
         from mpsnet_core.io.files import check_no_overwrite, checked_bits
         from mpsnet_core.io.frames import expand_images, in_order_of_lights
         from mpsnet_core.io.image import linear_to_srgb
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_photo
 
         files = expand_images(self.image)
         if self.channels:
@@ -204,12 +202,11 @@ class Superpose(ReadsPictures):
         bits = checked_bits(Path(self.output), None if is_png else 32)
         progress(0.0, "putting the photos together")
         together = as_channels if self.channels else superpose
-        pixels, alpha = together(files, encoding=self.encoding)
+        photo = together(files, encoding=self.encoding)
         if is_png:
-            pixels = linear_to_srgb(pixels / max(1.0, float(pixels.max())))
-        planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
-        space = "sRGB" if is_png else "lin_rec709_scene"
-        write_image(self.output, np.concatenate(planes, axis=-1), bits=bits, color_space=space)
+            shown = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
+            photo = replace(photo, pixels=shown)
+        write_photo(self.output, photo, bits=bits, linear=not is_png)
         progress(1.0, "done")
         if not self.channels:
             return PhotoMade(self.output, text=f"{self.output}: {len(files)} photo(s), added up")

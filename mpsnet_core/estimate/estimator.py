@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo_removal import divide_out_grain, estimate_with_albedo_removed
@@ -152,9 +153,23 @@ def estimate_normals(
 
 def usable_channels(capture: Capture) -> NDArray[np.bool_]:
     """(H, W, 3) whether a light reaches the pixel and its channel is not saturated."""
-    light = capture.rig.unmixed(capture.image)
-    lit: NDArray[np.bool_] = light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)
-    return lit & ~capture.saturated_lights
+    everywhere, usable = bands(len(capture.mask)), np.empty(capture.image.shape, bool)
+
+    def light(rows: slice) -> NDArray[np.float32]:
+        return capture.rig.unmixed(capture.image[rows])
+
+    bright = [
+        np.percentile(
+            np.concatenate([light(rows)[..., channel][capture.mask[rows]] for rows in everywhere]),
+            99,
+            overwrite_input=True,
+        )
+        for channel in range(3)
+    ]
+    least = SHADOW_SHARE * np.array(bright)
+    for rows in everywhere:
+        usable[rows] = (light(rows) > least) & ~capture.saturated_lights_in(rows)
+    return usable
 
 
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
@@ -166,8 +181,14 @@ def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
     confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)
     if capture.rig.near is not None:
         capture = convert_to_distant_lights(capture)
-    image = capture.rig.unmixed(capture.image)
+    mask, rig = capture.mask, capture.rig
+    inverse = np.linalg.inv(rig.directions).T.astype(np.float32)
+    everywhere, means = bands(len(mask)), np.ones(3)
     if grey_world:
-        image = divide_by_means(image, image[capture.mask].mean(axis=0, dtype=np.float64))
-    solution = image @ np.linalg.inv(capture.rig.directions).T.astype(np.float32)
-    return NormalMap(solution, capture.mask, confidence)
+        sums = [rig.unmixed(capture.image[rows])[mask[rows]].sum(axis=0, dtype=np.float64) for rows in everywhere]
+        means = np.sum(sums, axis=0) / np.count_nonzero(mask)
+    solution = np.empty((*mask.shape, 3), np.float32)
+    for rows in everywhere:
+        light = rig.unmixed(capture.image[rows])
+        solution[rows] = (divide_by_means(light, means) if grey_world else light) @ inverse
+    return NormalMap(solution, mask, confidence, in_place=True)

@@ -1,15 +1,19 @@
 """Images: a photo's linear values with what its file states about them; the sRGB curve."""
 
 import logging
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
+
 log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.generic)
+File = TypeVar("File")
 
 # Names of a photo's channels, and of the rig's lights in them.
 CHANNELS = ("red", "green", "blue")
@@ -111,6 +115,22 @@ def in_frame_of(image: Image, name: object, first: Image, first_name: object) ->
     alpha = None if image.alpha is None else turned(image.alpha, image.orientation, first.orientation)
     clipped = None if image.clipped is None else turned(image.clipped, image.orientation, first.orientation)
     return replace(image, pixels=pixels, alpha=alpha, clipped=clipped, orientation=first.orientation)
+
+
+def in_one_frame(files: Sequence[File], read: Callable[[File], Image]) -> Iterator[Image]:
+    """Photos of a camera that stood still, one at a time, each turned as the first one is: see :func:`in_frame_of`.
+
+    Raises GeometryError if sizes differ.
+    """
+    first: Image | None = None
+    for file in files:
+        image = read(file)
+        if first is None:  # only what states how it was turned
+            empty = np.broadcast_to(np.float32(0), image.pixels.shape)
+            first = replace(image, pixels=empty, alpha=None, clipped=None)
+        image = in_frame_of(image, file, first, files[0])
+        check_same_size(str(file), image.pixels.shape, str(files[0]), first.pixels.shape, SAME_CAMERA)
+        yield image
 
 
 def warn_of_saturation(name: object, image: Image) -> None:

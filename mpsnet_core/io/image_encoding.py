@@ -17,6 +17,7 @@ from mpsnet_core.io.heif import TRANSFER
 from mpsnet_core.io.image import Assumed, Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute
 from mpsnet_core.io.image_layers import FORMAT
+from mpsnet_core.io.marks import assumed_curve
 
 log = logging.getLogger(__name__)
 
@@ -33,11 +34,26 @@ SAME_CURVE = 0.003
 OF_ITSELF = ("jpeg", "webp", "heif", "openexr", "hdr")
 
 
-def stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
-    """The transfer curve of a file, and the encoding that is assumed if the file states none.
+def curve_of(path: Path, spec: Any, encoding: Encoding) -> tuple[Curve, Assumed | None]:
+    """The transfer curve of a file, and the encoding that is assumed if neither the file nor `encoding` states one.
 
-    Reports what is read, and how that may be wrong.
+    Reports what is read, and how that may be wrong. A photo that was made of others, whose encoding was assumed, is
+    linear as far as that was right; the encoding is that of the others.
     """
+    linear = IS_LINEAR[encoding]
+    assumed = assumed_curve(image_attribute(spec, "ImageDescription", str) or "")
+    if linear is None:
+        decoded, of_itself = _stated_encoding(path, spec)
+        return decoded, assumed or of_itself
+    if assumed is None:
+        return (identity_curve if linear else srgb_to_linear), None
+    if encoding == assumed:
+        return identity_curve, None
+    return (linear_to_srgb if linear else srgb_to_linear), None
+
+
+def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
+    """The transfer curve that a file states, or the usual one, and the encoding that is assumed if it states none."""
     floats, kind = is_float(spec), spec.getattribute(FORMAT)
     chunks = png_chunks(path) if kind == "png" else {}
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()

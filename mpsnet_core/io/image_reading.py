@@ -14,8 +14,8 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.file_kinds import radiance_exposure
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
-from mpsnet_core.io.image import Assumed, Image, srgb_to_linear, storage_type
-from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, identity_curve, is_float, stated_encoding
+from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear, storage_type
+from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, curve_of, identity_curve, is_float
 from mpsnet_core.io.image_input import image_attribute, image_input, open_image, silence_libraries
 from mpsnet_core.io.image_layers import (
     FORMAT,
@@ -84,7 +84,7 @@ def read_image(
     SettingsError
         If the layer is missing or ambiguous, or the encoding is unknown.
     """
-    requested = IS_LINEAR[encoding]
+    IS_LINEAR[encoding]  # reject others
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
         return _read_raw(path, encoding, layer)
@@ -103,11 +103,7 @@ def read_image(
     if alpha is not None and kind in FOURTH_BYTE and not alpha.any():
         alpha = None
     exposure = np.array(radiance_exposure(path) if kind == "hdr" else 1, np.float32)
-    assumed: Assumed | None = None
-    if requested is None:
-        decoded, assumed = stated_encoding(path, spec)
-    else:
-        decoded = identity_curve if requested else srgb_to_linear
+    decoded, assumed = curve_of(path, spec, encoding)
     unassociated = spec.getattribute("oiio:UnassociatedAlpha") or kind in UNASSOCIATED
     premultiplied = alpha is not None and not unassociated
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
@@ -129,7 +125,7 @@ def read_image(
             path,
         )
     # Other curves end at 1.
-    clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear) else 1.0
+    clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear, linear_to_srgb) else 1.0
     orientation = image_attribute(spec, "Orientation", int)
     return Image(pixels, alpha, clip, None, _exposure_time(spec), assumed, orientation)
 

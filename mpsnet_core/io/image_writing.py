@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import atomic_write, checked_bits, existing_file, temporary_folder
-from mpsnet_core.io.image import srgb_to_linear
+from mpsnet_core.io.image import Image, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
-from mpsnet_core.io.marks import SOFTWARE, made
+from mpsnet_core.io.marks import SOFTWARE, curve_assumed, made
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
@@ -64,6 +64,19 @@ def write_image(
         bits=bits,
         color_space=color_space,
         description=description,
+    )
+
+
+def write_photo(path: str | os.PathLike[str], photo: Image, *, bits: int | None, linear: bool = True) -> None:
+    """Write a photo that was made of others, with its alpha. If its encoding is assumed, the file says so.
+
+    linear: whether its values are, or have the sRGB curve. Raises as :func:`write_image` does.
+    """
+    values = photo.pixels if photo.alpha is None else np.concatenate([photo.pixels, photo.alpha[..., None]], axis=-1)
+    unstated = not linear and photo.assumed == "srgb"
+    space = "lin_rec709_scene" if linear else "unknown" if unstated else "sRGB"
+    write_image(
+        path, values, bits=bits, color_space=space, description=curve_assumed(photo.assumed) if linear else None
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.image_layers import image_layers
@@ -73,5 +74,7 @@ def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
     if not both.any():
         raise GeometryError("no pixel has both a normal and a true one; they must show the same object in one view")
     degrees = np.zeros(both.shape)
-    degrees[both] = angular_error(estimate.vectors[both], truth.vectors[both])
+    for rows in bands(len(both)):
+        inside = both[rows]
+        degrees[rows][inside] = angular_error(estimate.vectors[rows][inside], truth.vectors[rows][inside])
     return NormalErrors(degrees, both)

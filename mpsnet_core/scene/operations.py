@@ -125,9 +125,9 @@ class WriteCameras(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.io.files import prefix_errors, write_transaction
-        from mpsnet_core.io.image import warn_of_saturation
+        from mpsnet_core.io.image import Image, warn_of_saturation
         from mpsnet_core.io.image_reading import read_image
-        from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.image_writing import write_photo
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
@@ -138,10 +138,9 @@ class WriteCameras(ReadsPictures):
             pixels = undistorted(image.pixels, view.camera, view.lens)
             shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
             alpha = undistorted_mask(shown, view.camera, view.lens)
-        stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
         with write_transaction():
             write_camera(camera, view.camera)
-            write_image(photo, stored, bits=16, color_space="lin_rec709_scene")
+            write_photo(photo, Image(pixels, alpha.astype(np.float32), np.inf, assumed=image.assumed), bits=16)
 
 
 @dataclass(frozen=True)
@@ -183,10 +182,10 @@ class CompareNormals(Operation):
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""
         from mpsnet_core.io.files import check_no_overwrite, writable_image
-        from mpsnet_core.io.image_writing import write_picture
+        from mpsnet_core.io.image_writing import write_picture_bands
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
-        from mpsnet_core.scene.pictures import scaled_error_picture
+        from mpsnet_core.scene.pictures import scaled_error_bands
 
         if self.output:
             writable_image(self.output)
@@ -196,7 +195,7 @@ class CompareNormals(Operation):
         errors = normal_errors(estimate, read_true_normals(self.truth, self.camera, convention=self.truth_convention))
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
-            write_picture(self.output, scaled_error_picture(errors.degrees, errors.mask))
+            write_picture_bands(self.output, *scaled_error_bands(errors.degrees, errors.mask))
         progress(1.0, "done")
         share = float(errors.mask.sum() / estimate.mask.sum())
         text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"

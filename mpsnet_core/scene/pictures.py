@@ -91,13 +91,19 @@ def colour_scale(highest: float, height: int) -> NDArray[np.float32]:
     return canvas
 
 
-def scaled_error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def scaled_error_bands(
+    error: NDArray[np.float64], mask: NDArray[np.bool_]
+) -> tuple[tuple[int, int, int], Callable[[slice], NDArray[np.float32]]]:
     """:func:`error_picture` with a colour bar on the right, which ends at the first of `ERROR_SCALES` that exceeds
-    nearly all errors."""
-    high = float(np.percentile(error[mask], 98)) if mask.any() else 0.0
+    nearly all errors: the picture's shape, and a function that makes some of its rows."""
+    high = float(np.percentile(error[mask], 98, overwrite_input=True)) if mask.any() else 0.0
     highest = next(scale for scale in ERROR_SCALES if scale >= min(high, ERROR_SCALES[-1]))
-    picture = error_picture(error, mask, highest)
-    return np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
+    bar = colour_scale(highest, len(error))
+
+    def band(rows: slice) -> NDArray[np.float32]:
+        return np.concatenate([error_picture(error[rows], mask[rows], highest), bar[rows]], axis=1)
+
+    return (error.shape[0], error.shape[1] + SCALE_WIDTH, 3), band
 
 
 def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
-from mpsnet_core.io.claims import Claims
+from mpsnet_core.io.claims import LOCK_FILE, Claims
 from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
 
 JOB_FORMAT = "mpsnet-samples"
@@ -170,11 +170,11 @@ def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
     write_json(path, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
 
 
-def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
+def place_job(folder: str | os.PathLike[str], job: SampleJob) -> bool:
     """Assign the job to a new or empty folder, or to one with the same job, whose count it may increase.
 
-    Raises SettingsError if the folder has another job, naming the difference, and FileError if it has samples without a
-    job or cannot be created.
+    Returns whether the folder had no job before. Raises SettingsError if the folder has another job, naming the
+    difference, and FileError if it has samples without a job or cannot be created.
     """
     folder = ensure_folder(folder, "samples")
     with Claims(folder) as claims:
@@ -188,11 +188,19 @@ def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
             time.sleep(0.05)
 
 
-def _place(folder: Path, job: SampleJob) -> None:
+def withdraw_job(folder: Path) -> None:
+    """Remove a job's own files from its folder, unless there are samples of it."""
+    if not samples_there(folder):
+        for name in (JOB_FILE, LOCK_FILE):
+            (folder / name).unlink(missing_ok=True)
+
+
+def _place(folder: Path, job: SampleJob) -> bool:
     if not (folder / JOB_FILE).exists():
         if samples_there(folder):
             raise FileError(f"{folder} holds samples but no {JOB_FILE}; choose another folder")
-        return write_job(folder, job)
+        write_job(folder, job)
+        return True
     found = read_job(folder)
     for name in SampleJob.__dataclass_fields__:
         theirs, ours = getattr(found, name), getattr(job, name)
@@ -203,6 +211,7 @@ def _place(folder: Path, job: SampleJob) -> None:
             )
     if job.count > found.count:
         write_job(folder, replace(found, count=job.count))
+    return False
 
 
 def _format(value: object) -> str:

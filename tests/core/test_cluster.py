@@ -20,6 +20,7 @@ from farm_runs import alive, job, posix, start, until, workers
 from stand_in import COMMAND, begun, whole
 from synthetic import listing
 
+from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm import cluster as dask
 from mpsnet_core.synthesis.farm.address import check_address
@@ -137,6 +138,17 @@ def test_an_address_where_nobody_answers_is_reported(
         make_samples(tmp_path, job(3), COMMAND, cluster=address, cluster_trusted=True)
     assert capfd.readouterr().err == ""
     assert not [thing for thing in gc.get_objects() if isinstance(thing, Client) and thing.status == "connecting"]
+
+
+def test_a_cluster_that_is_refused_leaves_no_job_that_it_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
+    begin = ["synthesize", "--count", "1", "--size", "24", "--seed", "3", "-o", str(tmp_path / "new")]
+    resume = ["make", str(tmp_path / "begun")]
+    (tmp_path / "begun").mkdir()
+    write_job(tmp_path / "begun", job(3))
+    for words in (begin, resume):
+        assert main([*words, "--cluster", "tcp://127.0.0.1:1"]) == 2
+    assert not (tmp_path / "new").exists() and (tmp_path / "begun" / "job.json").is_file()
 
 
 @pytest.mark.parametrize(

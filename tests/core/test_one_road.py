@@ -26,12 +26,14 @@ from mpsnet_core import (
     Estimate,
     InputError,
     MakeMaterial,
+    Superpose,
+    WriteCameras,
     read_capture,
     read_rig,
     write_camera,
     write_rig,
 )
-from mpsnet_core.io.image import Image, linear_to_srgb
+from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
 
 SIDE = 160
 # Not square, and not symmetric: a photo that is turned differs.
@@ -203,3 +205,47 @@ def test_the_same_file_gives_the_same_pixels_and_the_same_note(
     assert [note.split()[0] for note in told] == [f"photo_1{KINDS[kind][0](tmp_path).suffix}"] * (
         words == "READ AS LINEAR"
     )
+
+
+def channels(desk: Desk, suffix: str) -> str:
+    """Each light's photo is grey."""
+    grey = [tagged(desk / f"{k}.png", LIGHT[..., [k] * 3], "uint16") for k in range(3)]
+    Superpose(image=tuple(map(str, grey)), channels=True, output=str(desk / f"sum{suffix}")).run()
+    return f"sum{suffix}"
+
+
+def added_up(desk: Desk, suffix: str) -> str:
+    apart = [tagged(desk / f"{k}.png", LIGHT * np.eye(3)[k], "uint16") for k in range(3)]
+    Superpose(image=tuple(map(str, apart)), output=str(desk / f"sum{suffix}")).run()
+    return f"sum{suffix}"
+
+
+def without_lens(desk: Desk, suffix: str) -> str:
+    """By a lens that hardly distorts."""
+    tagged(desk / "photo.png", LIGHT, "uint16")
+    height, width = LIGHT.shape[:2]
+    (desk / "cameras.txt").write_text(f"1 OPENCV {width} {height} 400 400 {width / 2} {height / 2} 1e-7 0 0 0\n")
+    (desk / "images.txt").write_text("1 1 0 0 0 0 0 5 1 photo.png\n\n")
+    WriteCameras(cameras=str(desk.folder), photos=str(desk.folder), output=str(desk / "out")).run()
+    return "out/photo.exr"
+
+
+@pytest.mark.parametrize(
+    ("made", "suffix"),
+    [(channels, ".exr"), (channels, ".png"), (added_up, ".exr"), (added_up, ".tif"), (without_lens, "")],
+)
+def test_what_photos_do_not_state_is_not_stated_by_what_is_made_of_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, made: Callable[[Desk, str], str], suffix: str
+) -> None:
+    """They hold linear values, and were read as sRGB. The rig tells, which only the next step knows."""
+    photo = tmp_path / made(Desk(tmp_path, tmp_path), suffix)
+    write_file(tmp_path / "mask.png", np.pad(SPHERE.mask, ((0, 0), (0, 40))), "uint8")
+    caplog.clear()
+    found = read_capture(photo, SPHERE.rig, mask=tmp_path / "mask.png").image
+    assert "READ AS LINEAR" in caplog.text
+    inside = np.pad(SPHERE.mask, ((0, 0), (0, 40)))
+    inside &= ~np.pad(~inside, 3)[6:, 6:] & ~np.pad(~inside, 3)[:-6, :-6]  # a lens blurs the outline
+    assert np.abs(found - LIGHT)[inside].max() < 0.002
+    for encoding, expected in (("linear", LIGHT), ("srgb", srgb_to_linear(LIGHT))):
+        stated = read_capture(photo, SPHERE.rig, mask=tmp_path / "mask.png", encoding=encoding).image
+        assert np.abs(stated - expected)[inside].max() < 0.002

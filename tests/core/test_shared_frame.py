@@ -32,11 +32,11 @@ class Shots:
 
 
 def channels(shots: Shots) -> np.ndarray:
-    return as_channels([shots.first(), shots.second(OTHER), shots.first()], encoding="linear")[0]
+    return as_channels([shots.first(), shots.second(OTHER), shots.first()], encoding="linear").pixels
 
 
 def added_up(shots: Shots) -> np.ndarray:
-    return superpose([shots.first(), shots.second(OTHER)], encoding="linear")[0]
+    return superpose([shots.first(), shots.second(OTHER)], encoding="linear").pixels
 
 
 def dark(shots: Shots) -> np.ndarray:
@@ -66,10 +66,7 @@ def background(shots: Shots) -> np.ndarray:
 
 
 def one_light_each(shots: Shots) -> np.ndarray:
-    photos = BallPhotos([shots.first(), shots.second(OTHER)])
-    return np.stack([photos.read(file).pixels for file in photos.files]).reshape(
-        2, *photos.read(photos.files[0]).pixels.shape
-    )[1]
+    return [*BallPhotos([shots.first(), shots.second(OTHER)]).read()][1].pixels
 
 
 UPRIGHT: dict[int, Callable[[np.ndarray], np.ndarray]] = {
@@ -99,5 +96,5 @@ def test_an_image_that_a_program_has_turned_is_not_turned_again(tmp_path: Path) 
     """It has no tag any more, but the shape of the others as shown."""
     shots = Shots(tmp_path, 6, 1)
     turned = UPRIGHT[6](OTHER)
-    found = as_channels([shots.first(), shots.second(turned), shots.first()], encoding="linear")[0]
+    found = as_channels([shots.first(), shots.second(turned), shots.first()], encoding="linear").pixels
     np.testing.assert_allclose(found[..., 1], turned.mean(axis=-1), rtol=1e-5)

@@ -40,7 +40,7 @@ def test_equation_2_is_exact_on_the_photo_that_is_made(photos: list[str], sphere
 def test_photos_of_one_channel_are_taken(tmp_path: Path) -> None:
     values = [0.2, 0.4, 0.6]
     files = [write_file(tmp_path / f"{k}.exr", np.full((4, 5), v), "float") for k, v in enumerate(values)]
-    np.testing.assert_allclose(as_channels(files)[0], np.broadcast_to(values, (4, 5, 3)), rtol=1e-6)
+    np.testing.assert_allclose(as_channels(files).pixels, np.broadcast_to(values, (4, 5, 3)), rtol=1e-6)
 
 
 def test_what_is_clipped_in_one_colour_is_clipped_in_the_channel(tmp_path: Path) -> None:

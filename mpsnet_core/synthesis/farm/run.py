@@ -31,6 +31,7 @@ from mpsnet_core.synthesis.job import (
     read_job,
     sample_path,
     samples_there,
+    withdraw_job,
 )
 
 log = logging.getLogger(__name__)
@@ -100,7 +101,7 @@ def make_samples(
         from mpsnet_core.synthesis.farm.cluster import results_from_cluster
 
         check_address(cluster, trusted=cluster_trusted)  # before a folder is made
-    place_job(folder, job)
+    is_new = place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)
     clear_unfinished(folder)
     there = _complete_samples(folder, progress)
@@ -119,6 +120,10 @@ def make_samples(
                     tally.add(result)
                 tally.report()
                 sheet.grow(tally.outcome.made)
+    except InputError:
+        if is_new:
+            withdraw_job(folder)
+        raise
     finally:
         clear_unfinished(folder)
     sheet.draw()

@@ -1,0 +1,54 @@
+"""What the add-on's commands leave behind: the files that they were asked for, and nothing else.
+
+The core's are in tests/core/test_every_verb.py.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import pytest
+
+from blender_addon.commands import VERBS
+
+pytestmark = pytest.mark.long
+
+# Options with which a verb works in the scene of the test; the others say what they lack, and leave nothing either.
+OPTIONS = {
+    "try_it": "--output nowhere/o",
+    "render_photo": "--output o.exr --width 16 --height 16 --samples 1",
+    "render_truth": "--output o.exr --width 16 --height 16",
+    "open_photo": "--filepath photo.exr",
+    "show_mask": "",
+    "estimate": "--model LAMBERTIAN --output o.png",
+    "bake": "--output o.png",
+    "integrate": "--output o.exr",
+    "render_samples": "--output o --count 1 --size 32 --samples 1 --processes 1",
+}
+
+
+@pytest.fixture
+def places(estimated, tmp_path):
+    """The environment with empty folders for what programs keep, and a saved scene to work in."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    for name in ("home", "tmp"):
+        (tmp_path / name).mkdir()
+    known = {name: value for name, value in os.environ.items() if not name.startswith("XDG_")}
+    temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(tmp_path / "tmp"))
+    return {**known, **temporary, "HOME": str(tmp_path / "home")}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_command_leaves_what_it_was_asked_for_alone(places, tmp_path: Path, verb: str) -> None:
+    before = {path.name for path in tmp_path.iterdir()}
+    words = [verb.replace("_", "-"), *OPTIONS.get(verb, "").split()]
+    command = [sys.executable, "-m", "blender_addon", "scene.blend", *words]
+    done = subprocess.run(command, cwd=tmp_path, env=places, capture_output=True, text=True, timeout=300)
+    assert done.returncode in (0, 2) and (done.returncode == 0) == ("done" in done.stdout), done.stderr
+    assert not [*(tmp_path / "tmp").iterdir(), *(tmp_path / "home").iterdir()]
+    new = {path.name for path in tmp_path.iterdir()} - before
+    assert all(name.startswith("o") for name in new), new
+    if "nowhere" not in words and verb in OPTIONS and verb != "try_it":
+        assert done.returncode == 0, done.stderr
