@@ -22,7 +22,8 @@ _LABELS = {
 # The labels of options' choices.
 _CHOICES: dict[str, dict[str, str]] = {}
 
-_FLAG = r"--([a-z]+(?:-[a-z]+)*)"
+# Not a part of a path or a name, as in "photos/--mask.png".
+_FLAG = r"(?<![\w/\\\"'-])--([a-z]+(?:-[a-z]+)*)(?![\w-]|\.\w|[=/\\])"
 _OPTION = re.compile(rf"{_FLAG}(?: ([a-z0-9-]+))?")
 _ALL_OPTIONS = re.compile(r" \((--[^()]*)\)")
 _COMMAND = re.compile(rf"mpsnet ([a-z]+)(?: ([a-z]+))?((?: {_FLAG})*)")

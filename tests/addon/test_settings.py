@@ -186,6 +186,7 @@ def test_settings_reach_the_core_as_its_options(scene, tmp_path):
         ("combine them with mpsnet superpose --channels [alike]", "combine them with Make One Photo [alike]"),
         ("find them by mpsnet calibrate lights", "find them by Find Lights"),
         ("a lens (mm) -- or none", "a lens (mm) -- or none"),
+        *((f"cannot read {name}",) * 2 for name in ("a/--mask.png", "a/--white", '"--white"', "x--white-light.png")),
     ],
 )
 def test_messages_of_the_core_speak_of_fields_and_buttons(said, shown):
