@@ -16,11 +16,10 @@ from ..images import paint_grey, pixels_of
 from ..preferences import preference
 from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
-from ..scene.mesh_file import begin_mesh
+from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene
 from ..settings.declared import options_of, round_as_typed
 from ..settings.estimate import MODELS, EstimateSettings
-from ..slices import Slices
 from .camera import is_real, write_photo_camera
 
 
