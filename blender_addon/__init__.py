@@ -19,7 +19,7 @@ glTF2ExportUserExtension = GltfExtension
 _NAMES = (
     *("settings.scene", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
     *("rig.rig", "rig.several_rigs", "rig.light_preview", "rig.calibrate"),
-    *("photo.photo", "photo.drop", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
+    *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
     *("photo.paint_mask", "estimate.estimate", "estimate.error_map"),
     *("bake.bake", "bake.node_group", "heights.displace", "heights.integrate", "bake.many_views", "bake.coverage"),
     *("material", "training.training_data", "bake.relight", "start.try_it"),

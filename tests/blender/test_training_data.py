@@ -27,14 +27,6 @@ def check_samples(folder, count):
     assert not list(folder.glob(".*"))
 
 
-def test_command_line_renders_generated_shapes(blender, tmp_path):
-    folder = tmp_path / "samples"
-    done = blender.run("-b", "--command", "mpsnet", "render-samples", "--count", "2", *SMALL, "--output", folder)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert f"mpsnet: render-samples done: 2 of 2 samples in {folder}" in done.stdout
-    check_samples(folder, 2)
-
-
 def test_command_line_renders_the_scenes_own_objects(blender, tmp_path):
     scene, folder = tmp_path / "sphere.blend", tmp_path / "samples"
     assert blender.script("sphere.py", tmp_path / "report.json", scene) == ["Sphere"]
