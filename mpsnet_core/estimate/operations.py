@@ -21,7 +21,7 @@ from mpsnet_core.estimate.registry import (
 from mpsnet_core.io.files import check_no_overwrite, ensure_folder, resolved, writable_image, write_transaction
 from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, is_video, numbering, output_files
 from mpsnet_core.io.marks import made
-from mpsnet_core.io.provenance import content, operation_facts
+from mpsnet_core.io.provenance import content_fingerprint, operation_facts
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 
@@ -65,7 +65,7 @@ class RunsModel(Operation):
         if self.model in BASELINES:
             return {"model": self.model}
         network = find_network(self.model)
-        return {"model": content(network.path), "passes": str(passes or network.passes)}
+        return {"model": content_fingerprint(network.path), "passes": str(passes or network.passes)}
 
     def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
         """The loaded model. passes: as in :class:`mpsnet_core.estimate.estimator.Estimator`."""
@@ -279,7 +279,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         like = self.source(photos[0], self.rig)
         frames = photo_frames(photos, outputs, masks=masks, like=like, reach=self.smooth)
         step = numbered.step if numbered else None
-        outcome = self._sequence(frames, len(photos), progress, step, apart=not self.smooth)
+        outcome = self._sequence(frames, len(photos), progress, step, continue_on_error=not self.smooth)
         numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
         without = {*outcome.left_out, *outcome.failed}
         made = {number: output for number, output in zip(numbers, outputs, strict=True) if number not in without}
@@ -310,10 +310,16 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return self._made_of_sequence(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
 
     def _sequence(
-        self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None, *, apart: bool = False
+        self,
+        frames: "Iterable[Frame]",
+        count: int,
+        progress: Progress,
+        step: int | None,
+        *,
+        continue_on_error: bool = False,
     ) -> "Outcome":
         """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence.
-        apart: as in `estimate_sequence`."""
+        continue_on_error: as in `estimate_sequence`."""
         from mpsnet_core.capture.open import PhotoSet
         from mpsnet_core.estimate.sequence.run import estimate_sequence
 
@@ -328,7 +334,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             recipe=operation_facts(self, **self.model_facts(passes)),
             smooth=self.smooth,
             step=step or 1,
-            apart=apart,
+            continue_on_error=continue_on_error,
             convention=self.convention,
             count=count,
             progress=progress,

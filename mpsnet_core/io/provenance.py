@@ -33,7 +33,7 @@ def is_result(picture: Path, what: str) -> bool:
     return image_description(picture).startswith(f"{what}{BY}")
 
 
-def identity(given: str | os.PathLike[str]) -> str:
+def fingerprint(given: str | os.PathLike[str]) -> str:
     """Fingerprint of files: their names and hashes of their contents. Sizes and times do not tell two photos apart.
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
@@ -48,10 +48,10 @@ def identity(given: str | os.PathLike[str]) -> str:
         files = matching_files(place)
     else:
         return text
-    return text.removesuffix(place) + "; ".join(f"{file.name} {content(file)}" for file in files)
+    return text.removesuffix(place) + "; ".join(f"{file.name} {content_fingerprint(file)}" for file in files)
 
 
-def content(file: str | os.PathLike[str]) -> str:
+def content_fingerprint(file: str | os.PathLike[str]) -> str:
     """Hash of a file's content. Raises FileError if it is missing."""
     path = existing_file(file, "file")
     facts = path.stat()
@@ -65,7 +65,7 @@ def _digest(file: Path, *facts: int) -> str:
         return hashlib.file_digest(opened, "blake2b").hexdigest()[:32]
 
 
-_FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content, "files": identity}
+_FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content_fingerprint, "files": fingerprint}
 
 
 def operation_facts(operation: Operation, *parts: type[Operation], **more: str) -> str:
