@@ -122,7 +122,8 @@ def _decoded(
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
-        pixels[rows] = decoded(_straight(values[rows][..., colour], exposure, alpha[rows] if premultiplied else None))
+        cover = alpha[rows] if alpha is not None and premultiplied else None
+        pixels[rows] = decoded(_straight(values[rows][..., colour], exposure, cover))
         if colour[1] == colour[2] != colour[0]:
             pixels[rows, :, 2] = 0
     if alpha is not None and not premultiplied and _seems_premultiplied(values, colour, alpha):
