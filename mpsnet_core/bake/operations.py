@@ -12,21 +12,6 @@ from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.io.files import (
-    check_no_overwrite,
-    check_own,
-    checked_bits,
-    ensure_folder,
-    is_file,
-    remove_abandoned,
-    temporary_folder,
-    writable_image,
-    writable_path,
-    write_json,
-    write_transaction,
-)
-from mpsnet_core.io.frames import is_folder_or_pattern, results_folder
-from mpsnet_core.io.provenance import operation_facts
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
@@ -319,6 +304,7 @@ class Bake(BakesDetail):
     def run(self, progress: Progress = silent) -> TexturesBaked | FramesBaked:
         """Write the textures of one pose, or a texture for each frame of a sequence."""
         from mpsnet_core.bake.texture_files import texture_target
+        from mpsnet_core.io.frames import is_folder_or_pattern
 
         views = self._views()
         sequence = any(is_folder_or_pattern(normals) for _, normals in views)
@@ -344,6 +330,7 @@ class Bake(BakesDetail):
 
     def _views(self) -> list[tuple[str, str]]:
         """Camera and normal map of each view."""
+        from mpsnet_core.io.files import is_file
 
         views = []
         for view in self.view:
@@ -372,6 +359,7 @@ class Bake(BakesDetail):
         from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
         from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
+        from mpsnet_core.io.files import writable_image, write_transaction
 
         writable_image(target.output, target.bits)
         maps = [tuple(map(Path, files)) or (None,) * len(views) for files in (self.confidence, self.albedo)]
@@ -400,6 +388,9 @@ class Bake(BakesDetail):
         from mpsnet_core.bake.base_maps import one_base_map
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.sequence import bake_sequence
+        from mpsnet_core.io.files import check_no_overwrite, ensure_folder, remove_abandoned
+        from mpsnet_core.io.frames import results_folder
+        from mpsnet_core.io.provenance import operation_facts
 
         frames, numbers = self._frames(views, target)
         check_no_overwrite({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
@@ -440,6 +431,7 @@ class Bake(BakesDetail):
         """The inputs of each frame's texture, by its file, and the frames' numbers."""
         from mpsnet_core.bake.inputs import frame_inputs
         from mpsnet_core.bake.texture_names import split_by
+        from mpsnet_core.io.files import checked_bits
 
         if len(self.mesh) > 1 or split_by(target.output):
             raise SettingsError(
@@ -559,6 +551,8 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.multi_view import CachedView, CachedViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, warn_of_doubts
+        from mpsnet_core.io.files import check_no_overwrite
+        from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.joined_mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
         from mpsnet_core.scene.view_photos import posed_photos
@@ -604,6 +598,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
 
     def _target(self) -> "TextureTarget":
         from mpsnet_core.bake.texture_files import texture_target
+        from mpsnet_core.io.files import writable_image
 
         self.check_onto()
         target = texture_target(self.output, self.mesh, preset=self.preset, convention=self.convention, bits=self.bits)
@@ -613,6 +608,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     def _files(self, target: "TextureTarget") -> tuple[list[Path], list[str]]:
         """The files that are read, except photos, and those that are written. Raises InputError if one would overwrite
         another, or its folder cannot be written."""
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.scene.view_photos import camera_files
 
@@ -644,6 +640,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
         """The files that keep the views. Raises FileError if one exists that is not ours."""
         from mpsnet_core.bake.multi_view import CachedView
+        from mpsnet_core.io.files import check_own
 
         kept = [CachedView(Path(self.keep), view.name, bool(self.white)) for view in views] if self.keep else []
         files = [file for view in kept for file in view.files]
@@ -653,6 +650,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """The folder of the views' normals: the one to keep them in, or a temporary one until the stack closes."""
+        from mpsnet_core.io.files import ensure_folder, remove_abandoned, temporary_folder
 
         if not self.keep:
             return stack.enter_context(temporary_folder())
@@ -672,6 +670,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
         from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
         from mpsnet_core.bake.view_agreement import table_rows
+        from mpsnet_core.io.files import write_json, write_transaction
 
         written, maps = [], []
         with write_transaction():

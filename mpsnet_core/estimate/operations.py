@@ -18,10 +18,6 @@ from mpsnet_core.estimate.registry import (
     find_network,
     known_models,
 )
-from mpsnet_core.io.files import check_no_overwrite, ensure_folder, resolved, writable_image, write_transaction
-from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, is_video, numbering, output_files
-from mpsnet_core.io.marks import made
-from mpsnet_core.io.provenance import content_fingerprint, operation_facts
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 
@@ -61,6 +57,7 @@ class RunsModel(Operation):
 
         Raises SettingsError if there is no such model, FileError if its file is missing.
         """
+        from mpsnet_core.io.provenance import content_fingerprint
 
         if self.model in BASELINES:
             return {"model": self.model}
@@ -189,6 +186,13 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
+        from mpsnet_core.io.files import check_no_overwrite, writable_image
+        from mpsnet_core.io.frames import (
+            expand_images,
+            is_folder_or_pattern,
+            is_video,
+            output_files,
+        )
 
         white_light, photos = self._white_light(), expand_images(self.image)
         inputs = [*photos, *self.inputs(self.rig, self.camera, self.mesh, *self.white, mask=self.mask)]
@@ -212,7 +216,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.capture.open import open_captures
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
+        from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
+        from mpsnet_core.io.marks import made
         from mpsnet_core.scene.normal_map import write_normals
 
         estimator = self.estimator(self.passes)
@@ -250,6 +256,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return direction_from_angles(*slant_and_tilt("--white-light", self.white_light))
 
     def _frames(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
+        from mpsnet_core.io.frames import is_video
+
         if self.confidence:
             raise SettingsError("--confidence takes one photo at a time; leave it out or give one photo")
         if self.white:
@@ -264,6 +272,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks, photo_frames
+        from mpsnet_core.io.files import check_no_overwrite
+        from mpsnet_core.io.frames import numbering, output_files
 
         outputs = output_files(photos, self.output, self.format)
         check_no_overwrite(inputs, outputs)
@@ -293,6 +303,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks
         from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
+        from mpsnet_core.io.files import check_no_overwrite, resolved
 
         if self.layer:
             raise SettingsError(f"{path} is a video, which has no layers; leave --layer out")
@@ -322,6 +333,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         continue_on_error: as in `estimate_sequence`."""
         from mpsnet_core.capture.open import PhotoSet
         from mpsnet_core.estimate.sequence.run import estimate_sequence
+        from mpsnet_core.io.provenance import operation_facts
 
         known = [frame.source for frame in frames] if isinstance(frames, list) else []
         photos = PhotoSet(known, self.read_options(), moving=step is not None)

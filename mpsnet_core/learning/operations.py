@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.registry import registered_models
-from mpsnet_core.io.files import check_no_overwrite, creatable_folder, writable_path
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -127,6 +126,7 @@ class Train(Operation):
         return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
 
     def _paths(self, output: Path) -> "TrainingPaths":
+        from mpsnet_core.io.files import check_no_overwrite, creatable_folder, writable_path
         from mpsnet_core.learning.training.loop import TrainingPaths
 
         checkpoint = Path(self.checkpoint) if self.checkpoint else output.with_suffix(".checkpoint")
@@ -163,6 +163,7 @@ def _resumed(name: str) -> Path:
 
 def _model_path(path: str) -> Path:
     """The path as a file that can be written. Raises InputError if it cannot."""
+    from mpsnet_core.io.files import writable_path
 
     output = writable_path(path)
     if output.suffix.lower() != ".onnx":

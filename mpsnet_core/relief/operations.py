@@ -27,8 +27,6 @@ from mpsnet_core.defaults import (
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
-from mpsnet_core.io.files import IMAGE_SUFFIXES, check_no_overwrite, creatable_folder, prefix_errors, write_transaction
-from mpsnet_core.io.frames import is_folder_or_pattern
 from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, part, silent
 
@@ -285,6 +283,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 )
 
     def _of_photo(self, progress: Progress) -> SurfaceMade:
+        from mpsnet_core.io.files import write_transaction
         from mpsnet_core.relief.surface_mesh import NoFaceError
 
         products = self._products()
@@ -312,6 +311,8 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _products(self) -> "dict[str, Product]":
         """The requested products by option. Raises InputError if there are none, or one cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
+        from mpsnet_core.io.files import check_no_overwrite
+        from mpsnet_core.io.frames import is_folder_or_pattern
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)
@@ -342,6 +343,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return products.MeshFile(path, self.faces, self.open, self.up or ("z" if self.camera else "y"), self.distance)
 
     def _read_normals(self) -> "NormalMap":
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.relief.surface_mesh import check_has_faces
         from mpsnet_core.scene.normal_directions import check_directions
         from mpsnet_core.scene.normal_map import read_normals
@@ -395,6 +397,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         """The camera of a photo of that size, None if the options define none."""
         import numpy as np
 
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera, camera_for, read_camera
 
         given = [name for name in ("camera", "focal", "pixel_size") if getattr(self, name) is not None]
@@ -510,6 +513,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
+        from mpsnet_core.io.files import check_no_overwrite, creatable_folder
         from mpsnet_core.relief.material.material import check_material, flat_material
         from mpsnet_core.relief.material.material_files import material_files, write_material
         from mpsnet_core.relief.material.scale import parse_crop
@@ -552,6 +556,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
     def _checked_name(self) -> str:
         """The prefix of the file names. Raises SettingsError if name or folder is invalid."""
+        from mpsnet_core.io.files import IMAGE_SUFFIXES
 
         name = Path(self.image).stem if self.name is None else self.name
         if Path(name).name != name:
@@ -566,6 +571,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         """The part of the photo to use, and the size of a pixel in millimetres."""
         from mpsnet_core.capture.masks import ALPHA_OR_NONE
         from mpsnet_core.capture.open import open_captures
+        from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.relief.material.material import crop_to_filled_part
         from mpsnet_core.relief.material.scale import parse_ruler
 

@@ -7,15 +7,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.defaults import CONVENTIONS, ENCODINGS
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.io.files import (
-    atomic_write,
-    check_no_overwrite,
-    ensure_folder,
-    prefix_errors,
-    writable_image,
-    writable_path,
-    write_transaction,
-)
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -104,6 +95,7 @@ class WriteCameras(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the undistorted photo if its lens has distortion."""
+        from mpsnet_core.io.files import check_no_overwrite, ensure_folder
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
 
@@ -132,6 +124,7 @@ class WriteCameras(ReadsPictures):
         """Write the camera and the undistorted photo, both or neither."""
         import numpy as np
 
+        from mpsnet_core.io.files import prefix_errors, write_transaction
         from mpsnet_core.io.image import Image, warn_of_saturation
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.io.image_writing import write_photo
@@ -188,6 +181,7 @@ class CompareNormals(Operation):
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""
+        from mpsnet_core.io.files import check_no_overwrite, writable_image
         from mpsnet_core.io.image_writing import write_picture_bands
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
@@ -237,6 +231,7 @@ class PreviewLights(TakesMesh):
         import numpy as np
 
         from mpsnet_core.arrays.upsample import reduced_shape
+        from mpsnet_core.io.files import atomic_write, check_no_overwrite, prefix_errors, writable_image, writable_path
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.light_preview import lit_view

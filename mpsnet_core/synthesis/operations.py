@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from mpsnet_core.errors import InputError, SettingsError
-from mpsnet_core.io.files import check_no_overwrite, checked_bits, resolved, writable_path
-from mpsnet_core.io.frames import is_folder_or_pattern, matching_files
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
@@ -153,6 +151,7 @@ class Synthesize(RunsWorkers):
 
     def job(self) -> SampleJob:
         """The job of the samples. Raises SettingsError as in `SampleJob`."""
+        from mpsnet_core.io.files import resolved
 
         if self.shapes is not None:
             shapes = tuple(name.strip() for name in self.shapes.split(",") if name.strip())
@@ -241,6 +240,8 @@ class ShowSamples(Operation):
 
     def run(self, progress: Progress = silent) -> SamplesShown:
         """Write the image, and describe the samples."""
+        from mpsnet_core.io.files import check_no_overwrite, checked_bits, resolved, writable_path
+        from mpsnet_core.io.frames import is_folder_or_pattern, matching_files
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise
 

@@ -9,7 +9,6 @@ from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path, write_transaction
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
@@ -138,6 +137,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay if requested."""
         from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+        from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path
 
         if self.points and self.start:
             raise SettingsError("points and start both place the camera; give one of them")
@@ -254,6 +254,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         progress: Progress,
     ) -> CameraFound:
         from mpsnet_core.estimate.alignment.points import reprojection_errors
+        from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import write_camera
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
-from mpsnet_core.io.files import check_no_overwrite, writable_path
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
 from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS
 from mpsnet_core.operation import Operation, option
@@ -61,6 +60,7 @@ class MeasuresModels(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Run the test, and write rows and report if requested."""
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
