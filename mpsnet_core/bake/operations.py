@@ -692,5 +692,5 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
             if self.report:
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
-                write_json(self.json, result.figures("views", "seen", "filled", "level", "model"))
+                write_json(self.json, result.metrics("views", "seen", "filled", "level", "model"))
         return result
