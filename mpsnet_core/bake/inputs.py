@@ -152,7 +152,7 @@ def _by_number(given: str, what: str) -> Path | dict[int, Path]:
     files = matching_files(given, what)
     numbered = numbering(files)
     if numbered is None:
-        raise FileError(f"the {what}s of {given} are no sequence: their names must differ in one number alone")
+        raise FileError(f"the {what}s of {given} are not a sequence: their names may differ in one number only")
     return dict(zip(numbered.numbers, files, strict=True))
 
 

@@ -282,7 +282,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if numbered is None and (self.smooth or masks.by_number):
             what = "--smooth" if self.smooth else f"--mask {self.mask}"
             raise SettingsError(
-                f"{what} takes the frames of one sequence: photos whose names differ in one number alone"
+                f"{what} takes the frames of one sequence: photos whose names differ in one number only"
             )
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
@@ -329,7 +329,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         *,
         continue_on_error: bool = False,
     ) -> "Outcome":
-        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence.
+        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are not a sequence.
         continue_on_error: as in `estimate_sequence`."""
         from mpsnet_core.capture.open import PhotoSet
         from mpsnet_core.estimate.sequence.run import estimate_sequence
