@@ -98,7 +98,7 @@ class UsesBall(ReadsPhotos, HasLens):
         from mpsnet_core.io.files import write_json
 
         if self.json:
-            write_json(self.json, result.figures())
+            write_json(self.json, result.metrics())
 
 
 # --- lights -----------------------------------------------------------------------------------------------------------

@@ -107,7 +107,7 @@ def test_one_photo_becomes_a_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -
 def test_python_gives_what_is_written_as_json(photos: Path, tmp_path: Path) -> None:
     told, rig = tmp_path / "told.json", tmp_path / "rig.json"
     found = CalibrateLights(ball=[photos / "ball.exr"], circle=[CIRCLE], json=told, output=rig).run()
-    assert json.loads(told.read_text()) == found.figures()
+    assert json.loads(told.read_text()) == found.metrics()
     assert [[light.slant, light.tilt] for light in found.lights] == [pytest.approx(at, abs=1) for at in ANGLES]
     assert found.text.startswith(f"{rig}:\n   red: slant ")
 
