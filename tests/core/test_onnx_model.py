@@ -491,3 +491,23 @@ def test_a_network_that_takes_minutes_hears_signals(photo_file: Path, rig_file: 
     child.terminate()
     assert child.wait(20) == 130
     assert listing(tmp_path) == sorted([photo_file.name, rig_file.name, slow.name])
+
+
+# A signal that comes while the thread starts; exit code 3 would unload the libraries under it.
+STOPPED_AT_THE_START = """
+import sys, threading, time
+from mpsnet_core.estimate import onnx_model
+class Thread(threading.Thread):
+    def start(self):
+        super().start()
+        raise KeyboardInterrupt
+threading.Thread = Thread
+try:
+    onnx_model._in_a_thread(lambda: time.sleep(60))
+except KeyboardInterrupt:
+    sys.exit(3)
+"""
+
+
+def test_a_run_that_is_stopped_while_its_thread_starts_does_not_unload_the_libraries_under_it() -> None:
+    assert subprocess.run([sys.executable, "-c", STOPPED_AT_THE_START], timeout=60).returncode == 130
