@@ -30,7 +30,7 @@ OUTLINE = 2
 SAMPLED, MIN_PIXELS, MIN_SHARE = 200_000, 30, 0.001
 # Least number of blocks at the outline that face away from a light.
 MIN_BLOCKS = 10
-# Fraction of the outline that leans outwards at least as far as is believed of all of it: ambient light raises the rest.
+# Fraction of the outline that leans outwards as far as is believed of all of it: ambient light raises the rest.
 LEANING = 0.25
 # Fraction of the outline in shadow that is at least as dark as is believed: not all of it faces away.
 DARKEST = 0.2
