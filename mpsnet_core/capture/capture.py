@@ -34,7 +34,7 @@ BLACK = 0.01
 # An object of fewer pixels is hardly one.
 FEW = 9
 # About how many pixels of the object are looked at for doubts.
-SAMPLED = 1 << 20
+SAMPLED = 1 << 17
 # Above this share of saturated pixels, there is a doubt.
 SPOILT = 0.05
 # Pixels by which a mesh's depth is extended beyond the mesh.
