@@ -66,7 +66,7 @@ def test_heights_may_be_called_after_a_mask(here: Path, capsys: pytest.CaptureFi
 def test_a_lens_and_a_distance_give_the_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mean = float(NEAR.depth[NEAR.mask].mean())
     found = result(capsys, f"near.exr --camera near.json --distance {mean} --height h.exr --curvature c.exr")
-    assert "heights in unit; height 0 is at the camera; Blender's Displace: strength 1, midlevel -" in found["text"]
+    assert "height 0 is at the camera" in found["text"] and "midlevel -" in found["text"]
     heights = read_height("h.exr")
     assert np.abs(heights.values - NEAR.heights.values)[NEAR.mask].max() < 0.02
     assert np.median(read_channel("c.exr")[NEAR.mask]) == pytest.approx(2 / 2.6, rel=0.01)
