@@ -213,7 +213,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         rig = rig_at(self.scene(result_is), self._rig_place, result_is)
         image = load_photo(photo, photo.stem)
         self.made(image)
-        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states that it is linear
+        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
         _set_photo(rig, image)
         self.tell(f"Photo written to {photo}")
 

@@ -20,13 +20,12 @@ from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.calibrate.lights import write_lp
 from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.capture import decode
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_rig
+from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_lp, write_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
