@@ -11,6 +11,7 @@ from importlib import import_module
 import bpy
 
 from .bake.gltf_export import GltfExtension
+from .preferences import PACKAGE
 
 # Blender's glTF exporter finds it by this name.
 glTF2ExportUserExtension = GltfExtension
@@ -19,7 +20,7 @@ glTF2ExportUserExtension = GltfExtension
 _NAMES = (
     *("settings.scene", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
     *("rig.rig", "rig.several_rigs", "rig.light_preview", "rig.calibrate"),
-    *("photo.photo", "photo.drop", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
+    *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
     *("photo.paint_mask", "estimate.estimate", "estimate.error_map"),
     *("bake.bake", "bake.node_group", "heights.displace", "heights.integrate", "bake.many_views", "bake.coverage"),
     *("material", "training.training_data", "bake.relight", "start.try_it"),
@@ -34,7 +35,7 @@ def register() -> None:
         module.register()
     if bpy.app.module:
         # As an extension is. The glTF exporter looks there for what changes its images.
-        bpy.context.preferences.addons.new().module = preferences.PACKAGE
+        bpy.context.preferences.addons.new().module = PACKAGE
         # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs.
         atexit.register(unregister)
 
@@ -42,7 +43,7 @@ def register() -> None:
 def unregister() -> None:
     """Remove everything that :func:`register` added."""
     atexit.unregister(unregister)
-    if bpy.app.module and (entry := bpy.context.preferences.addons.get(preferences.PACKAGE)):
+    if bpy.app.module and (entry := bpy.context.preferences.addons.get(PACKAGE)):
         bpy.context.preferences.addons.remove(entry)
     for module in reversed(_MODULES):
         module.unregister()

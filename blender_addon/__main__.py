@@ -35,9 +35,9 @@ def run(arguments: list[str]) -> int:
         bpy.context.preferences.system.use_online_access = True
     if arguments and arguments[0].endswith(".blend"):
         try:
-            path = arguments.pop(0)
-            full = os.path.abspath(path)  # noqa: PTH100 - resolve() replaces the letter of a network drive
-            bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(full))
+            # Blender would look from $PWD. resolve() replaces the letter of a network drive.
+            path = os.path.abspath(arguments.pop(0))  # noqa: PTH100
+            bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(path))
         except RuntimeError as error:
             sys.stderr.write(f"{COMMAND}: {operator_report(error)}; check the path\n")
             return EXIT_BAD_INPUT

@@ -148,7 +148,7 @@ class Result:
         """The result as plain data that JSON can hold."""
         return _facts(self)
 
-    def figures(self, *names: str) -> dict[str, Any]:
+    def metrics(self, *names: str) -> dict[str, Any]:
         """The facts that ``--json`` writes: those of these names, or all but text and written if none is named."""
         facts = self.facts()
         return {name: facts[name] for name in names or facts if name in facts and name not in {"text", "written"}}

@@ -147,8 +147,13 @@ def normal_inputs(material: Any) -> tuple[list[Any], list[str]]:
     """The inputs in a material's own tree that take the normal of its shaders, for all render engines.
 
     A shader's second normal, that of its coat, is among them if it is linked to what the first one is. Also returned is
-    a sentence for each shader in a group that takes no normal from outside.
+    a sentence for each shader in a group that takes no normal from outside, or for a group with an output of its own.
     """
+    if uses_nodes(material) and (inner := _group_with_output(material.node_tree)):
+        return [], [
+            f'The group "{inner}" in material "{material.name}" holds a Material Output, which is rendered in place '
+            "of the material's own; delete it"
+        ]
     found: list[Any] = []
     closed: list[str] = []
     for shader in shaders_of(material, all_engines=True):
@@ -166,6 +171,17 @@ def normal_inputs(material: Any) -> tuple[list[Any], list[str]]:
                 f'shader "{shader.node.name}"; add an input for it to the group'
             )
     return found, list(dict.fromkeys(closed))
+
+
+def _group_with_output(tree: Any) -> str:
+    """The name of a group in a tree that holds a Material Output, "" if there is none."""
+    for node in tree.nodes:
+        inner = getattr(node, "node_tree", None)
+        if inner is not None and any(one.type == "OUTPUT_MATERIAL" for one in inner.nodes):
+            return str(inner.name)
+        if inner is not None and (found := _group_with_output(inner)):
+            return found
+    return ""
 
 
 def _linked(socket: Any) -> list[Any]:

@@ -13,9 +13,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 
 from ..scene.camera import scene_camera
-from ..scene.mesh_file import BegunMesh, begin_mesh
+from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
 from ..scene.objects import by_session_uid, view_layer
-from ..slices import Slices
 
 MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 

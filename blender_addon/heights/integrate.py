@@ -80,7 +80,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         lens = scene.mps.estimate.lens
         with suppress(ValueError):
             lens = float(remembered(image, "lens") or lens)
-        seen: dict[str, Any] = {**seen_through(scene, image, lens, folder)}
+        seen = seen_through(scene, image, lens, folder)
         if self.distance:
             return {**seen, "distance": round_as_typed(self.distance)}
         target = mesh_of_photo(context)

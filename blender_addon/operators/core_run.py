@@ -16,8 +16,8 @@ from mpsnet_core.io.files import resolved, temporary_folder
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..outputs import is_permanent
 from ..provenance import refuse_to_overwrite
+from ..scene.mesh_file import Slices
 from ..settings.messages import in_blender
-from ..slices import Slices, close_slices
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
 
@@ -147,7 +147,7 @@ class RunsCore(ReportingOperator):
         manager = context.window_manager
         with ExitStack() as resources:
             folder = resources.enter_context(temporary_folder())
-            resources.callback(close_slices, self._slices)
+            resources.callback(_close, self._slices)
             work, outputs = self._prepared(context, folder)
             for _ in chain.from_iterable(self._slices):
                 pass
@@ -208,7 +208,7 @@ class RunsCore(ReportingOperator):
 
     def _run(self, context: Any, run_context: RunContext, resources: ExitStack) -> _Run:
         folder, self._slices = resources.enter_context(temporary_folder()), []
-        resources.callback(close_slices, self._slices)
+        resources.callback(_close, self._slices)
         with run_context():
             work, outputs = self._prepared(context, folder)
         program = self.program(folder)
@@ -282,6 +282,13 @@ class MPS_OT_cancel(bpy.types.Operator):
     def execute(self, context: Any) -> set[Any]:
         context.window_manager.mps.cancel = True
         return {"FINISHED"}
+
+
+def _close(slices: list[Slices]) -> None:
+    """End unfinished slices, which lets them clean up."""
+    for one in slices:
+        one.close()
+    slices.clear()
 
 
 def idle(cls: Any, context: Any) -> bool:

@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import bake, estimate, heights, material, models, photo, rig, samples, start, truth, views
+from . import bake, estimate, heights, material, models, photo, rig, samples, start, views
 
 # In the sidebar's order.
-_STEPS = (start, rig, photo, estimate, truth, bake, heights, views, material, samples)
+_STEPS = (start, rig, photo, estimate, bake, heights, views, material, samples)
 
 CLASSES = [*models.CLASSES, *(cls for step in _STEPS for cls in step.CLASSES)]
 

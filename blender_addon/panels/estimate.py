@@ -1,4 +1,4 @@
-"""Step 3: the estimate."""
+"""Step 3: the estimate, and its comparison with the true normals, which a rendered photo has."""
 
 from typing import Any
 
@@ -62,4 +62,22 @@ class MPS_PT_estimate_options(Step):
         self.layout.template_ID(estimate, "image", open="image.open")
 
 
-CLASSES = (MPS_PT_estimate, MPS_PT_estimate_options)
+class MPS_PT_truth(Step):
+    bl_label = "Compare with the Truth"
+    way = "RENDER"
+    bl_parent_id = "MPS_PT_estimate"
+    bl_options = {"DEFAULT_CLOSED"}
+    verbs = ("error_map", "render_truth")
+    optional = True
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.estimate.error_image
+
+    def draw(self, context: Any) -> None:
+        self.progress_or(context, "render_truth", "NORMALS_VERTEX", text="True Normals")
+        self.progress_or(context, "error_map", "IMAGE_DATA")
+        self.picture(context.scene.mps.estimate.error_image, scale=12)
+
+
+CLASSES = (MPS_PT_estimate, MPS_PT_estimate_options, MPS_PT_truth)

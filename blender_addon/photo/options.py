@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import bpy
 
@@ -16,29 +16,11 @@ from ..images import paint_grey, pixels_of
 from ..preferences import preference
 from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
-from ..scene.mesh_file import begin_mesh
+from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene
 from ..settings.declared import options_of, round_as_typed
 from ..settings.estimate import MODELS, EstimateSettings
-from ..slices import Slices
 from .camera import is_real, write_photo_camera
-
-
-class Viewpoint(TypedDict, total=False):
-    camera: str
-    focal: float
-    distance: float
-    mesh: str
-
-
-class RigAndViewpoint(Viewpoint):
-    rig: str
-
-
-class Network(TypedDict):
-    model: str
-    provider: str
-    threads: int
 
 
 def rig_file_for(photo: Any, settings: Any) -> str:
@@ -52,7 +34,7 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 
 def rig_and_camera_options(
     context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], rig_file: str | None = None
-) -> RigAndViewpoint:
+) -> dict[str, Any]:
     """The core's options for the photo's rig and camera, by the scene's settings.
 
     schedule: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
@@ -84,7 +66,7 @@ def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
 
 def _viewpoint_options(
     context: Any, image: Any, rig: LightRig, folder: Path, schedule: Callable[[Slices], None]
-) -> Viewpoint:
+) -> dict[str, Any]:
     """The core's options for the photo's camera and, for near lights, its distance to the object."""
     scene = context.scene
     settings = scene.mps.estimate
@@ -105,7 +87,7 @@ def _viewpoint_options(
     return viewpoint
 
 
-def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint:
+def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str, Any]:
     """The core's option for a photo's camera: its lens if known, else the photo's camera, else the rig's, else nothing.
 
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
@@ -120,7 +102,7 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint
     return {"camera": str(camera)}
 
 
-def network(settings: Any) -> Network:
+def network(settings: Any) -> dict[str, Any]:
     """The core's options for the model from the settings, and for the device of networks from the preferences."""
     provider, threads = preference("provider").lower(), preference("threads")
     return {"model": model_name(settings), "provider": provider, "threads": threads}

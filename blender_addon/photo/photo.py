@@ -168,6 +168,19 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         context.scene.mps.way = "PHOTOGRAPH"
 
 
+class MPS_FH_photo(bpy.types.FileHandler):
+    """Drag and drop: a photo dropped into a 3D viewport or an image editor becomes the photo."""
+
+    bl_idname = "MPS_FH_photo"
+    bl_label = "Open as Photo of MPS-Net"
+    bl_import_operator = "mps.open_photo"
+    bl_file_extensions = ";".join((*PHOTO_SUFFIXES, *VIDEO_SUFFIXES))
+
+    @classmethod
+    def poll_drop(cls, context: Any) -> bool:
+        return context.area is not None and context.area.type in {"VIEW_3D", "IMAGE_EDITOR"}
+
+
 class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
     """Make one photo of three, each of them under one of the rig's lights alone, turned white.
 
@@ -200,7 +213,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         rig = rig_at(self.scene(result_is), self._rig_place, result_is)
         image = load_photo(photo, photo.stem)
         self.made(image)
-        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states that it is linear
+        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
         _set_photo(rig, image)
         self.tell(f"Photo written to {photo}")
 
@@ -271,6 +284,6 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         self.tell(f"True normals written to {result['output']}")
 
 
-CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_superpose, MPS_OT_render_truth)
+CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_FH_photo, MPS_OT_superpose, MPS_OT_render_truth)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
-from mpsnet_core.io.metadata import content
+from mpsnet_core.io.metadata import content_fingerprint
 from mpsnet_core.io.provenance import digest
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
@@ -139,7 +139,7 @@ def scene_facts(output: Path) -> str:
     used = {Path(path) for path in bpy.utils.blend_paths(absolute=True)}
     there = sorted(path for path in used if path.is_file() and output not in path.parents)
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in there]
-    return f"{bpy.app.version_string} {content(bpy.data.filepath)} {stats}"
+    return f"{bpy.app.version_string} {content_fingerprint(bpy.data.filepath)} {stats}"
 
 
 def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render_progress, facts: str = "") -> Rendered:

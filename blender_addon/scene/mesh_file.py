@@ -6,7 +6,7 @@ responsive.
 
 import ctypes
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,6 @@ from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 
 from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
-from ..slices import Slices
 from .surfaces import SURFACES, world_scale
 
 # Settings of modifiers for the viewport, and their counterparts for renders.
@@ -35,6 +34,10 @@ _SHOWN_AND_RENDERED = (
 MAX_TRIANGLES = 4_000_000  # limit of what is read while the window waits
 
 _ROWS_A_SLICE = 100_000
+
+# Long work whose steps are short enough not to block the window; close() ends it early. It yields whether the next step
+# is a long one, before which the window is redrawn.
+Slices = Generator[bool, None, None]
 
 
 @dataclass(frozen=True)

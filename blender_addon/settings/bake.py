@@ -7,20 +7,27 @@ from bpy.props import CollectionProperty, PointerProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.defaults import MARGIN, MAX_TEXTURE_SIZE, TEXTURE_SIZE
+from mpsnet_core.defaults import (
+    LEVEL_SCALE,
+    MARGIN,
+    MAX_LEVEL_SCALE,
+    MAX_TEXTURE_SIZE,
+    MIN_LEVEL_SCALE,
+    TEXTURE_SIZE,
+)
 
 from ..outputs import FORMAT_OF
 from .declared import (
     OWN_SENSE,
     BoolSetting,
     EnumSetting,
+    FloatSetting,
     IntSetting,
     StringSetting,
     format_setting,
     from_option,
     items_of,
 )
-from .detail import cut_off, detail_only
 
 # The bit depths of each format.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
@@ -43,6 +50,27 @@ def _take_format(settings: Any, context: Any) -> None:
 def _take_detail(settings: Any, context: Any) -> None:
     if settings.onto and isinstance(settings, bpy.types.PropertyGroup):
         settings.level = True
+
+
+def detail_only(*, default: bool) -> Any:
+    return BoolSetting(
+        name="Detail Only",
+        description="Take large shapes from the object and only detail from the photos, whatever else the estimates "
+        "say: seams between views vanish",
+        default=default,
+    )
+
+
+def cut_off() -> Any:
+    return FloatSetting(
+        name="Cut-Off",
+        description="What is smaller than about twice this fraction of the object's size is detail, and taken from the "
+        "photos",
+        default=LEVEL_SCALE,
+        min=MIN_LEVEL_SCALE,
+        max=MAX_LEVEL_SCALE,
+        precision=3,
+    )
 
 
 class BakeSettings:

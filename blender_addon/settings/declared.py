@@ -50,8 +50,8 @@ _LABELS = {"auto": "Automatic", "srgb": "sRGB", "opengl": "OpenGL", "directx": "
 # An identifier, a label and a tooltip.
 Item = tuple[str, str, str]
 
-# The options that settings were made of, by the identity of the properties, see options_of.
-_OPTIONS: dict[int, str] = {}
+# The options that settings were made of, by the identity of the properties, which are kept with them: see options_of.
+_OPTIONS: dict[int, tuple[str, Any]] = {}
 
 
 def option_of(operation: type[Operation], name: str) -> Setting:
@@ -130,7 +130,7 @@ def from_option(
             facts["description"] += f". {'Empty' if setting.kind is str else '0'}: {empty}"
         made = _text(setting, default, facts) if setting.kind is str else _number(setting, default, low, facts)
     if not switch:
-        _OPTIONS[id(made)] = option
+        _OPTIONS[id(made)] = option, made
     return made
 
 
@@ -172,7 +172,7 @@ def options_of(
     found = {}
     known = {setting.name: setting for setting in settings(operation)}
     for name, declared in kind.__annotations__.items():
-        option = _OPTIONS.get(id(declared), "output")
+        option, _ = _OPTIONS.get(id(declared), ("", None))
         if option in known and option not in ("output", *without) and (not only or option in only):
             value = _core_value(known[option], getattr(group, name))
             if value is not None:

@@ -13,6 +13,10 @@ import bpy
 # The labels of options that settings are not made of, and of those whose settings have another meaning.
 _LABELS = {
     "camera": "Camera",
+    "circle": "Outline by Hand",
+    "crop": "Crop",
+    "format": "Format",
+    "lens": "Lens Of",
     "level": "Detail Only",
     "mask": "Mask",
     "output": "File",
@@ -22,10 +26,13 @@ _LABELS = {
 # The labels of options' choices.
 _CHOICES: dict[str, dict[str, str]] = {}
 
-_FLAG = r"--([a-z]+(?:-[a-z]+)*)"
+# Not a part of a path or a name, as in "photos/--mask.png".
+_FLAG = r"(?<![\w/\\\"'-])--([a-z]+(?:-[a-z]+)*)(?![\w-]|\.\w|[=/\\])"
 _OPTION = re.compile(rf"{_FLAG}(?: ([a-z0-9-]+))?")
 _ALL_OPTIONS = re.compile(r" \((--[^()]*)\)")
-_COMMAND = re.compile(rf"mpsnet ([a-z]+)(?: ([a-z]+))?((?: {_FLAG})*)")
+_OR_OPTION = re.compile(rf",? or give {_FLAG}")
+# Not one with its files, which is to be run as it is.
+_COMMAND = re.compile(rf"mpsnet ([a-z]+)(?: ([a-z]+)(?![./-]\w))?((?: {_FLAG})*)(?!\w|[./-]\w|\s+-|\s+[^\s\[]*[./]\w)")
 
 
 def store_label(option: str, label: str, choices: Mapping[str, str]) -> None:
@@ -38,10 +45,11 @@ def store_label(option: str, label: str, choices: Mapping[str, str]) -> None:
 def in_blender(message: str) -> str:
     """A message of the core with the labels of fields and buttons in place of options and commands.
 
-    Options in brackets that Blender has no field for are left out, with their brackets. Text that is in Blender's words
-    already stays as it is.
+    Options in brackets that Blender has no field for are left out, with their brackets, and so is "or give" such an
+    option. Text that is in Blender's words already stays as it is.
     """
-    message = _ALL_OPTIONS.sub(lambda found: found[0] if _known(found[1]) else "", message)
+    for hint in (_ALL_OPTIONS, _OR_OPTION):
+        message = hint.sub(lambda found: found[0] if _known(found[0]) else "", message)
     return _OPTION.sub(_field, _COMMAND.sub(_button, message))
 
 

@@ -27,7 +27,6 @@ from .photo import MPS_PG_photo
 from .record import MPS_PG_record
 from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
-from .rigs import MPS_PG_one_of_rigs
 from .samples import MPS_PG_samples
 from .superpose import MPS_PG_superpose
 from .views import MPS_PG_views
@@ -47,6 +46,17 @@ def _way(mps: Any) -> int:
 
 def _choose_way(mps: Any, way: int) -> None:
     mps[_CHOSEN] = way
+
+
+class MPS_PG_one_of_rigs(bpy.types.PropertyGroup):
+    """One of several rigs. What it holds counts while another one is chosen: that of the chosen rig is in the scene."""
+
+    rig: PointerProperty(name="Rig", description="The rig's settings and objects", type=MPS_PG_rig)
+    photo: PointerProperty(name="Photo", description="The photo that was taken with it", type=MPS_PG_photo)
+    estimate: PointerProperty(name="Estimate", description="The normals of that photo", type=MPS_PG_estimate)
+    records: CollectionProperty(
+        name="Records", description="How the last run of each of its operators ended", type=MPS_PG_record
+    )
 
 
 class MPS_PG_scene(bpy.types.PropertyGroup):

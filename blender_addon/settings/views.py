@@ -5,8 +5,8 @@ from bpy.props import StringProperty
 
 from mpsnet_core.bake.operations import BakeViews
 
+from .bake import cut_off, detail_only
 from .declared import OWN_SENSE, EnumSetting, from_option
-from .detail import cut_off, detail_only
 
 
 class ViewsSettings:

@@ -155,7 +155,8 @@ def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", mesh_seen: bool) -> str:
     if mesh_seen:
         return (
             "none of what the views see lands in the texture: in tangent space, it may not point away from the "
-            "mesh's normals. Check these, or bake in object space"
+            "mesh's normals. Was the object or the camera moved since the photo? If not, check the normals, or bake in "
+            "object space"
         )
     if masks_hide_all(meshes, bake.projectors):
         return (

@@ -13,7 +13,8 @@ from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.frames import is_folder_or_pattern, matching_files, numbering
-from mpsnet_core.io.provenance import content, identity
+from mpsnet_core.io.metadata import content_fingerprint
+from mpsnet_core.io.provenance import fingerprint
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.joined_mesh import join_meshes
@@ -57,7 +58,7 @@ class BakeInputs:
         Those of meshes and cameras are of their content, because Blender writes the files anew for every run.
         """
         hashed_files = [*self.meshes, *(view.camera for view in self.views)]
-        return [*map(content, hashed_files), *(identity(view.normals) for view in self.views)]
+        return [*map(content_fingerprint, hashed_files), *(fingerprint(view.normals) for view in self.views)]
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ def _by_number(given: str, what: str) -> Path | dict[int, Path]:
     files = matching_files(given, what)
     numbered = numbering(files)
     if numbered is None:
-        raise FileError(f"the {what}s of {given} are no sequence: their names must differ in one number alone")
+        raise FileError(f"the {what}s of {given} are not a sequence: their names may differ in one number only")
     return dict(zip(numbered.numbers, files, strict=True))
 
 

@@ -30,7 +30,7 @@ from mpsnet_core.io.image_layers import layer_in
 from mpsnet_core.io.image_reading import read_size
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
-from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line
+from mpsnet_core.io.provenance import fingerprint, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
 from mpsnet_core.scene.mesh import Mesh
@@ -181,13 +181,13 @@ def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape:
     return provenance_line(
         "normals",
         recipe,
-        identity(view.photo),
+        fingerprint(view.photo),
         json.dumps(camera_data(view.camera)),
         repr(view.lens),
         json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)]),
         photography.mask if photography.mask == MESH else mask_identity(mask),
         shape if needs_mesh else "",
-        *map(identity, white),
+        *map(fingerprint, white),
     )
 
 

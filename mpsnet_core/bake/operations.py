@@ -219,14 +219,14 @@ class BakesDetail(MakesTextures):
             fill=self.fill,
         )
 
-    def planned(self, target: "TextureTarget", taken: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
+    def planned(self, target: "TextureTarget", protected_paths: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
         """The textures to bake, see :func:`mpsnet_core.bake.texture_files.planned`."""
         from mpsnet_core.bake.texture_files import planned
 
         return planned(
             target,
             self.mesh,
-            taken,
+            protected_paths,
             self.read_mesh,
             onto=self.onto,
             onto_convention=self.onto_convention,
@@ -572,8 +572,8 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         kept_files = self._kept_files(views)
         check_no_overwrite([*inputs, *photos, *outputs], kept_files)
         progress(0.0, "reading the mesh")
-        taken = [*inputs, *photos, *map(Path, outputs[1:]), *kept_files]
-        plan = self.planned(target, taken, albedo=bool(self.white))
+        protected_paths = [*inputs, *photos, *map(Path, outputs[1:]), *kept_files]
+        plan = self.planned(target, protected_paths, albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)
         recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
         sources = sources_of(views, photography, mesh, recipe)
@@ -697,5 +697,5 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
             if self.report:
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
-                write_json(self.json, result.figures("views", "seen", "filled", "level", "model"))
+                write_json(self.json, result.metrics("views", "seen", "filled", "level", "model"))
         return result

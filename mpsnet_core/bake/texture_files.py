@@ -110,7 +110,7 @@ class Plan:
 def planned(
     target: TextureTarget,
     mesh_files: Sequence[str],
-    taken: Sequence[Path],
+    protected_paths: Sequence[Path],
     read_mesh: Callable[[str], Mesh],
     *,
     onto: str | None = None,
@@ -121,7 +121,7 @@ def planned(
 ) -> Plan:
     """Read the meshes, and plan the textures of the target.
 
-    taken: files that no texture may overwrite. read_mesh: reads a mesh file. onto, onto_convention: as for
+    protected_paths: files that no texture may overwrite. read_mesh: reads a mesh file. onto, onto_convention: as for
     :func:`base_map_files`. onto_shown: whether the photos show that map. albedo: whether the views' colours are baked
     as well. coverage: see :class:`Plan`.
 
@@ -140,7 +140,7 @@ def planned(
     folder = ensure_folder(coverage, "coverage") if coverage else None
     seen = [folder / file.name for file in files] if folder else ()
     written = map(writable_path, [*files, *(albedos if albedo else ()), *seen])
-    check_no_overwrite([*taken, *(present.file for present in base_files if present)], written)
+    check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
     check_no_overwrite(files, seen)
     base_maps = BaseMaps(base_files, chosen, meshes, onto_shown)
     return Plan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)

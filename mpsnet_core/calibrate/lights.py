@@ -1,7 +1,6 @@
 """Light directions from highlights in a mirror ball, and positions from balls at two or more places."""
 
 import logging
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +11,6 @@ from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.calibrate.highlights import Highlight
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.files import atomic_write
 from mpsnet_core.scene.camera import camera_of_lens
 
 log = logging.getLogger(__name__)
@@ -205,17 +203,6 @@ def meeting_point(
     error = float(np.sqrt((1 / np.maximum(values, 1e-18)).sum()))
     missed = np.einsum("pij,pj->pi", across, point - origins)
     return point, error, float(np.sqrt((missed**2).sum(axis=1).mean()))
-
-
-def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequence[str]) -> None:
-    """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging (RTI), atomically.
-
-    The file has a count, then lines "name x y z": x right, y up, z towards the camera. names: of the photos.
-    """
-    rows = np.asarray(directions, np.float64)
-    lines = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, rows, strict=True)]
-    with atomic_write(path) as unfinished:
-        unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 
 def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:

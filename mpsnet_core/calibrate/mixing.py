@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.calibrate.ball import Ball, surface
-from mpsnet_core.capture.rig_check import check_rig, misfit_words
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
+from mpsnet_core.scene.rig_check import check_rig, misfit_words
 
 log = logging.getLogger(__name__)
 

@@ -98,7 +98,7 @@ class UsesBall(ReadsPhotos, HasLens):
         from mpsnet_core.io.files import write_json
 
         if self.json:
-            write_json(self.json, result.figures())
+            write_json(self.json, result.metrics())
 
 
 # --- lights -----------------------------------------------------------------------------------------------------------
@@ -268,8 +268,7 @@ class CalibrateLights(UsesBall):
         ]
 
     def _write_rig(self, found: "LightsFound", chosen: _Chosen) -> None:
-        from mpsnet_core.calibrate.lights import write_lp
-        from mpsnet_core.scene.rig import LightRig, near_rig, write_rig
+        from mpsnet_core.scene.rig import LightRig, near_rig, write_lp, write_rig
 
         if self._is_lp:
             names = [file.stem for file in chosen.files] if chosen.files else chosen.names
@@ -457,16 +456,12 @@ class CalibrateMixing(UsesBall):
         return MixingCalibrated(
             self.output,
             self.overlay,
-            mixing=found.mixing.tolist(),
-            residual=found.residual,
+            found.mixing.tolist(),
             ambient=found.ambient.tolist(),
-            pixels=found.pixels,
-            left_out=found.left_out,
-            determined=found.determined,
-            uncertainty=found.uncertainty,
             equation_2_error=off,
             balls=balls,
             text="\n".join([f"{self.output}:", *mixing_lines(found, off), *map(str, balls)]),
+            **{name: getattr(found, name) for name in ("residual", "pixels", "left_out", "determined", "uncertainty")},
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
@@ -33,6 +33,8 @@ PAIRS = (("red", "green"), ("red", "blue"), ("green", "blue"))
 BLACK = 0.01
 # An object of fewer pixels is hardly one.
 FEW = 9
+# About how many pixels of the object are looked at for doubts.
+SAMPLED = 1 << 17
 # Above this share of saturated pixels, there is a doubt.
 SPOILT = 0.05
 # Pixels by which a mesh's depth is extended beyond the mesh.
@@ -256,14 +258,13 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
         log.info(words, distance, expected)
 
 
-def channel_angles(
-    means: NDArray[np.float64], products: NDArray[np.float64], pixels: int
-) -> NDArray[np.float64] | None:
+def channel_angles(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """(3,) angles in radians between the channels red and green, red and blue, green and blue as vectors over pixels.
 
-    None if the whole object faces one way, unless the channels are equal: a flat object's channels are alike under any
-    lights. means: (3,) of the pixels. products: (3, 3) sums over pixels of products of two channels.
+    values: (N, 3). None if the whole object faces one way, unless the channels are equal: a flat object's channels are
+    alike under any lights.
     """
+    means, products, pixels = values.mean(axis=0), values.T @ values, len(values)
     sizes = np.sqrt(np.diag(products))
     varied = sizes**2 / pixels > 1.01 * means**2
     if np.ptp(means) > 1e-3 * means.max() and not varied[means > 0].all():
@@ -274,18 +275,10 @@ def channel_angles(
 
 def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
     """What makes a photo's normals probably wrong: the level to log each doubt at, its kind, and the words."""
-    spoilt = 0
-    total, products = np.zeros(3), np.zeros((3, 3))
-    for rows in bands(len(capture.mask)):
-        mask = capture.mask[rows]
-        inside = capture.image[rows][mask]
-        if len(inside):
-            spoilt += int(capture.saturated_in(rows)[mask].any(axis=1).sum())
-            total += inside.sum(axis=0, dtype=np.float64)
-            products += inside.T.astype(np.float64) @ inside
-    pixels = int(capture.mask.sum())
-    means = total / pixels
-    angles = channel_angles(means, products, pixels)
+    sampled = [*sampled_rows(capture.mask, SAMPLED)]
+    inside = np.concatenate([capture.image[rows][mask] for rows, mask in sampled]).astype(np.float64)
+    spoilt = np.concatenate([capture.saturated_in(rows)[mask].any(axis=1) for rows, mask in sampled]).mean()
+    pixels, means, angles = int(capture.mask.sum()), inside.mean(axis=0), channel_angles(inside)
     if pixels < FEW:
         yield WARN, "few", f"the object has {pixels} pixel(s), too few for a surface: is it the right file?"
     if angles is not None and angles.max() <= ALIKE:
@@ -298,8 +291,8 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
     for channel, mean in zip(CHANNELS, means, strict=True):
         if mean < BLACK * means.max():
             yield WARN, channel, f"the {channel} channel is black: was its light on? [black-channel]"
-    if spoilt > SPOILT * pixels:
-        words = f"{100 * spoilt / pixels:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
+    if spoilt > SPOILT:
+        words = f"{100 * spoilt:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
         yield INFO, "clipped", words + "exposure [clipped-photo]"
     if capture.white_clipped is not None:
         share = capture.white_clipped[capture.mask].any(axis=1).mean()

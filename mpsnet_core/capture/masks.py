@@ -28,7 +28,7 @@ from mpsnet_core.errors import FileError, NoObject, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_mask
-from mpsnet_core.io.provenance import identity
+from mpsnet_core.io.provenance import fingerprint
 
 log = logging.getLogger(__name__)
 
@@ -153,7 +153,7 @@ def mask_source(choice: str) -> str | None:
 
 def mask_identity(choice: str) -> str:
     """Text that changes with the mask choice and with the contents of the files it names."""
-    return identity(choice) if mask_source(choice) else choice
+    return fingerprint(choice) if mask_source(choice) else choice
 
 
 def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:

@@ -16,7 +16,6 @@ from mpsnet_core.capture.capture import Capture, checked_white, depth_within, do
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, straightened
 from mpsnet_core.capture.masks import Notes, mask_of
-from mpsnet_core.capture.rig_check import warn_of_wrong_rig
 from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, other_than, warn_of_curve
 from mpsnet_core.defaults import MASK
@@ -29,6 +28,7 @@ from mpsnet_core.scene.camera import Camera, camera_for
 from mpsnet_core.scene.mesh_depth import depth_of_mesh, mesh_mask
 from mpsnet_core.scene.photogrammetry.lens import undistorted_mask
 from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.scene.rig_check import warn_of_wrong_rig
 
 log = logging.getLogger(__name__)
 

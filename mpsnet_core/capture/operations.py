@@ -325,6 +325,6 @@ class Check(ReadsPhotos):
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
         if self.json:
-            write_json(self.json, result.figures("level", "findings"))
+            write_json(self.json, result.metrics("level", "findings"))
         progress(1.0, "done")
         return result

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.crests import crests
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, PAIRS, channel_angles, finite_inside
-from mpsnet_core.capture.rig_check import check_rig, misfit_words
 from mpsnet_core.capture.transfer import CLOSE, DECIDED
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.scene.rig_check import check_rig, misfit_words
 
 Level = Literal["good", "watch", "bad"]
 Figures = dict[str, float | list[float]]
@@ -199,7 +200,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
 
 
 def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
-    angles = channel_angles(values.mean(axis=0), values.T @ values, len(values))
+    angles = channel_angles(values)
     condition = 1.0 if rig is None else float(np.linalg.cond(rig.mixing))
     figures: Figures = {"mixing_condition": round(condition, 2)}
     if angles is not None:
@@ -351,7 +352,7 @@ def _sharpest_edges(
     fine, coarse = (np.gradient(box_sums(box_sums(light, reach), reach) / (2 * reach + 1) ** 4) for reach in (1, 2))
     steep = np.hypot(*fine)
     high = max(EDGE * bright, EDGE_NOISE * grain)
-    edge = near & (steep * np.sqrt(2 * np.pi * FINE) > high) & _crest(steep, *fine)
+    edge = near & (steep * np.sqrt(2 * np.pi * FINE) > high) & crests(steep, *fine)
     if outline:
         # If noise may have hidden a sharp outline in the larger image, a blurred one here proves nothing.
         edge &= dilated(~inside, 2) & (2 * EDGE_NOISE * grain < EDGE * bright)
@@ -360,11 +361,3 @@ def _sharpest_edges(
     ratio = steep[edge] / np.maximum(np.hypot(*coarse)[edge], 1e-12)
     sharp = float(np.clip(np.percentile(ratio, SHARPEST) ** 2, 1.001, COARSE / FINE))
     return float(factor * np.sqrt((COARSE - FINE * sharp) / (sharp - 1)))
-
-
-def _crest(steep: NDArray[np.float64], down: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Non-maximum suppression of the gradient, along the axis it mostly points along."""
-    along_rows, along_columns = np.ones(steep.shape, bool), np.ones(steep.shape, bool)
-    along_rows[1:-1] = (steep[1:-1] >= steep[:-2]) & (steep[1:-1] >= steep[2:])
-    along_columns[:, 1:-1] = (steep[:, 1:-1] >= steep[:, :-2]) & (steep[:, 1:-1] >= steep[:, 2:])
-    return np.where(np.abs(down) > np.abs(across), along_rows, along_columns)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
-from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.io.image import Assumed, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.scene.rig_check import equal_albedo
 
 log = logging.getLogger(__name__)
 
@@ -36,9 +36,6 @@ MIN_BLOCKS = 150
 MIN_CELLS = 100
 # Normals with a smaller z have no reliable gradients.
 MIN_FACING = 0.15
-ROUNDS = 15
-# Weight of the prior that the lights are equally strong.
-STRENGTH_PRIOR = 0.05
 
 
 def looked_at(sources: Sequence[T]) -> list[T]:
@@ -114,26 +111,3 @@ def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, ri
     curl = np.abs(along_y[:, 0] - along_x[:, 1])
     all_of_it = np.sqrt(np.square(along_x).sum(axis=-1) + np.square(along_y).sum(axis=-1))
     return float(np.mean(curl / (all_of_it + 0.1 * np.median(all_of_it) + 1e-12)))
-
-
-def equal_albedo(colours: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
-
-    directions: (3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which would
-    distort the normals.
-    """
-    means = np.median(colours, axis=0)
-    square = np.linalg.inv(directions @ directions.T)
-    strengths = np.zeros(3)
-    for _ in range(ROUNDS):
-        lights = colours / means * np.exp(strengths)
-        turned = lights @ square
-        length = dot(turned, lights)
-        error = np.log(length) / 2
-        weight = 1 / np.maximum(np.abs(error - np.median(error)), 0.02)
-        weight /= weight.sum()
-        jacobian = turned * lights / length[:, None]
-        jacobian, error = jacobian - weight @ jacobian, error - weight @ error
-        left = (jacobian * weight[:, None]).T @ jacobian + STRENGTH_PRIOR * np.eye(3)
-        strengths = strengths - np.linalg.solve(left, jacobian.T @ (weight * error) + STRENGTH_PRIOR * strengths)
-    return np.asarray(np.exp(strengths) / means)

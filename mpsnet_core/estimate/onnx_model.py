@@ -5,7 +5,7 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -192,15 +192,17 @@ def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None)
             outcome.set_exception(error)
 
     thread = threading.Thread(target=report, daemon=True)
-    thread.start()
     try:
+        thread.start()  # a signal may come while it waits for the thread
         while thread.is_alive():
             thread.join(1)  # without a limit, Windows hears no signals
+    except RuntimeError:  # there can be no more threads
+        raise
     except BaseException:
         stop()
-        thread.join(STOP_SECONDS)
-        # The libraries cannot be unloaded under it.
-        atexit.register(lambda: os._exit(EXIT_CANCELLED) if thread.is_alive() else None)
+        wait([outcome], STOP_SECONDS)
+        # The libraries cannot be unloaded under it: the process would abort.
+        atexit.register(lambda: None if outcome.done() else os._exit(EXIT_CANCELLED))
         raise
     return outcome.result()
 

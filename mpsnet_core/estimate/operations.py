@@ -57,12 +57,12 @@ class RunsModel(Operation):
 
         Raises SettingsError if there is no such model, FileError if its file is missing.
         """
-        from mpsnet_core.io.provenance import content
+        from mpsnet_core.io.metadata import content_fingerprint
 
         if self.model in BASELINES:
             return {"model": self.model}
         network = find_network(self.model)
-        return {"model": content(network.path), "passes": str(passes or network.passes)}
+        return {"model": content_fingerprint(network.path), "passes": str(passes or network.passes)}
 
     def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
         """The loaded model. passes: as in :class:`mpsnet_core.estimate.estimator.Estimator`."""
@@ -282,14 +282,14 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if numbered is None and (self.smooth or masks.by_number):
             what = "--smooth" if self.smooth else f"--mask {self.mask}"
             raise SettingsError(
-                f"{what} takes the frames of one sequence: photos whose names differ in one number alone"
+                f"{what} takes the frames of one sequence: photos whose names differ in one number only"
             )
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
         like = self.source(photos[0], self.rig)
         frames = photo_frames(photos, outputs, masks=masks, like=like, reach=self.smooth)
         step = numbered.step if numbered else None
-        outcome = self._sequence(frames, len(photos), progress, step, apart=not self.smooth)
+        outcome = self._sequence(frames, len(photos), progress, step, continue_on_error=not self.smooth)
         numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
         without = {*outcome.left_out, *outcome.failed}
         made = {number: output for number, output in zip(numbers, outputs, strict=True) if number not in without}
@@ -321,10 +321,16 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return self._made_of_sequence(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
 
     def _sequence(
-        self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int | None, *, apart: bool = False
+        self,
+        frames: "Iterable[Frame]",
+        count: int,
+        progress: Progress,
+        step: int | None,
+        *,
+        continue_on_error: bool = False,
     ) -> "Outcome":
-        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are no sequence.
-        apart: as in `estimate_sequence`."""
+        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are not a sequence.
+        continue_on_error: as in `estimate_sequence`."""
         from mpsnet_core.capture.open import PhotoSet
         from mpsnet_core.estimate.sequence.run import estimate_sequence
         from mpsnet_core.io.provenance import operation_facts
@@ -340,7 +346,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             recipe=operation_facts(self, **self.model_facts(passes)),
             smooth=self.smooth,
             step=step or 1,
-            apart=apart,
+            continue_on_error=continue_on_error,
             convention=self.convention,
             count=count,
             progress=progress,

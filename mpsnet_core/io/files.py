@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
+from mpsnet_core.io.marks import is_ours
 from mpsnet_core.io.opening import MAX_TEXT_BYTES as MAX_TEXT_BYTES
 from mpsnet_core.io.opening import existing_file as existing_file
 from mpsnet_core.io.opening import is_file as is_file
@@ -283,14 +284,12 @@ def check_own(path: str | os.PathLike[str], *, derived: bool = False, json_forma
         if str(place) in (task.places if task else [str(file.parent)]) or place == Path(tempfile.gettempdir()):
             break
         check_no_link(place)
-    if file.is_file() and not (task and (task.operation.overwrite or str(file) in task.written)):
-        from mpsnet_core.io.ownership import is_ours  # needs OpenImageIO, which Blender's own process lacks
-
-        if not is_ours(file, json_format):
-            raise FileError(
-                f"the result would overwrite {path}, which this program did not make; move it, choose another "
-                "output, or give --overwrite"
-            )
+    may = task and (task.operation.overwrite or str(file) in task.written)
+    if file.is_file() and not may and not is_ours(file, json_format):
+        raise FileError(
+            f"the result would overwrite {path}, which this program did not make; move it, choose another output, or "
+            "give --overwrite"
+        )
 
 
 def check_no_link(path: Path) -> None:

@@ -76,7 +76,7 @@ class Numbering:
 
 
 def numbering(files: Sequence[Path]) -> Numbering | None:
-    """The numbering of `files`, or None if they are no sequence: names differ in more than a number, or one repeats."""
+    """The numbering of `files`; None if they are not a sequence: names differ in more than a number, or one repeats."""
     names = [re.split("([0-9]+)", file.stem) for file in files]
     if len({len(name) for name in names}) != 1:
         return None

@@ -41,7 +41,8 @@ def curve_of(path: Path, spec: Any, encoding: Encoding) -> tuple[Curve, Assumed 
     linear as far as that was right; the encoding is that of the others.
     """
     linear = IS_LINEAR[encoding]
-    assumed = assumed_curve(image_attribute(spec, "ImageDescription", str) or "")
+    description = image_attribute(spec, "ImageDescription", str) or ""
+    assumed = assumed_curve(description) if is_float(spec) else None
     if linear is None:
         decoded, of_itself = _stated_encoding(path, spec)
         return decoded, assumed or of_itself

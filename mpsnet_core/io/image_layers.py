@@ -67,7 +67,8 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
         spec = source.spec()
         spec.attribute(FORMAT, source.format_name())
         spec.attribute(PALETTE, int(has_palette(path, spec)))
-        spec.attribute("Orientation", orientation_of(spec, path))
+        orientation = orientation_of(spec, path)
+        spec.attribute("Orientation", orientation)
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
         if spec.width * spec.height * (last + 1 - first) > MAX_LAYER_VALUES:
             raise FormatError(
@@ -84,7 +85,7 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
     if not is_whole_picture:
         values = _on_display_window(values, spec)
-    values = oriented(values, orientation_of(spec, path))
+    values = oriented(values, orientation)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
 
 

@@ -92,6 +92,19 @@ def read_image(
     if pair and len(names) == 2:
         first, second = names.values()
         names = {"R": first, "G": second, "B": second}
+    return _decoded(path, values, names, spec, encoding, grey, compact)
+
+
+def _decoded(
+    path: Path,
+    values: NDArray[Any],
+    names: dict[str, int],
+    spec: oiio.ImageSpec,
+    encoding: Encoding,
+    grey: bool,
+    compact: bool,
+) -> Image:
+    """The image of a file's values (H, W, C), whose channels have these names and places."""
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
         raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)
@@ -109,13 +122,8 @@ def read_image(
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
-        band = _as_float(values[rows][..., colour])
-        band /= exposure
-        if alpha is not None and premultiplied:
-            cover = alpha[rows, :, None]
-            # A colour without coverage is pure emission; some renderers write every pixel that way.
-            band = np.divide(band, cover, out=band, where=cover > 1e-6)
-        pixels[rows] = decoded(band)
+        cover = alpha[rows] if alpha is not None and premultiplied else None
+        pixels[rows] = decoded(_straight(values[rows][..., colour], exposure, cover))
         if colour[1] == colour[2] != colour[0]:
             pixels[rows, :, 2] = 0
     if alpha is not None and not premultiplied and _seems_premultiplied(values, colour, alpha):
@@ -128,6 +136,18 @@ def read_image(
     clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear, linear_to_srgb) else 1.0
     orientation = image_attribute(spec, "Orientation", int)
     return Image(pixels, alpha, clip, None, _exposure_time(spec), assumed, orientation)
+
+
+def _straight(
+    values: NDArray[Any], exposure: NDArray[np.float32], cover: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
+    """Colours (H, W, 3) without the exposure that their file states, nor the alpha that they are multiplied by."""
+    colours = _as_float(values)
+    colours /= exposure
+    if cover is None:
+        return colours
+    # A colour without coverage is pure emission; some renderers write every pixel that way.
+    return np.divide(colours, cover[..., None], out=colours, where=cover[..., None] > 1e-6)
 
 
 def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]:

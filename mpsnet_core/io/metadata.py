@@ -32,7 +32,7 @@ def metadata(*, with_inputs: bool) -> str:
         elif plain and value != setting.default:
             chosen[setting.name] = value
     given = [Path(file) for file in task.read if file not in task.written and Path(file).is_file()]
-    made_of = {"inputs": sorted(f"{file.name} {content(file)}" for file in given)} if with_inputs else {}
+    made_of = {"inputs": sorted(f"{file.name} {content_fingerprint(file)}" for file in given)} if with_inputs else {}
     software = f"{SOFTWARE} {__version__}"
     return json.dumps({"software": software, "command": task.operation.command, "settings": chosen, **made_of})
 
@@ -42,7 +42,7 @@ def is_provenance_line(description: str) -> bool:
     return re.search(rf"{BY}\S+, [0-9a-f]{{32}}$", description) is not None
 
 
-def content(file: str | os.PathLike[str]) -> str:
+def content_fingerprint(file: str | os.PathLike[str]) -> str:
     """Hash of a file's content. Raises FileError if it is missing."""
     path = existing_file(file, "file")
     facts = path.stat()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.io.marks import BY, made
-from mpsnet_core.io.metadata import content
+from mpsnet_core.io.metadata import content_fingerprint
 from mpsnet_core.operation import Operation, Provenance, settings
 
 
@@ -36,7 +36,7 @@ def is_result(picture: Path, what: str) -> bool:
     return image_description(picture).startswith(f"{what}{BY}")
 
 
-def identity(given: str | os.PathLike[str]) -> str:
+def fingerprint(given: str | os.PathLike[str]) -> str:
     """Fingerprint of files: their names and hashes of their contents. Sizes and times do not tell two photos apart.
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
@@ -51,10 +51,10 @@ def identity(given: str | os.PathLike[str]) -> str:
         files = matching_files(place)
     else:
         return text
-    return text.removesuffix(place) + "; ".join(f"{file.name} {content(file)}" for file in files)
+    return text.removesuffix(place) + "; ".join(f"{file.name} {content_fingerprint(file)}" for file in files)
 
 
-_FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content, "files": identity}
+_FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content_fingerprint, "files": fingerprint}
 
 
 def operation_facts(operation: Operation, *parts: type[Operation], **more: str) -> str:

@@ -121,9 +121,9 @@ class Train(Operation):
             text += ", and finish it with --anneal STEPS"
             return NetworkTrained(step, checkpoint=str(paths.checkpoint), text=text)
         export_onnx(trained, output)
-        figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"
-        mae_deg = None if trained.figures is None else round(trained.figures.mae_deg, 4)
-        return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
+        metrics = "" if trained.metrics is None else f": {trained.metrics} on held-out samples"
+        mae_deg = None if trained.metrics is None else round(trained.metrics.mae_deg, 4)
+        return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{metrics}")
 
     def _paths(self, output: Path) -> "TrainingPaths":
         from mpsnet_core.io.files import check_no_overwrite, creatable_folder, writable_path

@@ -1,11 +1,12 @@
 """The operations ``integrate`` (products of a normal map) and ``material`` (a seamless material from a photo)."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
+from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
     BEND,
     CONVENTIONS,
@@ -15,11 +16,9 @@ from mpsnet_core.defaults import (
     MAX_BEND,
     MAX_BUMPS,
     MAX_FACES,
-    MAX_FOCAL,
     MAX_MATERIAL_SIZE,
     MAX_OVERLAP,
     MAX_TEXTURE_SIZE,
-    MIN_FOCAL,
     MIN_MATERIAL_SIZE,
     MIN_OVERLAP,
     OVERLAP,
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# The products of a photo's normals in order. Each is requested by the option of its name.
-PRODUCTS = ("height", "curvature", "occlusion", "relit", "mesh")
 # Options that apply to a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
 # Options that have no effect without another one.
@@ -74,19 +71,11 @@ class SurfaceMade(Result):
 
 
 @dataclass(frozen=True)
-class HasScale(Operation):
+class HasScale(HasLens):
     """A photo's camera and unit."""
 
     heading: ClassVar[str] = "the photo's camera, and the unit"
 
-    camera: str | None = option(default=None, help="camera file of the photo", provenance="content")
-    focal: float | None = option(
-        default=None,
-        metavar="MM",
-        low=MIN_FOCAL,
-        high=MAX_FOCAL,
-        help="35 mm equivalent focal length in millimetres, in place of a camera file",
-    )
     pixel_size: float | None = option(
         default=None, metavar="S", help="size of a pixel in an orthographic view, in place of a camera file", unset="1"
     )
@@ -313,12 +302,27 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         from mpsnet_core.bake.texture_names import check_one_texture
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.frames import is_folder_or_pattern
+        from mpsnet_core.relief.products import (
+            CurvaturePicture,
+            HeightPicture,
+            MeshFile,
+            OcclusionPicture,
+            RelitPicture,
+        )
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)
-        requested = {name: self._product(name, Path(file)) for name in PRODUCTS if (file := getattr(self, name))}
+        up = self.up or ("z" if self.camera else "y")
+        kinds: dict[str, Callable[[Path], Product]] = {
+            "height": lambda path: HeightPicture(path, self.height_bits),
+            "curvature": lambda path: CurvaturePicture(path, self.curvature_radius, self.curvature_range),
+            "occlusion": lambda path: OcclusionPicture(path, self.occlusion_reach),
+            "relit": lambda path: RelitPicture(path, self.light, self.turntable),
+            "mesh": lambda path: MeshFile(path, self.faces, self.open, up, self.distance),
+        }
+        requested = {name: kind(Path(file)) for name, kind in kinds.items() if (file := getattr(self, name))}
         if not requested:
-            wanted = ", ".join(f"--{name}" for name in PRODUCTS)
+            wanted = ", ".join(f"--{name}" for name in kinds)
             raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
         if is_folder_or_pattern(self.normals):
             raise SettingsError(f"{self.normals} matches several normal maps; integrate them one by one")
@@ -328,19 +332,6 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             check_no_overwrite(taken, files)
             taken += files
         return requested
-
-    def _product(self, name: str, path: Path) -> "Product":
-        from mpsnet_core.relief import products
-
-        if name == "height":
-            return products.HeightPicture(path, self.height_bits)
-        if name == "curvature":
-            return products.CurvaturePicture(path, self.curvature_radius, self.curvature_range)
-        if name == "occlusion":
-            return products.OcclusionPicture(path, self.occlusion_reach)
-        if name == "relit":
-            return products.RelitPicture(path, self.light, self.turntable)
-        return products.MeshFile(path, self.faces, self.open, self.up or ("z" if self.camera else "y"), self.distance)
 
     def _read_normals(self) -> "NormalMap":
         from mpsnet_core.io.files import prefix_errors
@@ -398,22 +389,17 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         import numpy as np
 
         from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.scene.camera import Camera, camera_for, read_camera
+        from mpsnet_core.scene.camera import Camera, camera_for
 
-        given = [name for name in ("camera", "focal", "pixel_size") if getattr(self, name) is not None]
-        if len(given) > 1:
-            names = " and ".join("--" + name.replace("_", "-") for name in given)
-            raise SettingsError(f"{names} define the same camera; give one of them")
-        if self.camera:
+        lens = self.lens()
+        if self.pixel_size is None or lens is not None:
+            if self.pixel_size is not None:
+                raise SettingsError("--pixel-size, --camera and --focal define the same camera; give one of them")
             with prefix_errors(self.normals):
-                return camera_for(read_camera(self.camera), width, height)
-        if self.focal is not None:
-            return camera_for(self.focal, width, height)
-        if self.pixel_size is not None:
-            if not (np.isfinite(self.pixel_size) and self.pixel_size > 0):
-                raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")
-            return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
-        return None
+                return camera_for(lens, width, height)
+        if not 0 < self.pixel_size < float("inf"):
+            raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")
+        return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
 
 
 @dataclass(frozen=True)

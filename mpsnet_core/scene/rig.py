@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
-from mpsnet_core.io.files import check_small, existing_file, prefix_errors, read_json, write_json
+from mpsnet_core.io.files import atomic_write, check_small, existing_file, prefix_errors, read_json, write_json
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -357,6 +357,17 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
     if direction.shape != (3,):
         raise FormatError(f"the {name} light's direction needs three numbers")
     return direction
+
+
+def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequence[str]) -> None:
+    """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging (RTI), atomically.
+
+    The file has a count, then lines "name x y z": x right, y up, z towards the camera. names: of the photos.
+    """
+    rows = np.asarray(directions, np.float64)
+    lines = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, rows, strict=True)]
+    with atomic_write(path) as unfinished:
+        unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 
 def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:

@@ -12,7 +12,7 @@ from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import CHANNELS, linear_to_srgb
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.provenance import identity, provenance_line
+from mpsnet_core.io.provenance import fingerprint, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import BACKGROUND, contact_sheet, legend, on_background, photo_picture
@@ -183,4 +183,4 @@ def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]
 
 def sheet_line(files: Sequence[Path]) -> str:
     """The line to store in the contact sheet of these files. It changes if the sheet would show other samples."""
-    return provenance_line("contact sheet", *map(identity, spread(files, ROWS)))
+    return provenance_line("contact sheet", *map(fingerprint, spread(files, ROWS)))

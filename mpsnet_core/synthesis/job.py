@@ -173,8 +173,8 @@ def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
 def place_job(folder: str | os.PathLike[str], job: SampleJob) -> bool:
     """Assign the job to a new or empty folder, or to one with the same job, whose count it may increase.
 
-    Returns whether the folder had no job before. Raises SettingsError if the folder has another job, naming the difference, and FileError if it has samples without a
-    job or cannot be created.
+    Returns whether the folder had no job before. Raises SettingsError if the folder has another job, naming the
+    difference, and FileError if it has samples without a job or cannot be created.
     """
     folder = ensure_folder(folder, "samples")
     with Claims(folder) as claims:

@@ -8,7 +8,7 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import write_sample
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
@@ -21,7 +21,7 @@ def make_sample(job: SampleJob, number: int, path: Path) -> None:
     """
     if job.renderer != "synthesis":
         raise SettingsError(f"the job in {path.parent} is for Blender; continue it with mpsnet make")
-    recipe = draw_recipe(job, number)
+    recipe = draw_scene(job, number)
     shape = _shape(json.dumps(recipe.shape, sort_keys=True), job.meshes)
     reflectances = [load_reflectance(material, job.merl) for material in recipe.materials]
     write_sample(path, synthesise(recipe, shape, reflectances, job.supersampling))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
-RECIPE_VERSION = 1
+SCENE_VERSION = 1
 
 Colour = tuple[float, float, float]
 
@@ -130,7 +130,7 @@ class SceneDescription:
     def data(self) -> dict[str, Any]:
         """The recipe as plain JSON data, for :func:`recipe_from_data`."""
         return {
-            "version": RECIPE_VERSION,
+            "version": SCENE_VERSION,
             "seed": self.seed,
             "number": self.number,
             "shape": self.shape,
@@ -150,8 +150,8 @@ class SceneDescription:
 def recipe_from_data(data: dict[str, Any]) -> SceneDescription:
     """A scene from :meth:`SceneDescription.data`, also after a JSON round trip. Raises FormatError if it is invalid."""
     try:
-        if data["version"] > RECIPE_VERSION:
-            raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
+        if data["version"] > SCENE_VERSION:
+            raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {SCENE_VERSION}")
         return SceneDescription(
             seed=int(data["seed"]),
             number=int(data["number"]),

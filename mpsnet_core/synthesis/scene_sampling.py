@@ -95,7 +95,7 @@ SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE = 0.1, 0.15, 0.1
 SUBSURFACE_RADIUS = (0.1, 1.0)  # Blender's parameter; light spreads about a twelfth of it
 
 
-def draw_recipe(job: SampleJob, number: int) -> SceneDescription:
+def draw_scene(job: SampleJob, number: int) -> SceneDescription:
     """The recipe of sample `number` of `job`. It is the same on every machine and in any order.
 
     Raises FileError or FormatError if the job's folder of meshes or its measured materials cannot be read.
@@ -103,7 +103,7 @@ def draw_recipe(job: SampleJob, number: int) -> SceneDescription:
     rng = generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
     if job.style != "photographs":
-        return _paper_recipe(job, number, rng, shape)
+        return _paper_scene(job, number, rng, shape)
     finish = choice(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
     count = choice(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
     return SceneDescription(
@@ -123,7 +123,7 @@ def draw_recipe(job: SampleJob, number: int) -> SceneDescription:
     )
 
 
-def _paper_recipe(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> SceneDescription:
+def _paper_scene(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> SceneDescription:
     """A recipe like the MPS-Net paper's samples: two to six measured materials in a pattern, under point lights."""
     measured = _measured(job)
     if job.style != "paper-all-materials":

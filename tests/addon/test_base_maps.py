@@ -178,6 +178,7 @@ def two_maps(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
     obj.data.materials.append(other)
     texture = next(node for node in other.node_tree.nodes if node.type == "TEX_IMAGE")
     texture.image = saved_map(folder / "other.png", waves())
+    texture.image.colorspace_settings.name = "Non-Color"
 
 
 def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:

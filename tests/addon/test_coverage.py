@@ -40,6 +40,9 @@ def test_an_object_that_was_moved_after_the_photo_is_hardly_seen_and_the_note_as
     bpy.ops.mps.bake()
     (note,) = [note for note in notes_of(scene, "bake") if "of the surface seen" in note]
     assert int(note.split("%")[0]) < 10 and note.endswith(f"filled; {asks}")
+    baked.location.x = 1.8  # nothing of it that is seen faces the camera
+    with pytest.raises(RuntimeError, match=r"lands in the texture.* Was the object or the camera moved"):
+        bpy.ops.mps.bake()
 
 
 def look(scene, path):

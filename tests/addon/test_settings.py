@@ -185,7 +185,13 @@ def test_settings_reach_the_core_as_its_options(scene, tmp_path):
         ("it fits if its y axis points up (--up y)", "it fits if its y axis points up"),
         ("combine them with mpsnet superpose --channels [alike]", "combine them with Make One Photo [alike]"),
         ("find them by mpsnet calibrate lights", "find them by Find Lights"),
+        ("see mpsnet estimate. Then", "see Estimate Normals. Then"),
+        *(("choose them: mpsnet calibrate lights a.lp --lights 1,2,3 -o rig.json",) * 2,),
+        *(("run mpsnet estimate photo.exr",) * 2, ("mpsnet only",) * 2),
+        ("choose another output, or give --overwrite", "choose another output"),
+        ("take a mask, or give --dark [room]", "take a mask, or give Dark Frame [room]"),
         ("a lens (mm) -- or none", "a lens (mm) -- or none"),
+        *((f"cannot read {name}",) * 2 for name in ("a/--mask.png", "a/--white", '"--white"', "x--white-light.png")),
     ],
 )
 def test_messages_of_the_core_speak_of_fields_and_buttons(said, shown):

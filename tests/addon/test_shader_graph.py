@@ -335,6 +335,15 @@ def test_a_map_in_nodes_that_are_off_is_none(plane: "bpy.types.Object", tmp_path
     assert maps_before_bake([plane], onto, tmp_path / "n.png") == {(None, None): None}
 
 
+def test_an_output_in_a_group_is_named(plane: "bpy.types.Object") -> None:
+    """Cycles shows that one, whatever is linked to the material's own."""
+    group = in_group(plane.data.materials[0].node_tree, None).node_tree
+    shader = next(node for node in group.nodes if node.type == "BSDF_DIFFUSE")
+    group.links.new(shader.outputs[0], new(group, "OutputMaterial").inputs["Surface"])
+    with pytest.raises(InputError, match="holds a Material Output"):
+        check_shows_normals(plane)
+
+
 def test_a_material_that_shows_no_shader_is_named(plane: "bpy.types.Object") -> None:
     tree = plane.data.materials[0].node_tree
     tree.links.clear()

@@ -17,7 +17,7 @@ from blender_addon.commands import main
 from blender_addon.training.training_data import samples_status
 from mpsnet_core.synthesis.job import SampleJob, place_job, read_job, sample_path
 from mpsnet_core.synthesis.sample import read_sample
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 
 SMALL = {"size": 32, "samples": 4, "kinds": {"BLOBS"}, "denoise": False}
 
@@ -41,7 +41,7 @@ def test_what_is_rendered_is_what_the_seed_says(rendered):
     assert (job.renderer, job.shapes, job.count, job.size) == ("cycles", ("blobs",), 2, 32)
     for number in range(2):
         sample = read_sample(sample_path(rendered, number))
-        assert sample.recipe.data() == draw_recipe(job, number).data()
+        assert sample.recipe.data() == draw_scene(job, number).data()
         assert sample.renderer == f"Cycles {bpy.app.version_string}"
         assert sample.lights.shape == (3, 32, 32, 3)
         # Each light reaches something, and none reaches what is not there.

@@ -20,7 +20,7 @@ from blender_addon.training.samples.scene import add_shape, sample_scene
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.scene_description import SceneDescription
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 
@@ -49,7 +49,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="mpsnet-") as folder:
         path = Path(folder) / "layers.exr"
         for number in range(arguments.views):
-            recipe = draw_recipe(job, number)
+            recipe = draw_scene(job, number)
             shape = build_shape(recipe.shape)
             for turn in range(arguments.rounds):
                 ways = [("",), LIGHT_GROUPS]

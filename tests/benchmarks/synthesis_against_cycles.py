@@ -28,7 +28,7 @@ from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import SceneDescription
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
@@ -39,7 +39,7 @@ SMALL = 128  # pixels a side, where noise and differences are measured
 
 def drawn(seed: int, number: int, size: int) -> SceneDescription:
     """A view that both renderers show alike: a single material, as noise and cells are others in Blender."""
-    recipe = draw_recipe(SampleJob("synthesis", number + 1, seed=seed, size=size, bounces=0), number)
+    recipe = draw_scene(SampleJob("synthesis", number + 1, seed=seed, size=size, bounces=0), number)
     plain = replace(recipe.materials[0], subsurface=0.0)
     return replace(
         recipe,

@@ -6,7 +6,7 @@ import numpy as np
 
 from mpsnet_core.synthesis.job import read_job, sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 
 SMALL = ["--kinds", "blobs", "--size", "32", "--samples", "2", "--no-denoise", "--processes", "2"]
 
@@ -17,7 +17,7 @@ def check_samples(folder, count):
     assert samples_there(folder) == set(range(count))
     for number in range(count):
         sample = read_sample(sample_path(folder, number))
-        recipe = draw_recipe(job, number)
+        recipe = draw_scene(job, number)
         assert sample.recipe.shape == recipe.shape
         # Blender's NumPy may be another than ours, and round otherwise.
         assert np.allclose(sample.recipe.rotation, recipe.rotation, rtol=0, atol=1e-12)
@@ -25,14 +25,6 @@ def check_samples(folder, count):
         assert sample.lights.shape == (3, 32, 32, 3) and sample.mask.any()
         assert (sample.lights[:, sample.mask].mean(axis=(1, 2)) > 0.001).all()
     assert not list(folder.glob(".*"))
-
-
-def test_command_line_renders_generated_shapes(blender, tmp_path):
-    folder = tmp_path / "samples"
-    done = blender.run("-b", "--command", "mpsnet", "render-samples", "--count", "2", *SMALL, "--output", folder)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert f"mpsnet: render-samples done: 2 of 2 samples in {folder}" in done.stdout
-    check_samples(folder, 2)
 
 
 def test_command_line_renders_the_scenes_own_objects(blender, tmp_path):

@@ -1,7 +1,8 @@
 """Bad input and the one sentence that it gets.
 
 A case is a name, what brings the bad input about on a `Bench`, and the words that its sentence must hold, in order,
-parted by "…". Command lines run in this process, with what they print on stderr as their sentence.
+parted by "…". Where the words tell what the case is, they are its name. Command lines run in this process, with what
+they print on stderr as their sentence.
 """
 
 import contextlib
@@ -141,7 +142,7 @@ def loop(path: Path) -> Path:
     return path
 
 
-Case = tuple[str, Callable[[Bench], Any], str]
+Case = tuple[str, Callable[[Bench], Any], str] | tuple[Callable[[Bench], Any], str]
 
 
 def gets_one_clear_sentence(cases: list[Case]) -> Callable[..., None]:
@@ -149,7 +150,9 @@ def gets_one_clear_sentence(cases: list[Case]) -> Callable[..., None]:
 
     @pytest.mark.filterwarnings("error")
     @pytest.mark.usefixtures("process_settings_restored")
-    @pytest.mark.parametrize(("bad_input", "words"), [pytest.param(*case[1:], id=case[0]) for case in cases])
+    @pytest.mark.parametrize(
+        ("bad_input", "words"), [pytest.param(*case[-2:], id=str(case[0 if len(case) > 2 else 1])) for case in cases]
+    )
     def test(tmp_path: Path, capfd: pytest.CaptureFixture[str], bad_input: Callable[[Bench], Any], words: str) -> None:
         with pytest.raises(InputError) as caught:
             bad_input(Bench(tmp_path))

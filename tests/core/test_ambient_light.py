@@ -9,6 +9,7 @@ from synthetic import CROSSTALK, shaded_sphere, write_file
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.ambient_light import shadow_brightness, warn_of_ambient_light
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
@@ -51,6 +52,27 @@ def test_nothing_is_known_of_normals_that_are_unsure_or_face_the_lights() -> Non
     assert shadow_brightness(lit_by(0.3), unsure) is None
     faces = BALL.normals[..., 2] > 0.8
     assert shadow_brightness(lit_by(0.3), NormalMap(SURE.vectors, faces, SURE.confidence)) is None
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.05, 0.12, 0.15])
+def test_the_outline_tells_where_normals_never_face_away(ambient: float, caplog: pytest.LogCaptureFixture) -> None:
+    photo = lit_by(ambient)
+    warn_of_ambient_light(photo, estimate_normals(photo, "lambertian"))
+    assert ("[room-light]" in caplog.text) == (ambient > 0.1)
+
+
+@pytest.mark.parametrize("steepest", [20, 45, 70])
+def test_a_dome_whose_rim_the_lights_reach_is_not_in_ambient_light(
+    steepest: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It has no attached shadows, as far as it is flat enough."""
+    y, x = np.mgrid[-1:1:200j, -1:1:200j]
+    x, y = (np.sin(np.radians(steepest)) / 0.95 * axis for axis in (x, -y))
+    normals = np.stack([x, y, np.sqrt(np.clip(1 - x**2 - y**2, 0, 1))], axis=-1)
+    light = np.maximum(normals @ RIG.directions.T, 0).astype(np.float32)
+    photo = Capture(light, np.hypot(x, y) < np.sin(np.radians(steepest)), RIG)
+    warn_of_ambient_light(photo, estimate_normals(photo, "lambertian"))
+    assert not caplog.records
 
 
 @pytest.mark.parametrize("ambient", [0.0, 0.2])

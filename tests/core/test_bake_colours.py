@@ -153,17 +153,9 @@ def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsne
 
 test_bad_colours_get_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "more albedos than views",
-            lambda b: b.bake("--albedo", b / "a.png", "--albedo", b / "b.png"),
-            "there are 1 views but 2 albedos; give one for each view, or none",
-        ),
+        (lambda b: b.bake("--albedo", b / "a.png", "--albedo", b / "b.png"), "there are 1 views but 2 albedos"),
         ("albedo of another size", lambda b: b.bake("--albedo", b.photo("a.exr", SPHERE.image[:8])), "the colours are"),
-        (
-            "albedo where the baked one goes",
-            lambda b: b.bake("--albedo", b.photo("texture_albedo.png", kind="uint8")),
-            "overwrite…texture_albedo.png",
-        ),
+        (lambda b: b.bake("--albedo", b.photo("texture_albedo.png", kind="uint8")), "overwrite…texture_albedo.png"),
         (
             "colours of some views only",
             lambda b: bake_normals(

@@ -20,13 +20,12 @@ from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.calibrate.lights import write_lp
 from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.capture import decode
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_rig
+from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_lp, write_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
@@ -107,7 +106,7 @@ def test_one_photo_becomes_a_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -
 def test_python_gives_what_is_written_as_json(photos: Path, tmp_path: Path) -> None:
     told, rig = tmp_path / "told.json", tmp_path / "rig.json"
     found = CalibrateLights(ball=[photos / "ball.exr"], circle=[CIRCLE], json=told, output=rig).run()
-    assert json.loads(told.read_text()) == found.figures()
+    assert json.loads(told.read_text()) == found.metrics()
     assert [[light.slant, light.tilt] for light in found.lights] == [pytest.approx(at, abs=1) for at in ANGLES]
     assert found.text.startswith(f"{rig}:\n   red: slant ")
 

@@ -19,12 +19,12 @@ from mpsnet_core.calibrate.ball import (
 )
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
-from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
+from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
-from mpsnet_core.scene.rig import read_rig
+from mpsnet_core.scene.rig import read_rig, write_lp
 
 pytestmark = pytest.mark.accuracy
 

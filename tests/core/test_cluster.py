@@ -140,9 +140,7 @@ def test_an_address_where_nobody_answers_is_reported(
     assert not [thing for thing in gc.get_objects() if isinstance(thing, Client) and thing.status == "connecting"]
 
 
-def test_a_cluster_that_is_refused_leaves_no_job_that_it_began(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_that_is_refused_leaves_no_job_that_it_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
     begin = ["synthesize", "--count", "1", "--size", "24", "--seed", "3", "-o", str(tmp_path / "new")]
     resume = ["make", str(tmp_path / "begun")]

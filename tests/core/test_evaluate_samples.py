@@ -98,10 +98,6 @@ def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
 test_bad_samples_get_one_clear_sentence = gets_one_clear_sentence(
     [
         ("no such samples to measure on", lambda b: b.run("evaluate", "samples", b / "no"), "no does not exist"),
-        (
-            "a folder without samples to measure on",
-            lambda b: b.run("evaluate", "samples", b.folder),
-            "there is no whole sample in…mpsnet synthesize",
-        ),
+        (lambda b: b.run("evaluate", "samples", b.folder), "there is no whole sample in…mpsnet synthesize"),
     ]
 )

@@ -178,17 +178,9 @@ def test_a_change_of_colour_alone_moves_the_baseline_unless_colours_are_averaged
 
 test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "materials without a source",
-            lambda b: b.run("evaluate", "materials"),
-            "--merl; see mpsnet evaluate materials",
-        ),
+        (lambda b: b.run("evaluate", "materials"), "--merl; see mpsnet evaluate materials"),
         ("no such materials", lambda b: b.run("evaluate", "materials", "--merl", b / "no.npz"), "no.npz does not"),
-        (
-            "a folder without materials",
-            lambda b: b.run("evaluate", "materials", "--merl", b.folder),
-            "holds no .binary files; choose the one with MERL's materials",
-        ),
+        (lambda b: b.run("evaluate", "materials", "--merl", b.folder), "holds no .binary files"),
         ("no such mesh to render", lambda b: b.run("evaluate", "rendered", b / "no.obj"), "no.obj does not exist"),
         ("a folder without meshes", lambda b: b.run("evaluate", "rendered", b.folder), "holds no meshes; put .glb"),
         (
@@ -196,20 +188,8 @@ test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: b.run("evaluate", "rendered", b.text("a.obj", "v 0 0 0\n"), "--model", "lambertian"),
             "mesh file…a.obj…has no faces",
         ),
-        (
-            "a picture too small",
-            lambda b: b.run("evaluate", "colour", "--size", "8", "--model", "lambertian"),
-            "size 8 is out of range; choose 16 to 8192",
-        ),
-        (
-            "colours by an unknown protocol",
-            lambda b: b.run("evaluate", "colour", "--protocol", "ideal"),
-            "protocol 'ideal' is not known; choose separated, published or white",
-        ),
-        (
-            "a page of colours of another kind",
-            lambda b: b.run("evaluate", "colour", "-o", b / "report.pdf"),
-            "report.pdf…written as .html; change the suffix",
-        ),
+        (lambda b: b.run("evaluate", "colour", "--size", "8", "--model", "lambertian"), "size 8 is out of range"),
+        (lambda b: b.run("evaluate", "colour", "--protocol", "ideal"), "protocol 'ideal' is not known"),
+        (lambda b: b.run("evaluate", "colour", "-o", b / "report.pdf"), "report.pdf…written as .html"),
     ]
 )

@@ -35,9 +35,9 @@ def untrained(name: str) -> Trained:
         if isinstance(module, torch.nn.BatchNorm2d):
             torch.nn.init.normal_(module.running_mean, std=0.2)
             torch.nn.init.uniform_(module.running_var, 0.5, 1.5)
-    figures = Metrics(12.3456, 80.0, 0.71) if name == "multiscale" else None
+    metrics = Metrics(12.3456, 80.0, 0.71) if name == "multiscale" else None
     return Trained(
-        network, recipe_from_data(recipe_data(name)), 6, 90.0, figures, 3, "a fingerprint", "a machine", "float32"
+        network, recipe_from_data(recipe_data(name)), 6, 90.0, metrics, 3, "a fingerprint", "a machine", "float32"
     )
 
 
@@ -96,7 +96,7 @@ def test_the_file_says_what_it_is(name: str, models: dict[str, tuple[Trained, Pa
     record = json.loads(metadata[TRAINING_KEY])
     assert recipe_from_data(record["recipe"]) == trained.recipe
     assert (record["steps"], record["minutes"], record["hardware"]) == (6, 1.5, "a machine")
-    if trained.figures:
+    if trained.metrics:
         assert (record["validation_mae_deg"], record["validation_rank_correlation"]) == (12.346, 0.71)
     else:
         assert (record["validation_mae_deg"], record["validation_rank_correlation"]) == (None, None)
@@ -144,7 +144,7 @@ def test_weights_that_are_no_numbers_are_not_exported(tmp_path: Path) -> None:
     trained = untrained("demultiplexer")
     torch.nn.init.constant_(next(trained.network.parameters()), float("nan"))
     with pytest.raises(InputError, match="not finite"):
-        export_onnx(replace(trained, figures=None), tmp_path / "model.onnx")
+        export_onnx(replace(trained, metrics=None), tmp_path / "model.onnx")
     assert not list(tmp_path.iterdir())
 
 

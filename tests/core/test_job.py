@@ -129,10 +129,6 @@ test_a_bad_job_gets_one_clear_sentence = gets_one_clear_sentence(
         ("objects without Blender", lambda b: make(b, objects=["Bear"], shapes=["scene"]), "scene's objects are"),
         ("measured materials in Blender", lambda b: make(b, renderer="cycles", merl="m.npz"), "merl) are for"),
         ("Blender for a synthesis", lambda b: make(b, "--blender", "blender"), "made without Blender"),
-        (
-            "a Blender that is none",
-            lambda b: make(b, "--blender", b / "blender", renderer="cycles"),
-            "cannot run…blender (No such file…); check the path",
-        ),
+        (lambda b: make(b, "--blender", b / "blender", renderer="cycles"), "cannot run…blender (No such file…)"),
     ]
 )

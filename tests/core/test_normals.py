@@ -116,12 +116,8 @@ def test_a_confidence_map_is_read_beside_the_normals(tmp_path: Path) -> None:
 
 test_a_bad_normal_map_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "not a normal map",
-            lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")),
-            "photo.png is not a normal map…choose another",
-        ),
-        ("a photo", lambda b: read_normals(b.photo("photo.png", SPHERE.image, "uint8")), "choose another"),
+        (lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")), "photo.png is not a normal"),
+        ("a photo", lambda b: read_normals(b.photo("photo.png", SPHERE.image, "uint8")), "not a normal map"),
         (
             "a photo with alpha",
             lambda b: read_normals(b.photo("photo.png", np.dstack([SPHERE.image, SPHERE.mask]), "uint8")),
@@ -134,11 +130,7 @@ test_a_bad_normal_map_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         ("unknown convention", lambda b: read_normals(b.normals(), convention="maya"), "convention 'maya' is not"),
         ("shapes that differ", lambda b: NormalMap(SPHERE.normals, SPHERE.mask[:8]), "normals of shape (16, 16, 3) do"),
-        (
-            "confidence that differs",
-            lambda b: NormalMap(SPHERE.normals, SPHERE.mask, np.ones((4, 4))),
-            "confidence of shape (4, 4) does not fit",
-        ),
+        (lambda b: NormalMap(SPHERE.normals, SPHERE.mask, np.ones((4, 4))), "confidence of shape (4, 4) does not fit"),
         ("no mask", lambda b: NormalMap(SPHERE.normals, 0 * SPHERE.mask), "mask is empty"),
         (
             "unknown convention to write",

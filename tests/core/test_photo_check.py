@@ -178,16 +178,8 @@ test_bad_input_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("no such rig", lambda b: b.run("check", b.photo(), "--rig", b / "none.json"), "none.json…"),
         ("the answer over the photo", lambda b: b.run("check", b.photo(), "--json", b.photo()), "overwrite"),
-        (
-            "a mask of another size",
-            lambda b: b.run("check", b.photo(), "--mask", b.photo("mask.png", np.ones((8, 8)), "uint8")),
-            "the mask is 8 x 8 but…is 16 x 16; they must be the same size",
-        ),
-        (
-            "a photo that is not finite",
-            lambda b: b.run("check", b.photo(pixels=with_pixel(np.nan)), "--mask", "none"),
-            "photo.exr: the photo …not finite inside the mask, the first at x 9, y 8; export it again, or leave",
-        ),
+        (lambda b: b.run("check", b.photo(), "--mask", b.photo("mask.png", np.ones((8, 8)), "uint8")), "the mask is 8"),
+        (lambda b: b.run("check", b.photo(pixels=with_pixel(np.nan)), "--mask", "none"), "not finite inside the mask"),
         (
             "a mask file of nothing, to look at",
             lambda b: b.run(

@@ -15,11 +15,11 @@ from synthetic import write_file
 
 from mpsnet_core import LightRig, NormalMap, write_normals, write_rig
 from mpsnet_core.capture.open import open_captures
-from mpsnet_core.capture.rig_check import check_rig
 from mpsnet_core.capture.sources import Source
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.normal_directions import check_directions
 from mpsnet_core.scene.rig import direction_from_angles
+from mpsnet_core.scene.rig_check import check_rig
 
 SIZE = 200
 # Of no symmetry: no order of these lights is like a mirror image of theirs.

@@ -288,7 +288,7 @@ def test_broken_photos_are_named_and_all_others_made(tmp_path: Path, mpsnet: Mps
 def test_a_photo_that_may_not_be_read_is_named_too(tmp_path: Path) -> None:
     photos = shots(tmp_path / "shots", range(1, 4))
     photos[1].chmod(0)
-    outcome = run(photos, tmp_path / "out", apart=True)
+    outcome = run(photos, tmp_path / "out", continue_on_error=True)
     assert (outcome.made, [*outcome.failed]) == (2, [2])
     assert str(photos[1]) in outcome.failed[2]
 

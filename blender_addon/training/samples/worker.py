@@ -9,7 +9,7 @@ from mpsnet_core.synthesis.farm.work import serve
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.synthesis.scene_description import SceneDescription
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 from ...child_process.simulation_caches import simulations_write_into
@@ -35,7 +35,7 @@ class _Worker:
     def make(self, job: SampleJob, number: int, path: Path) -> None:
         if job.renderer != "cycles":
             raise InputError(f"the job in {path.parent} is not for Blender; continue it with mpsnet make")
-        recipe = draw_recipe(job, number)
+        recipe = draw_scene(job, number)
         shown = self._shown(recipe, job, path.parent)
         write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))
 

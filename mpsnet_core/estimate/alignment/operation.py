@@ -430,7 +430,7 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     import numpy as np
 
     if camera.projection != "perspective":
-        raise GeometryError(f"the {what} is an orthographic camera; give a perspective one, as a photo is taken by")
+        raise GeometryError(f"the {what} is an orthographic camera; give a perspective camera")
     if camera.focal.max() > SQUARE * camera.focal.min():
         along_x, along_y = camera.focal
         raise GeometryError(
@@ -443,7 +443,7 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     if what == "lens" and not one_shape:
         raise GeometryError(
             f"the lens is that of a photo of {camera.width} x {camera.height} pixels, but this one has {width} x "
-            f"{height}; give the camera file of a photo of the same shape, cropped and turned alike"
+            f"{height}; give the camera file of a photo with the same size, crop and orientation"
         )
     centre = camera.centre * scale if one_shape else size / 2
     return replace(camera, width=width, height=height, focal=np.full(2, camera.focal.mean() * scale), centre=centre)

@@ -63,7 +63,7 @@ def estimate_sequence(
     recipe: str,
     smooth: int = 0,
     step: int = 1,
-    apart: bool = False,
+    continue_on_error: bool = False,
     convention: Convention = "opengl",
     count: int = 0,
     progress: Progress = silent,
@@ -85,7 +85,7 @@ def estimate_sequence(
         Number of frames before and after a frame to average it with, see :func:`smoothed`.
     step : int
         Least difference between the numbers of successive frames.
-    apart : bool
+    continue_on_error : bool
         Whether the frames are photos that are made although others fail. By default the first that fails ends the run:
         a video has to be read in order, and smoothing would average the frames near a failed one without it.
     convention : {"opengl", "directx"}
@@ -102,8 +102,8 @@ def estimate_sequence(
     Raises
     ------
     InputError
-        If a frame cannot be written, or none shows an object; if one cannot be read or estimated, or with `apart` the
-        first few cannot.
+        If a frame cannot be written, or none shows an object; if one cannot be read or estimated, or with
+        `continue_on_error` the first few.
     Cancelled
         If `progress` raises it.
 
@@ -113,8 +113,8 @@ def estimate_sequence(
     number of frames. A frame without an object is left out with a warning. If other frames show one, its normal map
     from an earlier run is removed at the end.
     """
-    run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", apart, convention, count, progress)
-    return run.run(frames, smooth, step)
+    recipe = f"{recipe}\nsmooth {smooth}\n{convention}"
+    return _Run(take, estimator, recipe, continue_on_error, convention, count, progress).run(frames, smooth, step)
 
 
 @dataclass
@@ -124,7 +124,7 @@ class _Run:
     take: Callable[[Frame], Capture]
     estimator: Callable[[Capture, Progress], NormalMap]
     recipe: str
-    apart: bool
+    continue_on_error: bool
     convention: Convention
     count: int
     progress: Progress
@@ -185,7 +185,7 @@ class _Run:
             if capture is None:
                 continue
             normals = None
-            with self.batch.one(step.frame.number) if self.apart else nullcontext():
+            with self.batch.one(step.frame.number) if self.continue_on_error else nullcontext():
                 if isinstance(capture, InputError):
                     raise capture
                 normals = self.estimator(capture, part(share, 0.0, 0.9, name))

@@ -11,7 +11,7 @@ from mpsnet_core.capture.sources import Source
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, numbering
-from mpsnet_core.io.provenance import identity
+from mpsnet_core.io.provenance import fingerprint
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Masks:
         if not self.by_number:
             return [mask_identity(self.given)]
         near = range(number - span, number + span + 1)
-        return [identity(self.by_number[other]) for other in near if other in self.by_number]
+        return [fingerprint(self.by_number[other]) for other in near if other in self.by_number]
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ def photo_frames(
     frames = []
     for place, index in enumerate(order):
         near = order[max(place - reach, 0) : place + reach + 1]
-        photo_identities = [identity(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= span]
+        prints = [fingerprint(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= span]
         source = replace(like, photo=photos[index], mask=masks.of(numbers[index]), name=photos[index].name)
-        made_from = "\n".join([*photo_identities, *masks.mask_identity(numbers[index], span)])
+        made_from = "\n".join([*prints, *masks.mask_identity(numbers[index], span)])
         frames.append(Frame(numbers[index], source, outputs[index], made_from))
     return frames
 

@@ -26,7 +26,7 @@ from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, fil
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
 from mpsnet_core.io.image_encoding import Encoding
-from mpsnet_core.io.provenance import identity
+from mpsnet_core.io.provenance import fingerprint
 
 if TYPE_CHECKING:
     from av import VideoFrame
@@ -134,7 +134,7 @@ def video_frames(
     A truncated or damaged video ends where it becomes unreadable, with a warning. Raises FormatError if nothing can be
     read, or the frame size changes.
     """
-    stamp = identity(video.path)
+    stamp = fingerprint(video.path)
 
     def frame(number: int, read: Callable[[], Image]) -> Frame:
         made_from = "\n".join([stamp, str(number), *masks.mask_identity(number, reach)])

@@ -92,7 +92,7 @@ def evaluate(
         )
         with write_transaction():
             if json:
-                write_json(json, measured.figures())
+                write_json(json, measured.metrics())
             if page:
                 page.write(
                     evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(calibrations)]

@@ -106,7 +106,7 @@ def evaluate_patch_sizes(
         measured = Measured(rows=[asdict(row) for row in rows], published=published, text=table)
         with write_transaction():
             if json:
-                write_json(json, measured.figures())
+                write_json(json, measured.metrics())
             if page:
                 page.write("Patch sizes", table, [], [_chart(rows)])
     return measured

@@ -16,7 +16,7 @@ from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material, Pattern
-from mpsnet_core.synthesis.scene_sampling import HELD_OUT, draw_recipe
+from mpsnet_core.synthesis.scene_sampling import HELD_OUT, draw_scene
 
 SEVERAL = 4  # materials
 
@@ -79,4 +79,4 @@ def _materials(number: int, count: int, merl: str) -> tuple[Material, ...]:
         chosen = rng.permutation(len(names))[np.arange(count) % len(names)]
         return tuple(Material(kind=names[place][0], source=names[place][1]) for place in chosen)
     job = SampleJob("synthesis", 1, seed=HELD_OUT_SEED)
-    return tuple(draw_recipe(job, SEVERAL * number + place).materials[0] for place in range(count))
+    return tuple(draw_scene(job, SEVERAL * number + place).materials[0] for place in range(count))

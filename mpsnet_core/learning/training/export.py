@@ -74,7 +74,7 @@ def card_of(network: Network, name: str) -> ModelCard:
 
 def record_of(trained: Trained) -> dict[str, Any]:
     """Training record of a model, as plain data: recipe, date, time, hardware, versions, metrics."""
-    figures, before = trained.figures, trained.continues or {}
+    metrics, before = trained.metrics, trained.continues or {}
     return {
         "recipe": trained.recipe.to_json(),
         "steps": trained.step,
@@ -86,8 +86,8 @@ def record_of(trained: Trained) -> dict[str, Any]:
         "precision": trained.precision,
         "torch": torch.__version__,
         "python": platform.python_version(),
-        "validation_mae_deg": figures and round(figures.mae_deg, 3),
-        "validation_rank_correlation": figures and figures.rank_correlation and round(figures.rank_correlation, 3),
+        "validation_mae_deg": metrics and round(metrics.mae_deg, 3),
+        "validation_rank_correlation": metrics and metrics.rank_correlation and round(metrics.rank_correlation, 3),
         "continues": trained.continues,
     }
 

@@ -53,7 +53,7 @@ NORM_EXAMPLES = 64  # photographs to restore batch norms and the layer `lit` fro
 
 @dataclass(frozen=True)
 class Trained:
-    """The result of a run. network: with the running mean of its weights, on the CPU. figures: of the last validation.
+    """The result of a run. network: with the running mean of its weights, on the CPU. metrics: of the last validation.
     samples: number of training samples. fingerprint: of their names and jobs. continues: training record of the
     exported network that it started from, None for random initial weights. rank: of this process under torchrun; only
     rank 0 writes the network."""
@@ -62,7 +62,7 @@ class Trained:
     recipe: TrainingConfig
     step: int
     seconds: float
-    figures: Metrics | None
+    metrics: Metrics | None
     samples: int
     fingerprint: str
     hardware: str
@@ -142,8 +142,8 @@ def train(
         end = run.begin_anneal(anneal, paths) if anneal else run.end(stop_after, paths)
         if anneal or processes.rank:  # only rank 0 writes
             paths = TrainingPaths(logs=None if processes.rank else paths.logs)
-        figures = _learn(run, paths, end, 60 * minutes, progress)
-        return run.trained(figures)
+        metrics = _learn(run, paths, end, 60 * minutes, progress)
+        return run.trained(metrics)
 
 
 def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress: Progress) -> Metrics | None:
@@ -152,7 +152,7 @@ def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress
     writer = None if paths.logs is None else SummaryWriter(str(paths.logs))
     model = run.network if processes.count == 1 else DistributedDataParallel(run.network)
     between = run.recipe.steps // VALIDATIONS or 1
-    figures, begun, before, started = None, run.step, run.seconds, time.monotonic()
+    metrics, begun, before, started = None, run.step, run.seconds, time.monotonic()
     saved = started
     try:
         while run.step < end:
@@ -166,10 +166,10 @@ def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress
                     writer.add_scalar("training/expected_error", float(loss.expected), run.step)
                     writer.add_scalar("training/learning_rate", run.rate(run.step - 1), run.step)
             if run.held_out and first and (run.step % between == 0 or run.step == end):
-                figures = validate(run.mean(), run.held_out)
-                log.info("step %d: %s on held-out samples", run.step, figures)
+                metrics = validate(run.mean(), run.held_out)
+                log.info("step %d: %s on held-out samples", run.step, metrics)
                 if writer is not None:
-                    writer.add_scalar("validation/mae_deg", figures.mae_deg, run.step)
+                    writer.add_scalar("validation/mae_deg", metrics.mae_deg, run.step)
             if time.monotonic() - saved > SAVED_EVERY:
                 run.save(paths.checkpoint)
                 saved = time.monotonic()
@@ -179,9 +179,9 @@ def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress
         run.save(paths.checkpoint)
         if writer is not None:
             writer.close()
-    if figures is None and run.held_out and first:  # resumed at the recipe's end, for example
-        figures = validate(run.mean(), run.held_out)
-    return figures
+    if metrics is None and run.held_out and first:  # resumed at the recipe's end, for example
+        metrics = validate(run.mean(), run.held_out)
+    return metrics
 
 
 def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
@@ -402,14 +402,14 @@ class _Run:
         )
         write_checkpoint(path, checkpoint)
 
-    def trained(self, figures: Metrics | None) -> Trained:
+    def trained(self, metrics: Metrics | None) -> Trained:
         """The result of the run, with the metrics of the last validation."""
         return Trained(
             self.mean().cpu(),
             self.recipe,
             self.step,
             self.seconds,
-            figures,
+            metrics,
             len(self.simulator.samples),
             self.fingerprint,
             self.processes.hardware,

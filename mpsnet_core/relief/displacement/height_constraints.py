@@ -51,7 +51,7 @@ class HeightDifferences:
         return right, below
 
 
-def chords(
+def height_differences(
     vectors: NDArray[np.float32],
     seen: NDArray[np.float32],
     space: Space,

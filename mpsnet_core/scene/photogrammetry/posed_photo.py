@@ -57,7 +57,7 @@ def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
     matrix = np.asarray(values, np.float64).reshape(3, 3)
     # The first bound keeps the product finite, and rejects NaN.
     if not (np.abs(matrix) < 2).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_TOLERANCE:
-        raise GeometryError(f"the rotation of {what} is not one; export the cameras again")
+        raise GeometryError(f"the rotation of {what} is not a rotation matrix; export the cameras again")
     left, _, right = np.linalg.svd(matrix)
     if np.linalg.det(left @ right) < 0:
         raise GeometryError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")

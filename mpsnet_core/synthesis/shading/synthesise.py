@@ -59,10 +59,7 @@ def synthesise(
     grid = (camera.height, camera.width)
     surface = Surface(recipe, shape)
     pixels, depth, points = surface.seen(camera)
-    lights = [
-        Light(direction, float(size))
-        for direction, size in zip(recipe.light_directions, recipe.light_sizes, strict=True)
-    ]
+    lights = [Light(way, float(size)) for way, size in zip(recipe.light_directions, recipe.light_sizes, strict=True)]
     lobes = [lobe(reflectance) for reflectance in reflectances]
     rng = generator(recipe.seed, recipe.number)
     turns = rng.integers(TURNS, size=camera.height * camera.width)[pixels]

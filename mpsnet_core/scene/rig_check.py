@@ -21,8 +21,7 @@ from mpsnet_core.arrays.orientation import (
     orientation_measures,
     probabilities,
 )
-from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.transfer import equal_albedo
+from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig
 
@@ -35,6 +34,8 @@ ALIKE = 20.0
 # A rig is wrong if it and those like it have a probability below WRONG, another one, those like it and the same turned
 # by 180° have one above SURE, and one of that one's lights is at least APART degrees from its counterpart.
 WRONG, SURE, APART = 0.005, 0.5, 25.0
+# Iterations that find the lights' strengths, and the weight of the prior that they are equally strong.
+ROUNDS, STRENGTH_PRIOR = 15, 0.05
 HALF_TURN_OF_LIGHTS = np.array([-1, -1, 1])
 # What is wrong with a rig whose lights fit when turned by each of :data:`TURNS`.
 TURN_WORDS = (
@@ -188,3 +189,26 @@ def _candidates(
     measures = orientation_measures(normals, lit, outline)
     turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in TURNS]
     return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
+
+
+def equal_albedo(colours: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
+
+    directions: (3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which would
+    distort the normals.
+    """
+    means = np.median(colours, axis=0)
+    square = np.linalg.inv(directions @ directions.T)
+    strengths = np.zeros(3)
+    for _ in range(ROUNDS):
+        lights = colours / means * np.exp(strengths)
+        turned = lights @ square
+        length = dot(turned, lights)
+        error = np.log(length) / 2
+        weight = 1 / np.maximum(np.abs(error - np.median(error)), 0.02)
+        weight /= weight.sum()
+        jacobian = turned * lights / length[:, None]
+        jacobian, error = jacobian - weight @ jacobian, error - weight @ error
+        left = (jacobian * weight[:, None]).T @ jacobian + STRENGTH_PRIOR * np.eye(3)
+        strengths = strengths - np.linalg.solve(left, jacobian.T @ (weight * error) + STRENGTH_PRIOR * strengths)
+    return np.asarray(np.exp(strengths) / means)

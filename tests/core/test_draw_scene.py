@@ -14,24 +14,24 @@ from mpsnet_core.scene.rig import angles_of
 from mpsnet_core.synthesis import scene_sampling
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.scene_description import Material, recipe_from_data
-from mpsnet_core.synthesis.scene_sampling import draw_recipe
+from mpsnet_core.synthesis.scene_sampling import draw_scene
 
 JOB = SampleJob(renderer="synthesis", count=400, seed=5, size=64)
-RECIPES = [draw_recipe(JOB, number) for number in range(400)]
+RECIPES = [draw_scene(JOB, number) for number in range(400)]
 
 
 def test_a_recipe_depends_on_seed_and_number_alone():
     for number in (399, 0, 17):
-        assert draw_recipe(JOB, number).data() == RECIPES[number].data()
+        assert draw_scene(JOB, number).data() == RECIPES[number].data()
     longer = SampleJob(renderer="synthesis", count=9000, seed=5, size=64)
-    assert draw_recipe(longer, 3).data() == RECIPES[3].data()
+    assert draw_scene(longer, 3).data() == RECIPES[3].data()
     other = SampleJob(renderer="synthesis", count=400, seed=6, size=64)
-    assert draw_recipe(other, 3).data() != RECIPES[3].data()
+    assert draw_scene(other, 3).data() != RECIPES[3].data()
 
 
 def test_both_renderers_draw_the_same_recipe():
     cycles = SampleJob(renderer="cycles", count=400, seed=5, size=64)
-    assert draw_recipe(cycles, 11).data() == RECIPES[11].data()
+    assert draw_scene(cycles, 11).data() == RECIPES[11].data()
 
 
 def test_recipes_survive_json():
@@ -52,7 +52,7 @@ def test_what_is_no_recipe_is_said():
 
 def test_numbers_that_show_one_shape_differ_in_all_else():
     job = SampleJob(renderer="synthesis", count=12, seed=1, views=4)
-    recipes = [draw_recipe(job, number) for number in range(8)]
+    recipes = [draw_scene(job, number) for number in range(8)]
     assert all(recipe.shape == recipes[0].shape for recipe in recipes[:4])
     assert recipes[4].shape != recipes[0].shape
     assert len({recipe.rotation.tobytes() for recipe in recipes}) == 8
@@ -125,7 +125,7 @@ def is_matt(material: Material) -> bool:
 def test_dark_metal_is_engraved():
     metal = [
         recipe
-        for recipe in (draw_recipe(JOB, number) for number in range(400, 1200))
+        for recipe in (draw_scene(JOB, number) for number in range(400, 1200))
         if len(recipe.materials) == 1 and recipe.materials[0].metallic and max(recipe.materials[0].base_color) <= 0.35
     ]
     assert 0.05 < len(metal) / 800 < 0.12
@@ -135,7 +135,7 @@ def test_dark_metal_is_engraved():
 @pytest.mark.parametrize("most", [0, 1, 2, 3])
 def test_light_bounces_up_to_as_often_as_the_job_asks(most: int):
     job = SampleJob(renderer="synthesis", count=400, seed=5, size=64, bounces=most)
-    found = np.bincount([draw_recipe(job, number).bounces for number in range(400)], minlength=4) / 400
+    found = np.bincount([draw_scene(job, number).bounces for number in range(400)], minlength=4) / 400
     shares = [0.2, 0.55, 0.15, 0.1]
     expected = [*shares[:most], sum(shares[most:]), *[0.0] * (3 - most)]
     np.testing.assert_allclose(found, expected, atol=0.07)
@@ -170,13 +170,13 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
         merl=str(matt_fits(tmp_path / "fits.npz", a=(0.4, 0.4, 0.4), b=(0.6, 0.1, 0.1))),
         style="paper",
     )
-    recipes = [draw_recipe(job, number) for number in range(300)]
+    recipes = [draw_scene(job, number) for number in range(300)]
     for recipe in recipes:
         # Not of the strong red, whose equation 2 is off by much.
         assert len(recipe.materials) >= 2 and {material.source for material in recipe.materials} == {"a"}
         assert recipe.pattern.kind != "parts"
         assert not (recipe.paint.amount or recipe.dirt.amount or recipe.bump.height or recipe.light_sizes.any())
-    coloured = [draw_recipe(replace(job, style="paper-all-materials"), number) for number in range(20)]
+    coloured = [draw_scene(replace(job, style="paper-all-materials"), number) for number in range(20)]
     assert {material.source for recipe in coloured for material in recipe.materials} == {"a", "b"}
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in recipes]))
     rigs = np.array(scene_sampling.PUBLISHED_RIGS)
@@ -186,7 +186,7 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
     assert np.maximum(off_slant, off_tilt)[np.arange(300), nearest].max() <= 4 + 1e-9
     assert np.bincount(nearest, minlength=5).min() > 40  # of 60 each
 
-    one_rig = [draw_recipe(replace(job, style="paper-one-rig"), number) for number in range(20)]
+    one_rig = [draw_scene(replace(job, style="paper-one-rig"), number) for number in range(20)]
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in one_rig]))
     assert np.abs(slants - 30).max() <= 4 + 1e-9
     assert np.abs(tilts - (90, 210, 330)).max() <= 4 + 1e-9
