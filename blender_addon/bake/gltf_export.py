@@ -46,6 +46,8 @@ def export_notes(space: str, convention: str, *, mixed: bool = False) -> list[st
 class GltfExtension:
     """What the exporter asks about each image; one object for each export."""
 
+    is_critical = True  # from Blender 5.2 on: an image that cannot be turned ends the export
+
     def __init__(self) -> None:
         self._changed: list[Any] = []  # two materials may get one image from the exporter's cache
 
@@ -53,8 +55,9 @@ class GltfExtension:
         """Replace an image that is about to be written, if glTF would show it wrongly."""
         groups = tuple(group for group in sockets[0].group_path if hasattr(group, "node_tree"))
         nodes = nodes_behind(End(sockets[0].socket, groups))
-        names = {node.name for node in nodes}
-        spaces = {node.space for node in nodes if node.name in {NORMAL_NODE, OBJECT_NORMAL_NODE}}
+        # Blender 5.2 exports a copy of the tree, whose nodes have other names.
+        names = {name for node in nodes for name in (node.name, node.label)}
+        spaces = {node.space for node in nodes if {node.name, node.label} & {NORMAL_NODE, OBJECT_NORMAL_NODE}}
         if image in self._changed or not (GREEN_NODE in names or spaces - {"TANGENT"}):
             return
         self._changed.append(image)

@@ -172,7 +172,8 @@ def _write(
         if target is None:
             raise FileError(f"cannot write {path}: {pending_error(oiio)}")
         try:
-            done = target.open(str(file), spec)
+            with silence_libraries():  # OpenEXR's has words for the missing time
+                done = target.open(str(file), spec)
             for rows in bands(shape[0]) if done else ():
                 values = np.ascontiguousarray(band(rows), dtype=np.float32)
                 if premultiplied:
