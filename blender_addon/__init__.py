@@ -11,6 +11,7 @@ from importlib import import_module
 import bpy
 
 from .bake.gltf_export import GltfExtension
+from .preferences import PACKAGE
 
 # Blender's glTF exporter finds it by this name.
 glTF2ExportUserExtension = GltfExtension
@@ -34,7 +35,7 @@ def register() -> None:
         module.register()
     if bpy.app.module:
         # As an extension is. The glTF exporter looks there for what changes its images.
-        bpy.context.preferences.addons.new().module = preferences.PACKAGE
+        bpy.context.preferences.addons.new().module = PACKAGE
         # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs.
         atexit.register(unregister)
 
@@ -42,7 +43,7 @@ def register() -> None:
 def unregister() -> None:
     """Remove everything that :func:`register` added."""
     atexit.unregister(unregister)
-    if bpy.app.module and (entry := bpy.context.preferences.addons.get(preferences.PACKAGE)):
+    if bpy.app.module and (entry := bpy.context.preferences.addons.get(PACKAGE)):
         bpy.context.preferences.addons.remove(entry)
     for module in reversed(_MODULES):
         module.unregister()
