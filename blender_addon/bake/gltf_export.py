@@ -95,7 +95,10 @@ def _changed(data: bytes, kind: str, change: Callable[[NDArray[Any]], NDArray[An
         source.write_bytes(data)
         given = oiio.ImageBuf(str(source))
         depth = oiio.UINT8 if given.spec().format == oiio.UINT8 else oiio.UINT16
-        pixels = change(given.get_pixels(depth))
+        pixels = given.get_pixels(depth)
+        if pixels is None:
+            raise FileError(f"the image cannot be turned for glTF: {given.geterror()}")
+        pixels = change(pixels)
         height, width, channels = pixels.shape
         target = oiio.ImageOutput.create(str(file))
         if not (target.open(str(file), oiio.ImageSpec(width, height, channels, depth)) and target.write_image(pixels)):

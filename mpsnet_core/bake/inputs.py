@@ -13,7 +13,8 @@ from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.frames import is_folder_or_pattern, matching_files, numbering
-from mpsnet_core.io.provenance import content_fingerprint, fingerprint
+from mpsnet_core.io.metadata import content_fingerprint
+from mpsnet_core.io.provenance import fingerprint
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.joined_mesh import join_meshes

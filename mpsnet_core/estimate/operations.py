@@ -57,7 +57,7 @@ class RunsModel(Operation):
 
         Raises SettingsError if there is no such model, FileError if its file is missing.
         """
-        from mpsnet_core.io.provenance import content_fingerprint
+        from mpsnet_core.io.metadata import content_fingerprint
 
         if self.model in BASELINES:
             return {"model": self.model}

@@ -7,7 +7,6 @@ import zipfile
 import zlib
 from contextlib import closing
 from pathlib import Path
-
 from typing import Literal
 
 from mpsnet_core import __version__
