@@ -21,6 +21,9 @@ _OTHERS = {
     b"%PDF": "a PDF document",
 }
 HEIC, AVIF = "HEIC", "AVIF"
+# Our names of attributes of a file that OpenImageIO does not read.
+TRANSFER, STATES_CURVE, STATES_TABLE = "mpsnet:transfer", "mpsnet:states_curve", "mpsnet:states_table"
+EXPOSURE = ("mpsnet:exposure_red", "mpsnet:exposure_green", "mpsnet:exposure_blue")
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
 HEAD = 64  # bytes by which a kind is told
 
@@ -90,17 +93,23 @@ def webp_orientation(path: str | os.PathLike[str]) -> int | None:
     return None
 
 
-def has_transfer_function(path: str | os.PathLike[str]) -> bool:
-    """Whether a TIFF file states its curve by a table of its own, which OpenImageIO 3.0 ignores."""
-    with Path(path).open("rb") as file:
-        return TRANSFER_FUNCTION in next(tiff_directories(file), {})
+def stated_beside(path: str | os.PathLike[str], kind: str) -> dict[str, int | float]:
+    """What a file of the format `kind`, as OpenImageIO names it, states and OpenImageIO 3.0 does not read.
 
-
-def radiance_exposure(path: str | os.PathLike[str]) -> list[float]:
-    """The factors by which a Radiance picture (.hdr) says that its red, green and blue were multiplied.
-
-    OpenImageIO ignores them.
+    By our names of attributes, those that a file lacks left out: the code of its transfer curve by ITU-T H.273; whether
+    a PNG states a curve, and a TIFF one by a table; the factors by which an HDR's red, green and blue were multiplied.
     """
+    if kind == "png":
+        chunks = png_chunks(path)
+        code = chunks.get(b"cICP", b"")[1:2]
+        return {STATES_CURVE: int(bool(chunks.keys() & {b"sRGB", b"gAMA"})), **({TRANSFER: code[0]} if code else {})}
+    if kind == "tiff":
+        with Path(path).open("rb") as file:
+            return {STATES_TABLE: int(TRANSFER_FUNCTION in next(tiff_directories(file), {}))}
+    return dict(zip(EXPOSURE, _radiance_exposure(path), strict=True)) if kind == "hdr" else {}
+
+
+def _radiance_exposure(path: str | os.PathLike[str]) -> list[float]:
     factors = [1.0, 1.0, 1.0]
     for line in file_head(path, MAX_HEADER).partition(b"\n\n")[0].decode("latin-1").splitlines():
         name, _, value = line.partition("=")

@@ -9,15 +9,13 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, InputError
-from mpsnet_core.io.file_kinds import AVIF, file_head
+from mpsnet_core.io.file_kinds import AVIF, TRANSFER, file_head
 from mpsnet_core.io.image import MAX_PIXELS
 
 # A file's colour properties are within this many bytes.
 PROPERTIES = 65_536
 # What the libraries raise for damaged files; SyntaxError is Pillow's.
 _DAMAGE = (OSError, ValueError, RuntimeError, SyntaxError, EOFError, LookupError, TypeError, ArithmeticError)
-# Name of the attribute with the code point of the transfer curve (H.273).
-TRANSFER = "mpsnet:transfer"
 
 
 class HeifReader:

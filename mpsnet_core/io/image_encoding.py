@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, Curve, profile_curve, sampled, transfer_is_linear
-from mpsnet_core.io.file_kinds import has_transfer_function, png_chunks
-from mpsnet_core.io.heif import TRANSFER
+from mpsnet_core.io.file_kinds import STATES_CURVE, STATES_TABLE, TRANSFER
 from mpsnet_core.io.image import Assumed, Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute
 from mpsnet_core.io.image_layers import FORMAT
@@ -56,11 +55,10 @@ def curve_of(path: Path, spec: Any, encoding: Encoding) -> tuple[Curve, Assumed 
 def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
     """The transfer curve that a file states, or the usual one, and the encoding that is assumed if it states none."""
     floats, kind = is_float(spec), spec.getattribute(FORMAT)
-    chunks = png_chunks(path) if kind == "png" else {}
     stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     profile = image_attribute(spec, "ICCProfile", np.ndarray)
-    transfer = _transfer(chunks, spec)
-    if transfer is not None:  # it overrides a PNG's profile and gamma
+    transfer = image_attribute(spec, TRANSFER, int) or UNKNOWN_TRANSFER
+    if transfer != UNKNOWN_TRANSFER:  # it overrides a PNG's profile and gamma
         linear, curve = transfer_is_linear(path, transfer), None
     else:
         linear = "lin" in stated or stated in ("raw", "data")
@@ -70,17 +68,17 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
                 "%s has a colour profile without curves, of tables alone, which is not applied; convert it to sRGB's",
                 path,
             )
-        if profile is None and kind == "tiff" and has_transfer_function(path):
+        if profile is None and image_attribute(spec, STATES_TABLE, int) == 1:
             log.warning(
                 "%s states its curve by a table (TIFF's TransferFunction), which is not applied; save it as sRGB", path
             )
         linear = linear or (floats and curve is None)
         if curve is None and not linear:
             curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float), path)
-    says = bool(chunks.keys() & {b"sRGB", b"gAMA"}) or kind in OF_ITSELF or "lin" in stated
+    says = bool(image_attribute(spec, STATES_CURVE, int)) or kind in OF_ITSELF or "lin" in stated
     says = says or any(spec.getattribute(name) is not None for name in ("oiio:Gamma", "Exif:ColorSpace"))
     assumed: Assumed | None = None
-    if not says and transfer is None and curve is None and not (floats and profile is not None):
+    if not says and transfer == UNKNOWN_TRANSFER and curve is None and not (floats and profile is not None):
         assumed = "linear" if linear else "srgb"
     known: tuple[tuple[str, Curve], ...] = (("linear", identity_curve), ("sRGB", srgb_to_linear))
     name, decoded = known[0] if linear else known[1]
@@ -123,11 +121,3 @@ def otherwise_encoded(image: Image) -> Image:
     for rows in bands(len(image.pixels)):
         image.pixels[rows] = curve(image.pixels[rows].astype(np.float32, copy=False))
     return replace(image, assumed=None)
-
-
-def _transfer(chunks: dict[bytes, bytes], spec: Any) -> int | None:
-    """The transfer characteristics that a file states by H.273: in a PNG's chunk cICP, which OpenImageIO 3.0 ignores,
-    or in a HEIC or AVIF without profile."""
-    body = chunks.get(b"cICP", b"")
-    found = body[1] if len(body) > 1 else image_attribute(spec, TRANSFER, int)
-    return None if found == UNKNOWN_TRANSFER else found

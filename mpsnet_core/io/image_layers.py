@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, SettingsError
-from mpsnet_core.io.file_kinds import file_head, webp_orientation
+from mpsnet_core.io.file_kinds import file_head, stated_beside, webp_orientation
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image import MAX_PIXELS, oriented
 from mpsnet_core.io.image_input import channel_names, image_attribute, open_image, pending_error, silence_libraries
@@ -69,6 +69,8 @@ def read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, i
         spec.attribute(PALETTE, int(has_palette(path, spec)))
         orientation = orientation_of(spec, path)
         spec.attribute("Orientation", orientation)
+        for name, value in stated_beside(path, source.format_name()).items():
+            spec.attribute(name, value)
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
         if spec.width * spec.height * (last + 1 - first) > MAX_LAYER_VALUES:
             raise FormatError(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FormatError, SettingsError
-from mpsnet_core.io.file_kinds import radiance_exposure
+from mpsnet_core.io.file_kinds import EXPOSURE
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, curve_of, identity_curve, is_float
@@ -115,7 +115,7 @@ def _decoded(
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     if alpha is not None and kind in FOURTH_BYTE and not alpha.any():
         alpha = None
-    exposure = np.array(radiance_exposure(path) if kind == "hdr" else 1, np.float32)
+    exposure = np.array([image_attribute(spec, name, float) or 1 for name in EXPOSURE], np.float32)
     decoded, assumed = curve_of(path, spec, encoding)
     unassociated = spec.getattribute("oiio:UnassociatedAlpha") or kind in UNASSOCIATED
     premultiplied = alpha is not None and not unassociated

@@ -59,7 +59,7 @@ def test_what_is_missing_or_does_not_fit_is_reported(scene, photos, tmp_path):
     with pytest.raises(RuntimeError, match="no photo under the second light is named"):
         bpy.ops.mps.superpose(**{**photos, "second": ""})
     write_image(photos["third"], np.ones((8, 8, 3)))
-    with pytest.raises(RuntimeError, match=r"8 x 8.*they must be the same size"):
+    with pytest.raises(RuntimeError, match="8 x 8"):
         bpy.ops.mps.superpose(**photos, output=str(tmp_path / "one.exr"))
     assert stands(MPS_PT_superpose)[0] is Kind.FAILED
     assert scene.mps.photo.image is None and not (tmp_path / "one.exr").exists()

@@ -354,7 +354,7 @@ MIXING_CASES: dict[str, tuple[list[str], str]] = {
     "a card's overlay": ([*GREY, "--card", "--mask", "mask.png", "--overlay", "o.png"], "leave it out with --card"),
     "a card in photos of different sizes": (
         ["grey0.exr", "grey1.exr", "other.exr", "--card", "--mask", "mask.png"],
-        "they must be the same size",
+        "take both with the same camera",
     ),
     "a card in the dark": (["black.exr"] * 3 + ["--card", "--mask", "mask.png"], "black … lights on"),
     "a card that faces away": (
