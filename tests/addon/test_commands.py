@@ -7,7 +7,8 @@ import bpy
 import pytest
 
 from blender_addon.commands import _refuse_unopened, main
-from mpsnet_core.errors import FileError
+from blender_addon.preferences import preference
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.image_reading import read_data
 
 from .rendering import matte
@@ -160,3 +161,15 @@ def test_texture_files_alone_leave_linked_and_local_data_as_it_is(estimated, sce
     assert (tmp_path / "texture.png").exists()
     # The panel's target is a setting of the scene.
     assert [one for one in after if one not in before] in ([], [("Sphere [asset.blend]", linked.users)])
+
+
+def test_the_environment_names_the_output_folder_and_the_threads(estimated, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPSNET_OUTPUT_FOLDER", str(tmp_path / "farm"))
+    (tmp_path / "farm").mkdir()
+    bpy.ops.mps.bake(size=16)
+    assert [file.name for file in (tmp_path / "farm").iterdir()] == ["Sphere_normal.png"]
+    monkeypatch.setenv("MPSNET_THREADS", "3")
+    assert preference("threads") == 3
+    monkeypatch.setenv("MPSNET_THREADS", "many")
+    with pytest.raises(SettingsError, match="MPSNET_THREADS"):
+        preference("threads")

@@ -224,6 +224,7 @@ def test_a_farm_starts_it_as_the_page_says(blender, scene, tmp_path):
 EXPORT = """
 import bpy
 bpy.ops.wm.open_mainfile(filepath={scene!r})
+bpy.data.objects["Sphere"].data.materials.clear()  # glTF knows no diffuse shader
 bpy.ops.mps.add_rig()
 bpy.ops.mps.render_photo(width=64, height=64, samples=4, output={folder!r} + "/photo.exr")
 bpy.ops.mps.estimate(model="LAMBERTIAN", output={folder!r} + "/normals.png")
