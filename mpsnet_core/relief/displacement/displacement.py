@@ -124,13 +124,13 @@ def displacement(
         If the texture does not fit the mesh, or the base is another mesh.
     """
     progress(0.0, "laying out the UVs")
-    vectors = np.asarray(vectors, np.float32)
-    own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
+    own, laid = _layouts(
+        mesh, base, _checked_size(vectors := np.asarray(vectors, np.float32), space, margin, scale, mean)
+    )
     areas = laid.areas()[laid.triangle[covered := laid.triangle >= 0]]
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
-    wanted = height_differences(
-        vectors, seen, space, own, laid, bool(scale) and base is None, part(progress, 0.02, 0.2)
-    )
+    shaded, reading = bool(scale) and base is None, part(progress, 0.02, 0.2)
+    wanted = height_differences(vectors, seen, space, own, laid, shaded, reading)
     seams = laid.seams()
     graph = graph_of(laid.island, seams.texels[seams.met], _hold(own, areas, seen[covered], scale))
     del own, laid
