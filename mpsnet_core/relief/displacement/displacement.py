@@ -114,7 +114,7 @@ def displacement(
     Returns
     -------
     Displacement
-        Heights that are equal on the two sides of each seam, and flatter where normals contradict one another.
+        Heights that are equal on both sides of each seam, and flatter where normals contradict one another.
 
     Raises
     ------
@@ -123,10 +123,8 @@ def displacement(
     GeometryError
         If the texture does not fit the mesh, or the base is another mesh.
     """
-    progress(0.0, "laying out the UVs")
-    own, laid = _layouts(
-        mesh, base, _checked_size(vectors := np.asarray(vectors, np.float32), space, margin, scale, mean)
-    )
+    vectors = np.asarray(vectors, np.float32)
+    own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
     areas = laid.areas()[laid.triangle[covered := laid.triangle >= 0]]
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
     shaded, reading = bool(scale) and base is None, part(progress, 0.02, 0.2)
