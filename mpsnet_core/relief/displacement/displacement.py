@@ -23,7 +23,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, height_differences, seen_share
+from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, seen_share, slope_constraints
 from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
@@ -123,12 +123,12 @@ def displacement(
     GeometryError
         If the texture does not fit the mesh, or the base is another mesh.
     """
+    progress(0.0, "laying out the UVs")
     vectors = np.asarray(vectors, np.float32)
     own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
     areas = laid.areas()[laid.triangle[covered := laid.triangle >= 0]]
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
-    shaded, reading = bool(scale) and base is None, part(progress, 0.02, 0.2)
-    wanted = height_differences(vectors, seen, space, own, laid, shaded, reading)
+    wanted = slope_constraints(vectors, seen, space, own, laid, bool(scale) and base is None, part(progress, 0.02, 0.2))
     seams = laid.seams()
     graph = graph_of(laid.island, seams.texels[seams.met], _hold(own, areas, seen[covered], scale))
     del own, laid
