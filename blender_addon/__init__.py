@@ -10,6 +10,7 @@ from importlib import import_module
 
 import bpy
 
+from . import preferences
 from .bake.gltf_export import GltfExtension
 from .preferences import PACKAGE
 
