@@ -10,7 +10,6 @@ from importlib import import_module
 
 import bpy
 
-from . import preferences
 from .bake.gltf_export import GltfExtension
 from .preferences import PACKAGE
 

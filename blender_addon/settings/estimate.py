@@ -10,7 +10,7 @@ from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, forma
 
 MODELS = {identifier(entry.name): entry for entry in known_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title, entry.number) for name, entry in MODELS.items()]
-# What presets and scripts of earlier versions set. The menus do not list it, and a model that is set so has its new name.
+# What presets and scripts of earlier versions set. The menus do not list it, and the setting then has its new name.
 MODEL_ITEMS += [
     (identifier(old), *MODEL_ITEMS[[*MODELS].index(identifier(name))][1:]) for old, name in OLD_NAMES.items()
 ]
