@@ -4,12 +4,16 @@ import bpy
 from bpy.props import IntProperty, PointerProperty, StringProperty
 
 from mpsnet_core.estimate.operations import Estimate
-from mpsnet_core.estimate.registry import known_models
+from mpsnet_core.estimate.registry import OLD_NAMES, known_models
 
 from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, format_setting, from_option, identifier
 
 MODELS = {identifier(entry.name): entry for entry in known_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title, entry.number) for name, entry in MODELS.items()]
+# What presets and scripts of earlier versions set. The menus do not list it, and the setting then has its new name.
+MODEL_ITEMS += [
+    (identifier(old), *MODEL_ITEMS[[*MODELS].index(identifier(name))][1:]) for old, name in OLD_NAMES.items()
+]
 
 
 class EstimateSettings:

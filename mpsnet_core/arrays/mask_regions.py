@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.row_bands import bands
 
 # Maps regions' labels (H, W) and sizes to (regions + 1,) which of them to select.
 Chosen = Callable[[NDArray[np.int32], NDArray[np.int64]], NDArray[np.bool_]]
@@ -74,12 +75,15 @@ def fill_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
 def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     """The mask (H, W) or (H, W, C) dilated by a square of 2 pixels + 1."""
     for axis in (0, 1):
-        lines = np.moveaxis(mask, axis, 0)
+        grown = np.empty(mask.shape, bool)
+        lines, out = np.moveaxis(mask, axis, 0), np.moveaxis(grown, axis, 0)
         places = np.arange(len(lines))
-        marks = np.zeros((len(lines) + 1, *lines.shape[1:]), np.int32)
-        np.cumsum(lines, axis=0, out=marks[1:])
         ahead, behind = np.minimum(places + pixels + 1, len(lines)), np.maximum(places - pixels, 0)
-        mask = np.moveaxis(marks[ahead] > marks[behind], 0, axis)
+        for part in bands(lines.shape[1]):
+            marks = np.zeros((len(lines) + 1, *lines[:, part].shape[1:]), np.int32)
+            np.cumsum(lines[:, part], axis=0, out=marks[1:])
+            out[:, part] = marks[ahead] > marks[behind]
+        mask = grown
     return mask
 
 

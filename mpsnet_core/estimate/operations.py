@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, MASK, MAX_SMOOTHING
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.estimate.registry import (
-    BASELINES,
-    DEFAULT_MODEL,
-    DEFAULT_TILE,
-    find_network,
-    known_models,
-)
+from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, find_network, known_models
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 

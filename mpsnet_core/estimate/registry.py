@@ -107,7 +107,7 @@ _MODELS = (
         comparison=True,
     ),
 )
-_OLD_NAMES = {"multiscale-int8": QUICK_MODEL}  # 0.2.0's quick network
+OLD_NAMES = {"multiscale-int8": QUICK_MODEL}  # 0.2.0's quick network
 
 
 def known_models() -> list[RegisteredModel]:
@@ -132,7 +132,7 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
 
     Raises SettingsError if there is no such network, FileError if its file is missing.
     """
-    name = _OLD_NAMES.get(os.fspath(name), os.fspath(name))
+    name = OLD_NAMES.get(os.fspath(name), os.fspath(name))
     for entry in known_models():
         if entry.name == name:
             if entry.file is None:

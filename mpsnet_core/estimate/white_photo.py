@@ -41,6 +41,8 @@ ROUNDS = 10  # of the robust fit
 MIN_SPREAD = 0.005  # of the distances from the plane
 # Distances of white photos of the same pose are within 0.06, of another pose or under another lamp 0.18 to 0.56.
 OTHER_SCENE = 0.12
+# In a white photo of the same pose, no more of the object than this is black where the photo shows it lit.
+MISPLACED = 0.01
 MAX_GAIN_FACTOR = 20.0  # largest factor between the gains and those for which all shares have one mean
 MIN_PIXELS = 16
 HIGHEST = 95  # percentile; above it are highlights, and pixels that the white lamp hardly reaches
@@ -119,7 +121,7 @@ def normalise_by_white_photo(capture: Capture) -> Capture:
     fit = fit_white_photo(capture)
     if fit is None:
         return replace(capture, white=None, white_clipped=None)
-    if fit.spread > OTHER_SCENE and capture.white_light is None:
+    if capture.white_light is None and (fit.spread > OTHER_SCENE or _share_in_one_only(capture, fit) > MISPLACED):
         log.warning(
             "the white photo does not fit the photo: is it of the same pose, and under the rig's three lights turned "
             "white? if one lamp lit it, say where that was (--white-light)"
@@ -142,6 +144,17 @@ def fit_white_photo(capture: Capture) -> WhitePhoto | None:
     valid = valid_white_pixels(capture, *grid) & ~capture.saturated_in(grid[0])[:, grid[1]].any(axis=-1)
     photo, white = capture.image[grid][valid], capture.white[grid][valid]
     return WhitePhoto.fit(photo, white, capture.rig.mixing, _white_strengths(capture, step, valid))
+
+
+def _share_in_one_only(capture: Capture, fit: WhitePhoto) -> float:
+    """Fraction of the object's pixels that the photo shows lit and the white photo black, which is no light's doing."""
+    assert capture.white is not None
+    step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
+    grid = slice(None, None, step), slice(None, None, step)
+    inside = valid_white_pixels(capture, *grid)
+    brightness = capture.image[grid][inside].astype(np.float32).max(axis=-1)
+    black = (capture.white[grid][inside] @ fit.unmixing_before.T < fit.lower_limits).all(axis=-1)
+    return float((black & (brightness > REACHED * np.median(brightness))).mean()) if len(black) else 0.0
 
 
 def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import os
 import re
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.io.marks import BY, SOFTWARE
@@ -27,14 +28,19 @@ def metadata(*, with_inputs: bool) -> str:
     for setting in settings(type(task.operation)):
         value, told = getattr(task.operation, setting.name), setting.option
         plain = bool(told.choices) or (told.provenance == "value" and not told.path)
-        if setting.name == "model" and value is not None:
-            chosen["model"] = Path(value).name
-        elif plain and value != setting.default:
-            chosen[setting.name] = value
+        if (setting.name == "model" and value is not None) or (plain and value != setting.default):
+            chosen[setting.name] = _without_folders(value)
     given = [Path(file) for file in task.read if file not in task.written and Path(file).is_file()]
     made_of = {"inputs": sorted(f"{file.name} {content_fingerprint(file)}" for file in given)} if with_inputs else {}
     software = f"{SOFTWARE} {__version__}"
     return json.dumps({"software": software, "command": task.operation.command, "settings": chosen, **made_of})
+
+
+def _without_folders(value: Any) -> Any:
+    """A setting without the folders of its paths, which tell who made an image and where."""
+    if isinstance(value, tuple | list):
+        return [*map(_without_folders, value)]
+    return re.split(r"[/\\]", os.fspath(value))[-1] if isinstance(value, str | os.PathLike) else value
 
 
 def is_provenance_line(description: str) -> bool:

@@ -20,13 +20,7 @@ from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.occlusion import check_reach
 from mpsnet_core.relief.relight import relit, turntable_sheet, turntable_tilts
-from mpsnet_core.relief.surface_mesh import (
-    Up,
-    check_surface_mesh,
-    surface_mesh,
-    writable_mesh,
-    write_surface_mesh,
-)
+from mpsnet_core.relief.surface_mesh import Up, check_surface_mesh, surface_mesh, writable_mesh, write_surface_mesh
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt

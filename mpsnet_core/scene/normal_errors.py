@@ -18,18 +18,18 @@ from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
 @dataclass(frozen=True)
 class NormalErrors:
-    """Angular errors. degrees: (H, W) float64. mask: (H, W) bool, where both normals are known; not empty."""
+    """Angular errors. degrees: (H, W) float32. mask: (H, W) bool, where both normals are known; not empty."""
 
-    degrees: NDArray[np.float64]
+    degrees: NDArray[np.float32]
     mask: NDArray[np.bool_]
 
     @property
     def mean(self) -> float:
-        return float(self.degrees[self.mask].mean())
+        return float(self.degrees[self.mask].mean(dtype=np.float64))
 
     @property
     def median(self) -> float:
-        return float(np.median(self.degrees[self.mask]))
+        return float(np.median(self.degrees[self.mask], overwrite_input=True))
 
 
 def read_true_normals(
@@ -67,14 +67,21 @@ def read_true_normals(
 
 def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
     """The angles between two normal maps of one view. Raises GeometryError if they cannot be of the same view."""
-    sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (estimate.mask, truth.mask)]
+    return errors_inside(estimate.mask, estimate.vectors[estimate.mask], truth)
+
+
+def errors_inside(mask: NDArray[np.bool_], inside: NDArray[np.float32], truth: NormalMap) -> NormalErrors:
+    """:func:`normal_errors` of an estimate of which only the normals inside its mask, (N, 3), are at hand."""
+    sizes = [f"{shown.shape[1]} x {shown.shape[0]}" for shown in (mask, truth.mask)]
     if sizes[0] != sizes[1]:
         raise GeometryError(f"the normals are {sizes[0]} but the true ones {sizes[1]}; they must show one view")
-    both = estimate.mask & truth.mask
+    both = mask & truth.mask
     if not both.any():
         raise GeometryError("no pixel has both a normal and a true one; they must show the same object in one view")
-    degrees = np.zeros(both.shape)
+    degrees, done = np.zeros(both.shape, np.float32), 0
     for rows in bands(len(both)):
-        inside = both[rows]
-        degrees[rows][inside] = angular_error(estimate.vectors[rows][inside], truth.vectors[rows][inside])
+        count, shared = np.count_nonzero(mask[rows]), both[rows]
+        estimated = inside[done : done + count][shared[mask[rows]]]
+        degrees[rows][shared] = angular_error(estimated, truth.vectors[rows][shared])
+        done += count
     return NormalErrors(degrees, both)

@@ -148,12 +148,14 @@ def read_normals(
         unit[rows] = np.abs(np.sqrt(squared) - 1) < 0.1
 
     on_all_cores(measured, bands(len(vectors)))
+    has_mask = alpha is not None
     mask = unit if alpha is None else alpha > 0.5
+    del alpha  # the normals of a large photo take much memory
     if not finite[mask].all():
         raise FormatError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
-    if alpha is not None and not mask.any():
+    if has_mask and not mask.any():
         raise FormatError(f"{path} holds no normals: its mask is empty; estimate them again")
-    if not (_are_unit(vectors, unit) if alpha is None else unit[mask].mean() >= 0.5):
+    if not (unit[mask].mean() >= 0.5 if has_mask else _are_unit(vectors, unit)):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     trust = np.ones(mask.shape, np.float32) if confidence is None else read_channel(confidence)
     return NormalMap(vectors, mask, trust, in_place=True)

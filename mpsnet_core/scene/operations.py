@@ -183,7 +183,7 @@ class CompareNormals(Operation):
         """Compare them, and write the error image if requested."""
         from mpsnet_core.io.files import check_no_overwrite, writable_image
         from mpsnet_core.io.image_writing import write_picture_bands
-        from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
+        from mpsnet_core.scene.normal_errors import errors_inside, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
         from mpsnet_core.scene.pictures import scaled_error_bands
 
@@ -192,12 +192,16 @@ class CompareNormals(Operation):
             check_no_overwrite([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
         progress(0.0, "reading the normals")
         estimate = read_normals(self.normals, convention=self.convention)
-        errors = normal_errors(estimate, read_true_normals(self.truth, self.camera, convention=self.truth_convention))
+        mask, inside = estimate.mask, estimate.vectors[estimate.mask]
+        del estimate  # two large photos' normals take much memory
+        errors = errors_inside(
+            mask, inside, read_true_normals(self.truth, self.camera, convention=self.truth_convention)
+        )
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
             write_picture_bands(self.output, *scaled_error_bands(errors.degrees, errors.mask))
         progress(1.0, "done")
-        share = float(errors.mask.sum() / estimate.mask.sum())
+        share = float(errors.mask.sum() / mask.sum())
         text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
         return NormalsCompared(self.output, round(errors.mean, 3), round(errors.median, 3), round(share, 4), text=text)
 

@@ -73,7 +73,7 @@ def normals_picture(normals: NormalMap) -> NDArray[np.float32]:
     return on_background(encode(normals.vectors), normals.mask)
 
 
-def error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_], highest: float) -> NDArray[np.float32]:
+def error_picture(error: NDArray[np.floating[Any]], mask: NDArray[np.bool_], highest: float) -> NDArray[np.float32]:
     """(H, W, 3) angular errors in colour, from black at 0° to bright at `highest` degrees, on dark grey."""
     return on_background(_inferno(np.clip(error / highest, 0, 1)), mask)
 
@@ -92,7 +92,7 @@ def colour_scale(highest: float, height: int) -> NDArray[np.float32]:
 
 
 def scaled_error_bands(
-    error: NDArray[np.float64], mask: NDArray[np.bool_]
+    error: NDArray[np.floating[Any]], mask: NDArray[np.bool_]
 ) -> tuple[tuple[int, int, int], Callable[[slice], NDArray[np.float32]]]:
     """:func:`error_picture` with a colour bar on the right, which ends at the first of `ERROR_SCALES` that exceeds
     nearly all errors: the picture's shape, and a function that makes some of its rows."""

@@ -18,7 +18,7 @@ from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
 from mpsnet_core.io.image_input import channel_names, image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.image_reading import MAX_VALUE
 from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.synthesis.scene_description import SceneDescription, recipe_from_data
+from mpsnet_core.synthesis.scene_description import SceneDescription, scene_from_data
 
 SAMPLE_VERSION = 1
 METADATA = "mpsnet:sample"
@@ -247,7 +247,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
             f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it"
         )
     try:
-        recipe = recipe_from_data(data["recipe"])
+        recipe = scene_from_data(data["recipe"])
         rig = LightRig(recipe.light_directions)
     except InputError as error:
         raise FormatError(f"sample {path}: {error}; delete it and make it again") from None

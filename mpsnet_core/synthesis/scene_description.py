@@ -128,7 +128,7 @@ class SceneDescription:
     bounces: int = 0
 
     def data(self) -> dict[str, Any]:
-        """The recipe as plain JSON data, for :func:`recipe_from_data`."""
+        """The recipe as plain JSON data, for :func:`scene_from_data`."""
         return {
             "version": SCENE_VERSION,
             "seed": self.seed,
@@ -147,7 +147,7 @@ class SceneDescription:
         }
 
 
-def recipe_from_data(data: dict[str, Any]) -> SceneDescription:
+def scene_from_data(data: dict[str, Any]) -> SceneDescription:
     """A scene from :meth:`SceneDescription.data`, also after a JSON round trip. Raises FormatError if it is invalid."""
     try:
         if data["version"] > SCENE_VERSION:

@@ -8,11 +8,11 @@ from blender_addon.settings.choices import choices, restore_choices, save_choice
 
 @pytest.fixture
 def preferences():
-    """The add-on's, which has none where it runs as a plain module."""
-    addon = bpy.context.preferences.addons.new()
-    addon.module = "blender_addon"
-    yield addon.preferences
-    bpy.context.preferences.addons.remove(addon)
+    """The add-on's, with nothing remembered before and after."""
+    found = bpy.context.preferences.addons["blender_addon"].preferences
+    found.remembered = ""
+    yield found
+    found.remembered, found.remember = "", True
 
 
 def new_file():

@@ -29,7 +29,7 @@ def test_the_share_seen_stays_with_the_step_and_is_that_of_the_map(baked, scene,
     # The sphere's UVs fill the texture but for a few corners at its poles.
     shares = [int(share) / 100 for share in re.fullmatch("(.*)% of the surface seen, (.*)% filled", note).groups()]
     assert shares == pytest.approx([seen, filled], abs=0.02)
-    bpy.ops.mps.bake()
+    bpy.ops.mps.bake(output=str(tmp_path / "texture.png"))
     assert len([image for image in bpy.data.images if image.name.startswith("MPS Sphere Coverage")]) == 1
 
 

@@ -12,6 +12,7 @@ def test_models_that_are_not_offered_keep_their_names_and_their_places_in_files(
     assert {item.identifier: item.value for item in items} == {
         "MULTISCALE": 0,
         "MULTISCALE_QUICK": 2,
+        "MULTISCALE_INT8": 2,  # its name in 0.2.0
         "MPSNET": 3,
         "PSFCN": 5,
         "DEMULTIPLEXER": 6,
@@ -31,6 +32,8 @@ def test_a_still_is_averaged_unless_set_otherwise(photographed, scene, tmp_path)
     once = estimated(average_passes=False)
     assert angular_error(once.vectors, averaged.vectors)[averaged.mask].mean() > 0.05
     np.testing.assert_array_equal(estimated(model="MULTISCALE_QUICK", average_passes=True).vectors, once.vectors)
+    scene.mps.estimate.model = "MULTISCALE_INT8"
+    assert scene.mps.estimate.model == "MULTISCALE_QUICK"
 
 
 def test_a_network_that_is_not_offered_still_estimates(photographed, scene, tmp_path):

@@ -13,7 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import angles_of
 from mpsnet_core.synthesis import scene_sampling
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.scene_description import Material, recipe_from_data
+from mpsnet_core.synthesis.scene_description import Material, scene_from_data
 from mpsnet_core.synthesis.scene_sampling import draw_scene
 
 JOB = SampleJob(renderer="synthesis", count=400, seed=5, size=64)
@@ -36,7 +36,7 @@ def test_both_renderers_draw_the_same_recipe():
 
 def test_recipes_survive_json():
     for recipe in RECIPES[:50]:
-        again = recipe_from_data(json.loads(json.dumps(recipe.data())))
+        again = scene_from_data(json.loads(json.dumps(recipe.data())))
         assert again.data() == recipe.data()
         assert again.materials == recipe.materials
 
@@ -45,9 +45,9 @@ def test_what_is_no_recipe_is_said():
     data = RECIPES[0].data()
     for broken in ({**data, "materials": [{"kind": "principled", "colour": 3}]}, {**data, "rotation": [1, 2]}, {}):
         with pytest.raises(InputError, match="recipe is not known to this program"):
-            recipe_from_data(broken)
+            scene_from_data(broken)
     with pytest.raises(InputError, match="version 99"):
-        recipe_from_data({**data, "version": 99})
+        scene_from_data({**data, "version": 99})
 
 
 def test_numbers_that_show_one_shape_differ_in_all_else():

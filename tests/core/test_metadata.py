@@ -7,8 +7,8 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import shaded_sphere
 
-from mpsnet_core import Estimate, write_rig
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import Estimate, FindMask, Superpose, write_rig
+from mpsnet_core.io.image_writing import write_image, write_mask
 from mpsnet_core.scene.rig import published_rig
 
 
@@ -57,3 +57,15 @@ def test_a_frame_states_no_other_frames(tmp_path):
     ).run()
     frames = sorted((tmp_path / "normals").iterdir())
     assert len(frames) == 2 and stated(frames[0]) == stated(frames[1]) and "inputs" not in stated(frames[0])
+
+
+def test_no_image_states_a_folder(tmp_path):
+    for name in ("a", "b", "c"):
+        write_image(tmp_path / f"{name}.exr", shaded_sphere(32).image)
+    write_mask(tmp_path / "mask.png", shaded_sphere(32).mask)
+    photos = [tmp_path / f"{name}.exr" for name in ("a", "b", "c")]
+    Superpose(image=photos, output=tmp_path / "one.exr", encoding="linear").run()
+    FindMask(image=photos[0], mask=tmp_path / "mask.png", output=tmp_path / "found.png").run()
+    for name in ("one.exr", "found.png"):
+        told = oiio.ImageBuf(str(tmp_path / name)).spec().getattribute("mpsnet:made")
+        assert json.loads(told)["settings"] and str(tmp_path) not in told

@@ -37,6 +37,16 @@ def test_a_white_photo_of_something_else_is_reported(caplog: pytest.LogCaptureFi
     assert ("does not fit the photo" in caplog.text) == (other != "none")
 
 
+def test_a_white_photo_of_a_grey_object_that_was_moved_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    """Few pixels tell, those at its outline: a sphere's shading hardly changes where it moves by little."""
+    painted = Painted()
+    grey = painted.light.sum(axis=-1, keepdims=True) * np.ones(3)
+    for pixels in (0, 4):
+        capture = replace(painted.capture, image=painted.light @ MIXED.mixing.T, white=np.roll(grey, pixels, axis=1))
+        normalise_by_white_photo(capture)
+        assert ("does not fit the photo" in caplog.text) == (pixels > 0)
+
+
 def test_another_lamp_may_have_lit_the_white_photo() -> None:
     painted, lamp = Painted(), direction_from_angles(25, 70)
     cosine = np.maximum(painted.sphere.normals @ lamp, 0)

@@ -23,7 +23,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, height_differences, seen_share
+from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, seen_share, slope_constraints
 from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
@@ -114,7 +114,7 @@ def displacement(
     Returns
     -------
     Displacement
-        Heights that are equal on the two sides of each seam, and flatter where normals contradict one another.
+        Heights that are equal on both sides of each seam, and flatter where normals contradict one another.
 
     Raises
     ------
@@ -126,12 +126,9 @@ def displacement(
     progress(0.0, "laying out the UVs")
     vectors = np.asarray(vectors, np.float32)
     own, laid = _layouts(mesh, base, _checked_size(vectors, space, margin, scale, mean))
-    areas = laid.areas()[laid.triangle[covered := laid.triangle >= 0]]
+    areas, seams = laid.areas()[laid.triangle[covered := laid.triangle >= 0]], laid.seams()
     seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
-    wanted = height_differences(
-        vectors, seen, space, own, laid, bool(scale) and base is None, part(progress, 0.02, 0.2)
-    )
-    seams = laid.seams()
+    wanted = slope_constraints(vectors, seen, space, own, laid, bool(scale) and base is None, part(progress, 0.02, 0.2))
     graph = graph_of(laid.island, seams.texels[seams.met], _hold(own, areas, seen[covered], scale))
     del own, laid
     heights, trust, apart = _solved(graph, seams, wanted, areas, part(progress, 0.25, 0.85, "integrating"))
@@ -139,6 +136,7 @@ def displacement(
         heights -= _means(graph, areas, heights - (wanted.outwards if mean is None else np.float32(mean)))
     progress(0.9, "growing the margin")
     values = _meeting(_with_margin(graph, heights, covered, margin), graph, heights, covered, seams)
+    progress(1.0, "displaced")
     return _measured(values, covered, areas, trust, apart)
 
 

@@ -51,7 +51,7 @@ class HeightDifferences:
         return right, below
 
 
-def height_differences(
+def slope_constraints(
     vectors: NDArray[np.float32],
     seen: NDArray[np.float32],
     space: Space,
