@@ -21,7 +21,7 @@ from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Subparsers
 from mpsnet_core.cli.operations import add_operation
-from mpsnet_core.cli.reporter import Notes, Reporter, print_json, refuse
+from mpsnet_core.cli.reporter import Notes, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, ListModels
@@ -125,6 +125,7 @@ def _nobody_reads(error: Exception) -> bool:
 
 def _run(arguments: Sequence[str], notes: Notes) -> bool:
     """Run a verb and report its result. Returns whether inputs of a batch failed."""
+    notes.setLevel(log_level())
     if "" in arguments:
         raise SettingsError("an argument is empty; is a shell variable that it comes from not set?")
     if not arguments:

@@ -4,13 +4,27 @@ import contextlib
 import itertools
 import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from mpsnet_core.errors import in_one_line
+from mpsnet_core.errors import SettingsError, in_one_line
+
+_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+
+
+def log_level() -> int:
+    """The level of the notes to show, by the environment variable MPSNET_LOG_LEVEL; all by default.
+
+    Raises SettingsError if it is none.
+    """
+    name = os.environ.get("MPSNET_LOG_LEVEL") or "info"
+    if name.lower() not in _LEVELS:
+        raise SettingsError(f"MPSNET_LOG_LEVEL is {name!r}; set it to {', '.join(_LEVELS)}, or to nothing")
+    return _LEVELS[name.lower()]
 
 
 class Notes(logging.Handler):

@@ -1,11 +1,14 @@
 """The registered models by name. Cheap to import: it loads no model."""
 
+import logging
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from mpsnet_core.errors import FileError, SettingsError
+
+log = logging.getLogger(__name__)
 
 LAMBERTIAN = "lambertian"
 LAMBERTIAN_GREY_WORLD = "lambertian-grey-world"
@@ -132,7 +135,10 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
 
     Raises SettingsError if there is no such network, FileError if its file is missing.
     """
-    name = OLD_NAMES.get(os.fspath(name), os.fspath(name))
+    name = os.fspath(name)
+    if name in OLD_NAMES:
+        log.warning("the model %s is now called %s; its old name will go", name, OLD_NAMES[name])
+        name = OLD_NAMES[name]
     for entry in known_models():
         if entry.name == name:
             if entry.file is None:

@@ -81,6 +81,25 @@ def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_fil
     assert "the whole photo is assumed to be the object" in done.stderr
 
 
+@pytest.mark.parametrize(("level", "shown"), [("info", 2), ("warning", 1), ("ERROR", 0), ("loud", None)])
+def test_the_environment_says_which_notes_are_shown(
+    tmp_path: Path,
+    mpsnet: Mpsnet,
+    rig_file: Path,
+    photo_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    level: str,
+    shown: int | None,
+) -> None:
+    monkeypatch.setenv("MPSNET_LOG_LEVEL", level)
+    done = mpsnet("estimate", photo_file, "--rig", rig_file, "--model", "lambertian", "-o", tmp_path / "n.png")
+    print(done.stderr)
+    if shown is None:
+        assert done.returncode == 2 and "MPSNET_LOG_LEVEL" in done.stderr
+    else:
+        assert done.returncode == 0 and len(done.stderr.splitlines()) == shown
+
+
 def test_a_folder_of_frames_becomes_a_folder_of_normals(
     tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
 ) -> None:

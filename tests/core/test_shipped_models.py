@@ -162,13 +162,17 @@ def test_three_passes_are_better_than_one_on_the_mean_of_eight_scenes() -> None:
     assert np.mean(errors[3]) < np.mean(errors[1])
 
 
-def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too() -> None:
+def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     capture, ours = upright()
     once, thrice = estimate_normals(capture, passes=1), estimate_normals(capture, passes=3)
     np.testing.assert_array_equal(ours.vectors, thrice.vectors)
     assert moved(once) > 0.1
     for name in (QUICK_MODEL, "multiscale-int8"):
+        caplog.clear()
         np.testing.assert_array_equal(estimate_normals(capture, name).vectors, once.vectors)
+        assert (QUICK_MODEL in caplog.text) == (name != QUICK_MODEL)
 
 
 @pytest.mark.parametrize("seed", [(1 << 62) + 1, (1 << 62) + 2])
