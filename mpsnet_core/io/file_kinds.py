@@ -8,6 +8,8 @@ from math import inf
 from pathlib import Path
 from typing import IO, Any
 
+from mpsnet_core.io.opening import is_file
+
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # First bytes of the formats that OpenImageIO reads for us. TGA files have none, and are known by their suffix alone.
 READABLE = (PNG_SIGNATURE, b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01", b"BM", b"#?R")
@@ -34,7 +36,9 @@ MAX_DIRECTORIES, MAX_ENTRIES, MAX_CHUNKS, MAX_BODY, MAX_HEADER = 64, 512, 65_536
 
 
 def file_head(path: str | os.PathLike[str], size: int = HEAD) -> bytes:
-    """The first bytes of a file, empty if it cannot be read."""
+    """The first bytes of a file, empty if it is none or cannot be read."""
+    if not is_file(path):
+        return b""
     try:
         with Path(path).open("rb") as file:
             return file.read(size)

@@ -75,6 +75,10 @@ def place(workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     os.chdir(kept)
 
 
+class Hangs(BaseException):
+    """A command takes too long. No exception that commands catch."""
+
+
 def run(line: str, capfd: pytest.CaptureFixture[str], seconds: int = 60) -> tuple[int, str]:
     """The exit code of a command line, and what it says on stderr. One that takes longer is ended."""
     capfd.readouterr()
@@ -89,7 +93,7 @@ def run(line: str, capfd: pytest.CaptureFixture[str], seconds: int = 60) -> tupl
 @pytest.fixture(autouse=True)
 def alarm() -> Iterator[None]:
     def ring(*_: object) -> None:
-        raise TimeoutError
+        raise Hangs
 
     before = signal.signal(signal.SIGALRM, ring)
     yield
@@ -123,7 +127,7 @@ def test_only_files_are_opened(
         os.chdir(there.folder)
         try:
             code, said = run(line, capfd, 20)
-        except TimeoutError:
+        except Hangs:
             code, said = -1, "it hangs"
         if code != 2 or "Traceback" in said:
             wrong[name] = (code, said)
