@@ -1,8 +1,8 @@
 """Training data: samples of generated shapes, mesh files or this scene, rendered by separate Blender processes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,16 @@ from bpy.props import BoolProperty, StringProperty
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.synthesis.farm.address import is_loopback
-from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
+from mpsnet_core.synthesis.job import (
+    CONTACT_SHEET,
+    JOB_FILE,
+    SHAPES,
+    SampleJob,
+    place_job,
+    read_job,
+    samples_there,
+    withdraw_job,
+)
 from mpsnet_core.synthesis.operations import MakeSamples, Synthesize
 
 from ..child_process.file_copy import save_copy
@@ -50,6 +59,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         options=GIVEN,
     )
 
+    _withdraw: Callable[[], None] | None = None  # removes the job that this run began
+
     def prepare(self, context: Any, folder: Path) -> tuple[MakeSamples, Sequence[Path]]:
         scene = context.scene
         apply_given_settings(self, SamplesSettings, scene.mps.samples)
@@ -57,7 +68,9 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if not (self.output or is_permanent(target)):
             raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
         job, (cluster, trusted) = self._sample_job(context, target), self._cluster()
-        place_job(target, job)
+        is_made, stored = not target.exists(), [] if (target / SCENE_FILE).exists() else [SCENE_FILE]
+        if place_job(target, job):
+            self._withdraw = partial(_withdraw, target, stored, is_made)
         if job.objects:
             self._store_scene(target / SCENE_FILE)
             self._notes = python_drivers()
@@ -130,6 +143,11 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             finally:  # Blender keeps a backup of a file that it overwrites
                 unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 
+    def _failed(self, sentence: str) -> None:
+        super()._failed(sentence)
+        if self._withdraw is not None:
+            self._withdraw()
+
     def refresh_results(self) -> None:
         """Show the contact sheet if the core has updated it."""
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
@@ -147,6 +165,14 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if sheet is not None:
             self.made(sheet)
         self.tell(f"{samples_status(self._sheet.parent)}: {self._sheet.parent}")
+
+
+def _withdraw(folder: Path, stored: Sequence[str], is_made: bool) -> None:
+    """Remove a job without samples. stored: files that were made for it. is_made: whether the folder was, too."""
+    with suppress(OSError):  # what cannot be removed, or a folder with other files, stays
+        withdraw_job(folder, *stored)
+        if is_made:
+            folder.rmdir()
 
 
 def samples_folder(scene: Any, given: str = "") -> Path:

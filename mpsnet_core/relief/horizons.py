@@ -5,14 +5,17 @@ cover many directions at the cost of a few. Arrays here are laid out in *cells*,
 position in their block are contiguous, and all of them use the same directions.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import gcd, hypot
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+
+T = TypeVar("T", bound=np.generic)
 
 BLOCK = 4
 # Rank of each pixel's direction within a sector (Bayer matrix): directions of neighbouring pixels are far apart.
@@ -66,10 +69,10 @@ def sectors() -> list[Sector]:
     ]
 
 
-def to_cells(values: NDArray[np.floating[Any]], outside: float = 0) -> NDArray[np.float32]:
-    """An image (H, W) in cells (4, 4, h, w), padded with `outside` to whole blocks."""
+def to_cells(values: NDArray[T]) -> NDArray[T]:
+    """An image (H, W) in cells (4, 4, h, w), padded with 0 to whole blocks."""
     height, width = values.shape
-    blocks = np.full((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), outside, np.float32)
+    blocks = np.zeros((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), values.dtype)
     blocks[:height, :width] = values
     divided = blocks.reshape(len(blocks) // BLOCK, BLOCK, -1, BLOCK)
     return np.ascontiguousarray(divided.transpose(1, 3, 0, 2))
@@ -81,18 +84,22 @@ def from_cells(cells: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np
     return cells.transpose(2, 0, 3, 1).reshape(BLOCK * height, BLOCK * width)[: shape[0], : shape[1]]
 
 
+def cell_bands(cells: NDArray[np.float32]) -> list[slice]:
+    """Bands of rows in cells, whose intermediate arrays stay in the CPU cache."""
+    return bands(cells.shape[2], max(1, AT_ONCE // cells.shape[3]))
+
+
 @dataclass(frozen=True)
 class OcclusionGrid:
     """The surface, in cells; heights in any unit.
 
-    heights: 0 outside the mask. seen: the same, minus infinity outside. right, up: the rise to the next pixel by the
-    surface's own gradient.
+    heights: 0 outside the mask. mask: where the surface is. slopes: of some rows in one cell, the rise to the next
+    pixel on the right and above by the surface's own gradient; computed when needed, because it takes much memory.
     """
 
     heights: NDArray[np.float32]
-    seen: NDArray[np.float32]
-    right: NDArray[np.float32]
-    up: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    slopes: Callable[[tuple[int, ...], slice], tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
 def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> NDArray[np.float32]:
@@ -111,14 +118,17 @@ def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> NDArray[np.fl
     leaning = (east * sector.step[1] - north * sector.step[0]) / forth
     across = np.empty_like(gradients)
     for cell in np.ndindex(BLOCK, BLOCK):
-        left = np.float32(east[cell]) * ground.up[cell] - np.float32(north[cell]) * ground.right[cell]
-        np.clip(left, -STEEPEST, STEEPEST, out=across[cell])
+        for rows in cell_bands(ground.heights):
+            right, up = ground.slopes(cell, rows)
+            left = np.float32(east[cell]) * up - np.float32(north[cell]) * right
+            np.clip(left, -STEEPEST, STEEPEST, out=across[cell][rows])
     # For the stretch that starts at each pixel: height of its highest pixel, and the steps to it.
-    highest, place, stretch = ground.seen, np.zeros_like(gradients), 1
+    highest, place, stretch = ground.heights.copy(), np.zeros(gradients.shape, np.uint16), 1
+    highest[~ground.mask] = -np.inf
     away = 1.0
     while away <= reach:
         if away >= 2 * STRETCHES * stretch * length:
-            highest, place = _doubled(highest, place, stretch, sector.step)
+            _double(highest, place, stretch, sector.step)
             stretch *= 2
         offsets = np.rint(away * ways)
         along = (offsets * ways).sum(axis=-1)
@@ -130,6 +140,7 @@ def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> NDArray[np.fl
         # Advance one pixel at a time until a stretch is short enough for the distance.
         away += stretch * length if away >= STRETCHES * stretch * length else 1
     # The correction for the drift, which `_raise_horizons` leaves out because it is the same for all stretches.
+    del highest, place
     across *= leaning[..., None, None].astype(np.float32)
     gradients -= across
     return gradients
@@ -149,24 +160,29 @@ def _overlap(shape: tuple[int, ...], step: tuple[int, int]) -> tuple[tuple[slice
     return own, ahead
 
 
-def _doubled(
-    highest: NDArray[np.float32], place: NDArray[np.float32], stretch: int, step: NDArray[np.int64]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """`highest` and `place` of stretches twice as long."""
-    both, places = highest.copy(), place.copy()
-    for cell in np.ndindex(BLOCK, BLOCK):
-        cell_ahead, moved = _at(cell, stretch * step)
-        own, others = _overlap(highest.shape[2:], moved)
-        further = highest[cell_ahead][others]
-        higher = further > highest[cell][own]
-        np.copyto(places[cell][own], place[cell_ahead][others] + np.float32(stretch), where=higher)
-        np.copyto(both[cell][own], further, where=higher)
-    return both, places
+def _double(highest: NDArray[np.float32], place: NDArray[np.uint16], stretch: int, step: NDArray[np.int64]) -> None:
+    """Turn `highest` and `place` into those of stretches twice as long, in place.
+
+    The cells that follow one another form rings: in each, only the first cell is copied, to which the last one leads.
+    """
+    waiting = set(np.ndindex(BLOCK, BLOCK))
+    while waiting:
+        first = cell = min(waiting)
+        copied = highest[first].copy(), place[first].copy()
+        while cell in waiting:
+            waiting.remove(cell)
+            cell_ahead, moved = _at(cell, stretch * step)
+            own, others = _overlap(highest.shape[2:], moved)
+            further, places = copied if cell_ahead == first else (highest[cell_ahead], place[cell_ahead])
+            higher = further[others] > highest[cell][own]
+            np.copyto(place[cell][own], places[others] + np.uint16(stretch), where=higher)
+            np.copyto(highest[cell][own], further[others], where=higher)
+            cell = cell_ahead
 
 
 def _raise_horizons(
     gradients: NDArray[np.float32],
-    parts: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None],
+    parts: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16] | None],
     step: tuple[int, int],
     along: tuple[float, float],
     aside: float,

@@ -13,7 +13,7 @@ from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.horizons import AT_ONCE, BLOCK, OcclusionGrid, from_cells, horizons, sectors, to_cells
+from mpsnet_core.relief.horizons import BLOCK, OcclusionGrid, cell_bands, from_cells, horizons, sectors, to_cells
 from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
@@ -69,7 +69,7 @@ def ambient_occlusion(
     check_reach(reach)
     farthest = _extent(mask)
     reach = min(reach or farthest, farthest)
-    views, all_sectors, spacing = _views(heights, normals), sectors(), _spacing(heights)
+    views, all_sectors, spacing = _Views(heights, normals), sectors(), _spacing(heights)
     ground = _ground(heights, views)
     seen, open_sky = np.zeros((2, *ground.heights.shape), np.float32)
     for number, sector in enumerate(all_sectors):
@@ -79,14 +79,18 @@ def ambient_occlusion(
             both.append(horizons(ground, end, reach))
         for cell in np.ndindex(BLOCK, BLOCK):
             way = sector.ways()[cell] * spacing
-            for rows in bands(seen.shape[2], max(1, AT_ONCE // seen.shape[3])):
+            for rows in cell_bands(seen):
                 share, whole = _slice(views.of(cell, rows), way, [gradients[cell][rows] for gradients in both])
                 seen[cell][rows] += np.float32(sector.share) * share
                 open_sky[cell][rows] += np.float32(sector.share) * whole
+        both.clear()  # before the next ones are made
     seen /= np.maximum(open_sky, np.float32(1e-6), out=open_sky)
-    facing = from_cells(views.facing(), mask.shape)
+    del ground, open_sky
     found = from_cells(np.clip(seen, 0, 1, out=seen), mask.shape)
-    return np.where(mask, _averaged(found, heights, normals, facing), np.float32(1))
+    del seen
+    found = _averaged(found, views)
+    found[~mask] = 1
+    return found
 
 
 def check_reach(reach: int | None) -> None:
@@ -106,8 +110,8 @@ def _spacing(heights: HeightMap) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
-class _Views:
-    """Normals and lines of sight of all pixels, as arrays of one shape.
+class _View:
+    """Normals and lines of sight of some pixels, as arrays of one shape.
 
     x, y: of the normal. upright: cosine between normal and line of sight. right, up: x and y of the unit vector to the
     camera. scale: a gradient m of :func:`parallel_heights` along a unit vector e in the image plane is the direction
@@ -125,42 +129,52 @@ class _Views:
         """The normal's component along `scale` times the line of sight, the axis of :func:`parallel_heights`."""
         return self.upright * self.scale
 
-    def of(self, cell: tuple[int, ...], rows: slice) -> "_Views":
-        """The views of some rows in one cell."""
-        return _Views(*(part[cell][rows] for part in vars(self).values()))
 
+class _Views:
+    """The views of all pixels, computed when needed: they would take several times the normals' memory."""
 
-def _views(heights: HeightMap, normals: NormalMap) -> _Views:
-    """The views of all pixels, in cells."""
-    camera, (x, y, z) = heights.camera, np.moveaxis(normals.vectors, -1, 0)
-    if camera.projection == "orthographic":
-        upright = to_cells(z)
-        zero, one = (np.broadcast_to(np.float32(value), upright.shape) for value in (0, 1))
-        return _Views(to_cells(x), to_cells(y), upright, zero, zero, one)
-    middle = np.float32(mean_depth(heights))
-    upright, right, up, scale = np.empty((4, *heights.mask.shape), np.float32)
-    for rows in bands(len(z)):
-        depth = np.where(heights.mask[rows], -heights.values[rows], np.float32(1))
-        towards = -camera.points(np.ones_like(depth), rows.start).astype(np.float32)
-        length = np.linalg.norm(towards, axis=-1)
-        upright[rows] = (normals.vectors[rows] * towards).sum(axis=-1) / length
-        right[rows], up[rows] = towards[..., 0] / length, towards[..., 1] / length
-        scale[rows] = depth / middle * length
-    # Blocks may exceed the image. They need a valid line of sight there, too, for values that are computed and cropped.
-    parts = ((x, 0), (y, 0), (upright, 0), (right, 0), (up, 0), (scale, 1))
-    return _Views(*(to_cells(part, outside) for part, outside in parts))
+    def __init__(self, heights: HeightMap, normals: NormalMap) -> None:
+        self.heights, self.normals = heights, normals
+        self.middle = np.float32(mean_depth(heights))
+        height, width = heights.mask.shape
+        self.x = heights.camera.points(np.ones((1, width)))[0, :, 0].astype(np.float32)
+        self.y = heights.camera.points(np.ones((height, 1)))[:, :1, 1].astype(np.float32)
+
+    def of(self, cell: tuple[int, ...], rows: slice) -> _View:
+        """The view of some rows in one cell. Blocks may exceed the image; there, it is that of the nearest pixel."""
+        height, width = self.heights.mask.shape
+        lines = np.arange(cell[0] + BLOCK * rows.start, cell[0] + BLOCK * rows.stop, BLOCK)
+        columns = np.arange(cell[1], cell[1] + -(-width // BLOCK) * BLOCK, BLOCK)
+        return self.at(np.minimum(lines, height - 1), np.minimum(columns, width - 1))
+
+    def at(self, lines: NDArray[np.int64], columns: NDArray[np.int64]) -> _View:
+        """The view of the pixels in some rows and columns."""
+        part = np.ix_(lines, columns)
+        n_x, n_y, n_z = np.ascontiguousarray(np.moveaxis(self.normals.vectors[part], -1, 0))
+        if self.heights.camera.projection == "orthographic":
+            zero, one = (np.broadcast_to(np.float32(value), n_z.shape) for value in (0, 1))
+            return _View(n_x, n_y, n_z, zero, zero, one)
+        x, y = self.x[columns], self.y[lines]
+        depth = np.where(self.heights.mask[part], -self.heights.values[part], np.float32(1))
+        length = np.sqrt(x * x + y * y + 1)
+        return _View(
+            n_x, n_y, (n_z - n_x * x - n_y * y) / length, -x / length, -y / length, depth / self.middle * length
+        )
 
 
 def _ground(heights: HeightMap, views: _Views) -> OcclusionGrid:
-    raised, mask = parallel_heights(heights), heights.mask
     right, up = _spacing(heights).astype(np.float32)
-    facing = np.maximum(views.facing(), MIN_FACING)
-    seen = to_cells(np.where(mask, raised, -np.inf), -np.inf)
-    return OcclusionGrid(to_cells(raised), seen, -views.x * right / facing, -views.y * up / facing)
+
+    def slopes(cell: tuple[int, ...], rows: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        view = views.of(cell, rows)
+        facing = np.maximum(view.facing(), MIN_FACING)
+        return -view.x * right / facing, -view.y * up / facing
+
+    return OcclusionGrid(to_cells(parallel_heights(heights)), to_cells(heights.mask), slopes)
 
 
 def _slice(
-    views: _Views, way: NDArray[np.float64], gradients: list[NDArray[np.float32]]
+    view: _View, way: NDArray[np.float64], gradients: list[NDArray[np.float32]]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Ambient light in the plane through the line of sight and a line in the image, with and without occlusion.
 
@@ -168,11 +182,11 @@ def _slice(
     """
     length = np.float32(np.hypot(*way))
     east, north = way.astype(np.float32) / length
-    lean = east * views.right + north * views.up
+    lean = east * view.right + north * view.up
     # The length of (east, north, 0) - lean * view, the vector in the plane that is perpendicular to the view:
     aside = np.sqrt(1 - lean * lean)
-    tilted = (east * views.x + north * views.y - lean * views.upright) / aside
-    upright, rise = views.upright, views.scale / length
+    tilted = (east * view.x + north * view.y - lean * view.upright) / aside
+    upright, rise = view.upright, view.scale / length
     angle, half = np.arctan2(tilted, upright), np.float32(np.pi / 2)
     ahead = np.minimum(np.arctan2(aside, rise * gradients[0] + lean), angle + half)
     behind = np.maximum(-np.arctan2(aside, rise * gradients[1] - lean), angle - half)
@@ -181,22 +195,24 @@ def _slice(
     return np.float32(0.5) * share, upright + angle * tilted
 
 
-def _averaged(
-    found: NDArray[np.float32], heights: HeightMap, normals: NormalMap, facing: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _averaged(found: NDArray[np.float32], views: _Views) -> NDArray[np.float32]:
     """(H, W) edge-preserving means over the block around each pixel: only over what is one smooth surface with it.
 
     Along rows, then along columns, over two neighbours on either side.
     """
-    parts = parallel_heights(heights), facing, heights.mask, normals.vectors
+    heights = views.heights
+    parts = parallel_heights(heights), heights.mask, views.normals.vectors
     right, up = _spacing(heights)
     for axis, pixel in ((1, right), (0, -up)):
         means = np.empty_like(found)
         lines: list[NDArray[Any]] = [np.moveaxis(part, axis, 0) for part in (found, means, *parts)]
         for band in bands(lines[0].shape[1]):
-            values, out, raised, facing_band, mask, vectors = (line[:, band] for line in lines)
+            values, out, raised, mask, vectors = (line[:, band] for line in lines)
+            places = [np.arange(length) for length in found.shape]
+            places[1 - axis] = places[1 - axis][band]
+            facing = np.moveaxis(views.at(*places).facing(), axis, 0)
             leaning = vectors[..., 1 - axis]
-            out[:] = _means_along(values, raised, facing_band, mask, vectors, leaning, np.float32(pixel))
+            out[:] = _means_along(values, raised, facing, mask, vectors, leaning, np.float32(pixel))
         found = means
     return found
 

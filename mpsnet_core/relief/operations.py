@@ -30,6 +30,9 @@ from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, part, silent
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.relief.displacement.displacement_files import HeightsOnUVs
     from mpsnet_core.relief.height_files import HeightFacts
@@ -277,7 +280,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 
         products = self._products()
         progress(0.0, f"reading {Path(self.normals).name}")
-        surface = self._surface(self._read_normals(), part(progress, 0.05, 0.75))
+        surface = self._surface(part(progress, 0.05, 0.75))
         outputs: list[str] = []
         facts: dict[str, Any] = {}
         lines, no_mesh = [], None
@@ -346,15 +349,17 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 check_has_faces(normals.mask)
         return normals
 
-    def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
+    def _surface(self, progress: Progress) -> "Surface":
         """The inputs that the requested products need."""
         from mpsnet_core.io.image_reading import read_image
-        from mpsnet_core.relief.integration.integrate import integrate
+        from mpsnet_core.relief.height_map import HeightMap
+        from mpsnet_core.relief.integration.integrate import grained_box, integrate
         from mpsnet_core.relief.occlusion import ambient_occlusion
         from mpsnet_core.relief.products import Surface
         from mpsnet_core.relief.sizes import check_size
         from mpsnet_core.scene.camera import pixel_camera
 
+        normals = self._read_normals()
         height, width = normals.mask.shape
         given = self._camera(height, width)
         camera = given or pixel_camera(width, height)
@@ -365,15 +370,20 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
         if albedo is not None:
             check_size("albedo", albedo.shape, normals)
+        kept = normals if self.curvature or self.relit or self.mesh else None
         heights = occlusion = None
         bent = self.curvature and camera.projection == "perspective"
         if self.height or self.mesh or self.occlusion or bent:
             if camera.projection == "perspective" and self.distance is None:
                 log.info("--distance is not given: the mean distance from the camera counts as 1 [no-distance]")
             to_occlusion = 0.5 if self.occlusion else 1.0
+            whole = normals.mask
+            box = grained_box(whole) if kept is None else (slice(0, height), slice(0, width))
+            if kept is None:
+                normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
             heights = integrate(
                 normals,
-                camera,
+                camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1]),
                 method=self.method,
                 distance=self.distance if camera.projection == "perspective" else None,
                 progress=part(progress, 0.0, to_occlusion),
@@ -382,7 +392,10 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 occlusion = ambient_occlusion(
                     heights, normals, reach=self.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
                 )
-        return Surface(normals, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
+                occlusion = _placed(occlusion, box, whole.shape, 1)
+            del normals
+            heights = HeightMap(_placed(heights.values, box, whole.shape, 0), whole, camera)
+        return Surface(kept, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
     def _camera(self, height: int, width: int) -> "Camera | None":
         """The camera of a photo of that size, None if the options define none."""
@@ -400,6 +413,27 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         if not 0 < self.pixel_size < float("inf"):
             raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")
         return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
+
+
+def _cropped(normals: "NormalMap", box: tuple[slice, slice]) -> "NormalMap":
+    """A copy of a part of the normals, without their confidence."""
+    import numpy as np
+
+    from mpsnet_core.scene.normal_map import NormalMap
+
+    mask = normals.mask[box].copy()
+    return NormalMap(normals.vectors[box].copy(), mask, mask.astype(np.float16), in_place=True)
+
+
+def _placed(
+    values: "NDArray[np.float32]", box: tuple[slice, slice], shape: tuple[int, ...], outside: float
+) -> "NDArray[np.float32]":
+    """The values of a part of an image of `shape`, and `outside` around it."""
+    import numpy as np
+
+    whole = np.full(shape, outside, np.float32)
+    whole[box] = values
+    return whole
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,11 @@ from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
 class Surface:
     """Inputs of the products, None where no requested product needs them.
 
-    unit: name of the camera's unit. heights: in that unit. occlusion: (H, W). albedo: (H, W, 3), linear.
+    normals: of the whole photo. unit: name of the camera's unit. heights: in that unit. occlusion: (H, W). albedo:
+    (H, W, 3), linear.
     """
 
-    normals: NormalMap
+    normals: NormalMap | None
     camera: Camera
     unit: str
     heights: HeightMap | None
@@ -132,6 +133,7 @@ class CurvaturePicture(Product):
 
     def make(self, surface: Surface, progress: Progress) -> Made:
         normals, unit = surface.normals, surface.unit
+        assert normals is not None
         depth = None if surface.heights is None else -surface.heights.values
         values = curvature(normals, surface.camera, depth, radius=self.radius, progress=progress)
         limit = self.range or curvature_range(values, normals.mask)
@@ -156,9 +158,9 @@ class OcclusionPicture(Product):
         return _picture(self.path)
 
     def make(self, surface: Surface, progress: Progress) -> Made:
-        assert surface.occlusion is not None
+        assert surface.occlusion is not None and surface.heights is not None
         write_image(self.path, surface.occlusion, description=made("ambient occlusion"))
-        mean = float(surface.occlusion[surface.normals.mask].mean())
+        mean = float(surface.occlusion[surface.heights.mask].mean())
         return Made([self.path], f"on the mean {mean:.1%} of the light comes in", OcclusionFacts(round(mean, 4)))
 
 
@@ -190,18 +192,19 @@ class RelitPicture(Product):
 
     def make(self, surface: Surface, progress: Progress) -> Made:
         slant, tilt = slant_and_tilt("--light", self.light)
-        occlusion, albedo = surface.occlusion, surface.albedo
+        normals, occlusion, albedo = surface.normals, surface.occlusion, surface.albedo
+        assert normals is not None
         files = self.files()
         tilts = [tilt] if self.turntable is None else turntable_tilts(self.turntable, tilt)
         if len(tilts) > 1 and len(files) == 1:
             progress(0.0, f"making {files[0].name}")
-            sheet = turntable_sheet(surface.normals, slant, tilts, occlusion=occlusion, albedo=albedo)
+            sheet = turntable_sheet(normals, slant, tilts, occlusion=occlusion, albedo=albedo)
             write_picture(files[0], sheet)
         else:
             for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
                 progress(number / len(files), f"making {file.name}")
                 direction = direction_from_angles(slant, angle)
-                picture = relit(surface.normals, direction, occlusion=occlusion, albedo=albedo)
+                picture = relit(normals, direction, occlusion=occlusion, albedo=albedo)
                 write_picture(file, picture)
         around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
         return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", RelitFacts(tilts))
@@ -225,11 +228,11 @@ class MeshFile(Product):
         return [writable_mesh(self.path)]
 
     def make(self, surface: Surface, progress: Progress) -> Made:
-        heights = surface.heights
-        assert heights is not None
+        heights, normals = surface.heights, surface.normals
+        assert heights is not None and normals is not None
         if surface.camera.projection == "orthographic" and self.distance is not None:
             heights = replace(heights, values=heights.values - self.distance)
-        mesh = surface_mesh(heights, surface.normals, faces=self.faces, open_from=self.open_from, progress=progress)
+        mesh = surface_mesh(heights, normals, faces=self.faces, open_from=self.open_from, progress=progress)
         progress(0.9, f"writing {self.path.name}")
         write_surface_mesh(self.path, mesh, up=self.up)
         facts = MeshFacts(len(mesh.vertices), len(mesh.triangles), self.up)

@@ -188,10 +188,10 @@ def place_job(folder: str | os.PathLike[str], job: SampleJob) -> bool:
             time.sleep(0.05)
 
 
-def withdraw_job(folder: Path) -> None:
-    """Remove a job's own files from its folder, unless there are samples of it."""
+def withdraw_job(folder: Path, *others: str) -> None:
+    """Remove a job's own files, and `others`, from its folder, unless there are samples of it."""
     if not samples_there(folder):
-        for name in (JOB_FILE, LOCK_FILE):
+        for name in (JOB_FILE, LOCK_FILE, *others):
             (folder / name).unlink(missing_ok=True)
 
 

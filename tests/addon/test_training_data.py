@@ -163,6 +163,24 @@ def test_a_cluster_elsewhere_is_reached_online_alone_and_where_it_proves_who_it_
         RuntimeError, match=r"anyone who answers at tcp://10.0.0.1:8786 could run code here; give a tls"
     ):
         bpy.ops.mps.render_samples(**settings)
+    assert not (tmp_path / "samples").exists()
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_refused_run_takes_back_the_job_that_it_began(scene, tmp_path, online, begun):
+    """And the scene that it stored; not a job that was there before."""
+    folder = tmp_path / "samples"
+    online(True)
+    bpy.ops.mesh.primitive_cube_add()
+    settings = {**SMALL, "count": 1, "output": str(folder), "source": "SCENE"}
+    if begun:
+        bpy.ops.mps.render_samples(**settings)
+        for sample in folder.glob("sample_*"):
+            sample.unlink()
+    before = {path.name for path in folder.glob("*")}
+    with pytest.raises(RuntimeError, match="could run code here"):
+        bpy.ops.mps.render_samples(**settings, cluster="tcp://10.0.0.1:8786")
+    assert folder.exists() == begun and {path.name for path in folder.glob("*")} == before
 
 
 def test_a_worker_is_no_command_that_help_lists(capfd):

@@ -9,7 +9,7 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.integration.fast import equations, fast
 from mpsnet_core.relief.integration.gradients import MIN_FACING, Gradients
 from mpsnet_core.relief.integration.multigrid import Links, restrict
-from mpsnet_core.relief.integration.poisson import relax_locally, solve_poisson
+from mpsnet_core.relief.integration.poisson import relax_locally, right_side, solve_poisson
 
 # Sharpness of a pixel's choice between its two neighbours (k in the paper, with its value), for changes in pixels.
 SHARPNESS = np.float32(2)
@@ -62,7 +62,8 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
         done, all_done = (STARTED + (1 - STARTED) * count / len(offs) for count in (number, number + 1))
         step = part(progress, done, all_done, "finding depth's edges")
         weights, weighted_changes = chosen_sides(wanted, depth, off)
-        depth = solve_poisson(weights, weighted_changes, depth, max_iterations=ITERATIONS, progress=step)
+        sums = right_side(weighted_changes)
+        depth = solve_poisson(weights, sums, depth, max_iterations=ITERATIONS, progress=step)
     return depth
 
 

@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.integration.gradients import Gradients
 from mpsnet_core.relief.integration.multigrid import Links
-from mpsnet_core.relief.integration.poisson import solve_poisson
+from mpsnet_core.relief.integration.poisson import right_side, solve_poisson
 
 # The changes along the four links of a loop of pixels sum to 0 on a continuous surface. If the sum (curl) is this many
 # pixels, there is a depth discontinuity, and the weight of the loop's links is halved; it falls off quadratically.
@@ -20,18 +21,30 @@ def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
     Links around loops that do not close have less weight, which keeps inconsistencies local (weights from the curl, as
     in Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions from a gradient field?", 2006).
     """
-    return solve_poisson(*equations(wanted), np.zeros_like(wanted.facing), progress=progress)
+    weights, weighted_changes = equations(wanted)
+    sums = right_side(weighted_changes)
+    del wanted, weighted_changes  # the solver takes much memory for a large photo
+    return solve_poisson(weights, sums, np.zeros_like(sums), progress=progress)
 
 
 def equations(wanted: Gradients) -> tuple[Links, Links]:
     """Each link's weight, and its wanted change times the weight."""
-    facing = wanted.facing
-    weights = _mean_links(facing * facing, facing * facing, wanted.mask)
+    facing, square = wanted.facing, np.square(wanted.facing)
+    weights = _mean_links(square, square, wanted.mask)
+    del square
     weighted_changes = _mean_links(facing * wanted.right, facing * wanted.down, wanted.mask)
-    trust = _curl_weights(weights, weighted_changes)
-    for links in (weights, weighted_changes):
-        np.multiply(links.right, trust.right, out=links.right)
-        np.multiply(links.down, trust.down, out=links.down)
+    trust = np.empty((len(weights.down), weights.right.shape[1]), np.float32)
+    for rows in bands(len(trust)):
+        trust[rows] = _loop_weights(*(_of_loops(links, rows) for links in (weights, weighted_changes)))
+    for loops, *pair in (
+        (trust, weights.right, weighted_changes.right),
+        (trust.T, weights.down.T, weighted_changes.down.T),
+    ):
+        factors = np.ones_like(pair[0])
+        factors[:-1] = loops
+        np.minimum(factors[1:], loops, out=factors[1:])
+        for links in pair:
+            links *= factors
     return weights, weighted_changes
 
 
@@ -45,8 +58,16 @@ def _mean_links(right: NDArray[np.float32], down: NDArray[np.float32], mask: NDA
     return Links(across, along)
 
 
-def _curl_weights(weights: Links, weighted_changes: Links) -> Links:
-    """Factors from 0 to 1 on the links, by the one of a link's two loops that closes worse."""
+def _of_loops(links: Links, rows: slice) -> Links:
+    """The links of some rows of loops, each of which is between two rows of pixels."""
+    return Links(links.right[rows.start : rows.stop + 1], links.down[rows])
+
+
+def _loop_weights(weights: Links, weighted_changes: Links) -> NDArray[np.float32]:
+    """(H - 1, W - 1) factor from 0 to 1 of each loop of four links, by how far it is from closing.
+
+    A link gets the lower one of its two loops.
+    """
     right, down = _changes(weights.right, weighted_changes.right), _changes(weights.down, weighted_changes.down)
     loose = right[:-1] + down[:, 1:]
     loose -= right[1:]
@@ -57,13 +78,7 @@ def _curl_weights(weights: Links, weighted_changes: Links) -> Links:
     loose *= 1 / LOOSE
     loose *= loose
     loose += 1
-    trust = np.reciprocal(loose, out=loose)
-    right.fill(1)
-    down.fill(1)
-    for links, first, second in ((right, np.s_[:-1], np.s_[1:]), (down, np.s_[:, :-1], np.s_[:, 1:])):
-        links[first] = trust
-        np.minimum(links[second], trust, out=links[second])
-    return Links(right, down)
+    return np.reciprocal(loose, out=loose)
 
 
 def _changes(weight: NDArray[np.float32], weighted_change: NDArray[np.float32]) -> NDArray[np.float32]:

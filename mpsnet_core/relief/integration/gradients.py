@@ -37,8 +37,10 @@ def pixels_per_unit(camera: Camera) -> float:
     return float(np.sqrt(camera.focal.prod()))
 
 
-def gradients(normals: NormalMap, camera: Camera) -> Gradients:
+def gradients(normals: NormalMap, camera: Camera, box: tuple[slice, slice] | None = None) -> Gradients:
     """The changes of depth that normals (in camera space) require.
+
+    box: the rows and columns of the result; None for all.
 
     A normal n is perpendicular to both tangents of the surface, the changes of its point p along columns and rows.
     Orthographic, with z up to a constant: n_z dz = -n_x dx. Perspective, with p = d (X, Y, -1) and u = log d:
@@ -49,12 +51,14 @@ def gradients(normals: NormalMap, camera: Camera) -> Gradients:
     height, width = normals.mask.shape
     x = ((np.arange(width) + 0.5 - camera.centre[0]) / camera.focal[0]).astype(np.float32)
     y = ((camera.centre[1] - np.arange(height) - 0.5) / camera.focal[1]).astype(np.float32)
-    found = np.zeros((3, height, width), np.float32)
-    for rows in bands(height):
-        n_x, n_y, n_z = np.moveaxis(normals.vectors[rows], -1, 0)
-        facing = n_z if camera.projection == "orthographic" else n_z - n_x * x - n_y * y[rows, None]
-        inside = normals.mask[rows]
+    box = box or (slice(0, height), slice(0, width))
+    vectors, mask, x, y = normals.vectors[box], normals.mask[box], x[box[1]], y[box[0], None]
+    found = np.zeros((3, *mask.shape), np.float32)
+    for rows in bands(len(mask)):
+        n_x, n_y, n_z = np.moveaxis(vectors[rows], -1, 0)
+        facing = n_z if camera.projection == "orthographic" else n_z - n_x * x - n_y * y[rows]
+        inside = mask[rows]
         found[0, rows][inside] = np.maximum(facing, MIN_FACING)[inside]
         found[1, rows][inside] = (n_x * np.float32(scale / camera.focal[0]))[inside]
         found[2, rows][inside] = (n_y * np.float32(-scale / camera.focal[1]))[inside]
-    return Gradients(found[0], found[1], found[2], normals.mask)
+    return Gradients(found[0], found[1], found[2], mask)

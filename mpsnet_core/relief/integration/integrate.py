@@ -11,7 +11,7 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.integration.bilateral import bilateral
 from mpsnet_core.relief.integration.fast import fast
-from mpsnet_core.relief.integration.gradients import Gradients, gradients, pixels_per_unit
+from mpsnet_core.relief.integration.gradients import gradients, pixels_per_unit
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -73,15 +73,22 @@ def integrate(
     _check(normals, camera, method, distance)
     progress(0.0, "integrating")
     solve = fast if method == "fast" else bilateral
-    wanted = gradients(normals, camera)
-    rows, columns = (slice(side.start & -GRAIN, side.stop + GRAIN - 1 & -GRAIN) for side in bounding_box(normals.mask))
-    box = rows, columns
-    wanted = Gradients(wanted.facing[box], wanted.right[box], wanted.down[box], wanted.mask[box])
-    depth = solve(wanted, part(progress, 0.0, 0.98))
+    box, mask = grained_box(normals.mask), normals.mask[grained_box(normals.mask)]
+    # Not named here, so that the solver can release them: they take much memory for a large photo.
+    depth = solve(gradients(normals, camera, box), part(progress, 0.0, 0.98))
     values = np.zeros(normals.mask.shape, np.float32)
-    values[box] = _in_unit(depth, wanted.mask, camera, distance or 1.0)
+    values[box] = _in_unit(depth, mask, camera, distance or 1.0)
     progress(1.0, "integrated")
     return HeightMap(values, normals.mask, camera)
+
+
+def grained_box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Rows and columns of the object, widened to multiples of GRAIN; heights there do not depend on the rest."""
+    rows, columns = (
+        slice(side.start & -GRAIN, min(side.stop + GRAIN - 1 & -GRAIN, length))
+        for side, length in zip(bounding_box(mask), mask.shape, strict=True)
+    )
+    return rows, columns
 
 
 def _check(normals: NormalMap, camera: Camera, method: str, distance: float | None) -> None:

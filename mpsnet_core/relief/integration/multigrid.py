@@ -76,13 +76,18 @@ def residual(
     return out
 
 
-def v_cycle(grids: list[Grid], residuals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """An approximate correction of u for its residuals: one V-cycle, symmetric for use as a preconditioner."""
+def v_cycle(
+    grids: list[Grid], residuals: NDArray[np.float32], scratch: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
+    """An approximate correction of u for its residuals: one V-cycle, symmetric for use as a preconditioner.
+
+    scratch: (H, W) scratch memory, None to allocate it.
+    """
     grid = grids[0]
     if grid.inverse is not None:
         return (grid.inverse @ residuals.ravel()).reshape(residuals.shape)
     u = residuals * grid.step
-    scratch = np.empty_like(u)
+    scratch = np.empty_like(u) if scratch is None else scratch
     jacobi_steps(grid, u, residuals, scratch, STEPS - 1)
     prolong(u, v_cycle(grids[1:], restrict(residual(grid, u, residuals, scratch))))
     jacobi_steps(grid, u, residuals, scratch, STEPS)

@@ -4,6 +4,7 @@ Links have weight 0 outside the mask, so outlines of any shape need no special t
 """
 
 import logging
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ REPORTED = 0.02
 
 def solve_poisson(
     weights: Links,
-    weighted_changes: Links,
+    sums: NDArray[np.float32],
     start: NDArray[np.float32],
     *,
     max_iterations: int | None = None,
@@ -48,8 +49,8 @@ def solve_poisson(
 ) -> NDArray[np.float32]:
     """(H, W) weighted least-squares values u whose change over each link is closest to the wanted one.
 
-    weights: 0 or above. weighted_changes: the wanted change of each link times its weight. start: (H, W) initial guess.
-    Each connected part has an arbitrary constant.
+    weights: 0 or above. sums: (H, W) :func:`right_side` of the wanted changes. start: (H, W) initial guess. Both are
+    overwritten. Each connected part has an arbitrary constant.
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction is below TOLERANCE, or the precision of float32, everywhere,
@@ -61,21 +62,20 @@ def solve_poisson(
     by_default = max_iterations is None
     if max_iterations is None:
         max_iterations = max(MIN_ITERATIONS, MAX_ITERATIONS * min(2**20, start.size) // start.size)
-    u = start.copy()
-    residuals = right_side(weighted_changes)
-    residual(grids[0], u, residuals, residuals)
+    parts, sizes = labelled(grids[0].step > 0)
+    parts = parts.astype(np.min_scalar_type(len(sizes)))  # mostly bytes, for a large photo's memory
+    u, residuals = start, residual(grids[0], start, sums, sums)
     direction, image = np.zeros_like(u), np.empty_like(u)
     last_product, first, done = np.float32(1), 0.0, 0.0
-    parts: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
     for number in range(max_iterations):
         if number % ROUNDED == ROUNDED - 1:
-            parts = parts or labelled(grids[0].step > 0)
-            _remove_null_space(residuals, *parts)
-        correction = v_cycle(grids, residuals)
-        remaining = float(np.abs(correction).max())
-        if remaining <= TOLERANCE + 1e-6 * float(np.abs(u).max()):
+            _remove_null_space(residuals, parts, sizes)
+        correction = v_cycle(grids, residuals, image)
+        largest = float(np.abs(u, out=image).max())
+        remaining = float(np.abs(correction, out=image).max())
+        if remaining <= TOLERANCE + 1e-6 * largest:
             break
-        if by_default and number >= MIN_ITERATIONS and float(np.abs(correction).sum()) <= ENOUGH * linked:
+        if by_default and number >= MIN_ITERATIONS and float(image.sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / TOLERANCE), 1e-6)
@@ -87,8 +87,9 @@ def solve_poisson(
         direction += correction
         residual(grids[0], direction, None, image)
         step = product / -np.vdot(direction, image)
-        u += step * direction
-        residuals += step * image
+        image *= step
+        residuals += image
+        u += np.multiply(direction, step, out=image)
         last_product = product
     else:
         if by_default and remaining > REPORTED:
@@ -99,7 +100,9 @@ def solve_poisson(
     return u
 
 
-def _remove_null_space(residuals: NDArray[np.float32], labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> None:
+def _remove_null_space(
+    residuals: NDArray[np.float32], labels: NDArray[np.integer[Any]], sizes: NDArray[np.int64]
+) -> None:
     """Subtract the mean of each connected part (:func:`labelled`) from a residual (H, W), in place.
 
     The constant of a connected part is undetermined (the null space of the system). Rounding errors in it would grow
