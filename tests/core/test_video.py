@@ -238,7 +238,7 @@ PLAYLIST = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\na.mkv\n#EXT-X-ENDLIST\
 
 BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "missing": (lambda path: None, "video .*x.mkv does not exist; check the path"),
-    "empty": (lambda path: path.write_bytes(b""), r"x.mkv cannot be read as a video \(.*\); is it a video file"),
+    "empty": (lambda path: path.write_bytes(b""), r"x.mkv cannot be read as a video"),
     "text": (lambda path: path.write_text("no video"), r"x.mkv cannot be read as a video"),
     "a playlist": (lambda path: path.write_text(PLAYLIST), "x.mkv cannot be read as a video"),
     "a list of files": (
