@@ -84,7 +84,7 @@ def test_values_are_assumed_to_be_srgb(header, tmp_path):
 
 def test_what_is_no_video_gets_one_sentence(header, tmp_path):
     (tmp_path / "x.mkv").write_text("no video")
-    with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video.*is it a video file, and whole\?"):
+    with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video.*complete video file"):
         header(tmp_path / "x.mkv")
 
 
