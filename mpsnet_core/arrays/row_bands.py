@@ -9,6 +9,8 @@ Job = TypeVar("Job")
 
 # A multiple of the rows that TIFF and EXR files compress together.
 ROWS = 256
+# For several intermediate arrays with three channels: memory allocators keep what large ones have taken.
+FEW_ROWS = 64
 
 
 def bands(height: int, rows: int = ROWS) -> list[slice]:

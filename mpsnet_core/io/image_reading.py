@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.row_bands import FEW_ROWS, bands
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.file_kinds import EXPOSURE
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
@@ -121,7 +121,7 @@ def _decoded(
     premultiplied = alpha is not None and not unassociated
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
-    for rows in bands(len(values)):
+    for rows in bands(len(values), FEW_ROWS):
         cover = alpha[rows] if alpha is not None and premultiplied else None
         pixels[rows] = decoded(_straight(values[rows][..., colour], exposure, cover))
         if colour[1] == colour[2] != colour[0]:

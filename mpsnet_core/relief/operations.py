@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from mpsnet_core.scene.normal_map import NormalMap
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound="np.generic")
 
 # Options that apply to a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
@@ -377,8 +379,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             if camera.projection == "perspective" and self.distance is None:
                 log.info("--distance is not given: the mean distance from the camera counts as 1 [no-distance]")
             to_occlusion = 0.5 if self.occlusion else 1.0
-            whole = normals.mask
-            box = grained_box(whole) if kept is None else (slice(0, height), slice(0, width))
+            box = grained_box(normals.mask) if kept is None else (slice(0, height), slice(0, width))
             if kept is None:
                 normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
             heights = integrate(
@@ -392,9 +393,10 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 occlusion = ambient_occlusion(
                     heights, normals, reach=self.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
                 )
-                occlusion = _placed(occlusion, box, whole.shape, 1)
+                occlusion = _placed(occlusion, box, (height, width), 1)
             del normals
-            heights = HeightMap(_placed(heights.values, box, whole.shape, 0), whole, camera)
+            values = _placed(heights.values, box, (height, width), 0)
+            heights = HeightMap(values, _placed(heights.mask, box, (height, width), 0), camera)
         return Surface(kept, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
     def _camera(self, height: int, width: int) -> "Camera | None":
@@ -416,22 +418,18 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 
 
 def _cropped(normals: "NormalMap", box: tuple[slice, slice]) -> "NormalMap":
-    """A copy of a part of the normals, without their confidence."""
-    import numpy as np
-
+    """A copy of a part of the normals. Their confidence is the mask, which takes no memory of its own."""
     from mpsnet_core.scene.normal_map import NormalMap
 
     mask = normals.mask[box].copy()
-    return NormalMap(normals.vectors[box].copy(), mask, mask.astype(np.float16), in_place=True)
+    return NormalMap(normals.vectors[box].copy(), mask, mask, in_place=True)  # type: ignore[arg-type]
 
 
-def _placed(
-    values: "NDArray[np.float32]", box: tuple[slice, slice], shape: tuple[int, ...], outside: float
-) -> "NDArray[np.float32]":
+def _placed(values: "NDArray[T]", box: tuple[slice, slice], shape: tuple[int, int], outside: float) -> "NDArray[T]":
     """The values of a part of an image of `shape`, and `outside` around it."""
     import numpy as np
 
-    whole = np.full(shape, outside, np.float32)
+    whole = np.full(shape, outside, values.dtype)
     whole[box] = values
     return whole
 

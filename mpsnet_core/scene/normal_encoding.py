@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.files import stored_levels
@@ -154,7 +154,7 @@ class _Storage:
                 band[..., 2] = np.sqrt(np.maximum(1 - band[..., 0] ** 2 - band[..., 1] ** 2, 0))
             band *= signs
 
-        on_all_cores(decoded, bands(len(colours)))
+        on_all_cores(decoded, bands(len(colours), FEW_ROWS))
 
     def _scale(self, band: NDArray[np.float32]) -> None:
         top = self.levels or 1

@@ -6,7 +6,7 @@ from dataclasses import InitVar, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError, GeometryError
@@ -73,7 +73,7 @@ class NormalMap:
             if not (np.isfinite(unit[rows]).all() and np.isfinite(trust[rows]).all()):
                 raise GeometryError("normals or their confidence are not finite somewhere inside the mask")
 
-        on_all_cores(write, bands(len(mask)))
+        on_all_cores(write, bands(len(mask), FEW_ROWS))
         object.__setattr__(self, "vectors", unit)
         object.__setattr__(self, "mask", mask)
         object.__setattr__(self, "confidence", trust)
@@ -147,7 +147,7 @@ def read_normals(
         finite[rows] = np.isfinite(squared)
         unit[rows] = np.abs(np.sqrt(squared) - 1) < 0.1
 
-    on_all_cores(measured, bands(len(vectors)))
+    on_all_cores(measured, bands(len(vectors), FEW_ROWS))
     has_mask = alpha is not None
     mask = unit if alpha is None else alpha > 0.5
     del alpha  # the normals of a large photo take much memory

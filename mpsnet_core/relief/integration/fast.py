@@ -29,10 +29,11 @@ def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
 
 def equations(wanted: Gradients) -> tuple[Links, Links]:
     """Each link's weight, and its wanted change times the weight."""
-    facing, square = wanted.facing, np.square(wanted.facing)
-    weights = _mean_links(square, square, wanted.mask)
+    facing, mask = wanted.facing, wanted.mask
+    square = np.square(facing)
+    weights = Links(_means(square.T, mask.T).T, _means(square, mask))
     del square
-    weighted_changes = _mean_links(facing * wanted.right, facing * wanted.down, wanted.mask)
+    weighted_changes = Links(_means((facing * wanted.right).T, mask.T).T, _means(facing * wanted.down, mask))
     trust = np.empty((len(weights.down), weights.right.shape[1]), np.float32)
     for rows in bands(len(trust)):
         trust[rows] = _loop_weights(*(_of_loops(links, rows) for links in (weights, weighted_changes)))
@@ -48,14 +49,12 @@ def equations(wanted: Gradients) -> tuple[Links, Links]:
     return weights, weighted_changes
 
 
-def _mean_links(right: NDArray[np.float32], down: NDArray[np.float32], mask: NDArray[np.bool_]) -> Links:
-    """The mean of both pixels' values, for every link between two pixels of the mask; 0 for others."""
-    half = np.float32(0.5)
-    across = (right[:, 1:] + right[:, :-1]) * half
-    along = (down[1:] + down[:-1]) * half
-    across[~(mask[:, 1:] & mask[:, :-1])] = 0
-    along[~(mask[1:] & mask[:-1])] = 0
-    return Links(across, along)
+def _means(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(N - 1, M) the mean of both pixels' values (N, M) for every link along the first axis; 0 if one is outside."""
+    means = values[1:] + values[:-1]
+    means *= np.float32(0.5)
+    means[~(mask[1:] & mask[:-1])] = 0
+    return means
 
 
 def _of_loops(links: Links, rows: slice) -> Links:

@@ -91,6 +91,7 @@ def solve_poisson(
         residuals += image
         u += np.multiply(direction, step, out=image)
         last_product = product
+        del correction  # before the next one is made
     else:
         if by_default and remaining > REPORTED:
             log.info(
