@@ -13,6 +13,7 @@ from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.relief.operations import Integrate
+from mpsnet_core.scene.normal_map import NormalMap
 
 BALL = ball(orthographic(64, 72, 16), (0, 0, 0), 3.5)  # larger than the picture: no rim
 NEAR = ball(Camera("perspective", 72, 64, (100.0, 100.0)), (0, 0, -6), 2.6)
@@ -205,3 +206,18 @@ def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, sa
     [line] = capfd.readouterr().err.splitlines()
     assert line.startswith("mpsnet: ") and said in line
     assert {name: (here / name).read_bytes() for name in listing(here)} == before
+
+
+@pytest.mark.parametrize("lens", ["", "--focal 35"], ids=["from afar", "from near"])
+def test_a_small_object_is_the_same_with_the_photo_around_it(here: Path, lens: str) -> None:
+    """Where curvature is made too, the whole map is held."""
+    vectors, mask = np.zeros((150, 170, 3), np.float32), np.zeros((150, 170), bool)
+    vectors[37:101, 70:142], mask[37:101, 70:142] = NEAR.normals.vectors, NEAR.normals.mask
+    write_normals("large.exr", NormalMap(vectors, mask))
+    for name, more in (("part", ""), ("whole", "--curvature c.png")):
+        words = f"integrate large.exr {lens} --height {name}_h.exr --occlusion {name}_o.exr {more}"
+        assert main(words.split()) == 0
+    for kind in "ho":
+        part, whole = (read_channel(f"{name}_{kind}.exr") for name in ("part", "whole"))
+        assert part.shape == mask.shape and np.ptp(whole) > 0
+        np.testing.assert_allclose(part, whole, atol=2e-5 * np.ptp(whole) + 1e-6)

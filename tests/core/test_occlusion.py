@@ -1,5 +1,7 @@
 """Ambient occlusion: bowls and grooves whose open share is known in closed form, and rays against the mesh."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
@@ -157,3 +159,13 @@ def test_what_does_not_fit_is_said() -> None:
         of(surface, reach=0)
     with pytest.raises(InputError, match="the height map is 10 x 10 but the normal map is 200 x 180"):
         ambient_occlusion(plane(orthographic(10, 10), (0, 0, 1), -1).heights, surface.normals)
+
+
+@CAMERAS
+def test_memory_is_for_eight_images_of_the_object(camera: Camera) -> None:
+    surface = plane(camera.resized(1000, 900), (-0.8, 0.5, 1), -4)
+    tracemalloc.start()
+    of(surface, reach=8)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 11 * surface.heights.values.nbytes
