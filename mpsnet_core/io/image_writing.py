@@ -11,12 +11,13 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import FileError, InputError, SettingsError
-from mpsnet_core.io.files import atomic_write, checked_bits, existing_file, temporary_folder
+from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.io.files import atomic_write, checked_bits, temporary_folder
 from mpsnet_core.io.image import Image, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.marks import SOFTWARE, curve_assumed, made
 from mpsnet_core.io.metadata import is_provenance_line, metadata
+from mpsnet_core.io.opening import is_file
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
@@ -217,7 +218,9 @@ def is_complete_image(path: str | os.PathLike[str]) -> bool:
     """
     path = Path(path)
     if path.suffix.lower() == ".png":
-        with suppress(OSError, InputError), existing_file(path, "image").open("rb") as file:
+        if not is_file(path):
+            return False
+        with suppress(OSError), path.open("rb") as file:
             file.seek(-8, os.SEEK_END)
             return file.read(4) == b"IEND"
         return False
