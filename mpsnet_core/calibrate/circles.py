@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.crests import crests
-from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.calibrate.outlines import Pyramid, near_outline, sharp_outline
@@ -18,8 +16,6 @@ from mpsnet_core.scene.camera import Camera
 # Longer side of the image in which circles are detected.
 SEARCHED_SIDE = 400
 MIN_SIDE = 16
-# Standard deviation in its pixels of the smoothing before edges are looked for.
-SMOOTH = 1.5
 # Range of a ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
@@ -104,6 +100,15 @@ def _apart(a: Circle, b: Circle) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > 0.9 * (a.radius + b.radius)
 
 
+def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Smooth with the binomial filter 1 4 6 4 1 in both directions."""
+    for axis in (0, 1):
+        around = np.pad(picture, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="edge")
+        parts = np.lib.stride_tricks.sliding_window_view(around, 5, axis=axis)
+        picture = (parts @ (np.array([1, 4, 6, 4, 1], np.float32) / 16)).astype(np.float32)
+    return picture
+
+
 def _bright(image: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(H, W) the brightest pixels; none if they are too many to be mirrored lights."""
     brightness = image.max(axis=-1)
@@ -114,12 +119,11 @@ def _bright(image: NDArray[np.float32]) -> NDArray[np.bool_]:
 def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circle]:
     """Candidate circles, sorted by votes relative to their size."""
     # Perceptual cube root: a mirror ball's outline is faint compared with the lights that it mirrors.
-    brightness = np.pad(np.cbrt(np.maximum(image.mean(axis=-1), 0)), 5, mode="edge")
-    picture = gaussian(brightness, SMOOTH, (0, 1))[5:-5, 5:-5]
+    picture = _smooth(np.cbrt(np.maximum(image.mean(axis=-1), 0)))
     height, width = picture.shape
     gradient_x, gradient_y = np.gradient(picture, axis=1), np.gradient(picture, axis=0)
     steep = np.hypot(gradient_x, gradient_y)
-    edge = crests(steep, gradient_y, gradient_x) & ~dilated(bright, 4)
+    edge = _ridge(steep, gradient_x, gradient_y) & ~dilated(bright, 4)
     edge &= steep > max(2.0 * float(np.median(steep)), 0.02 * float(np.percentile(steep, 99.5)))
     y, x = np.nonzero(edge)
     if len(x) == 0:
@@ -160,3 +164,18 @@ def _differ(a: Circle, b: Circle, share: float) -> bool:
     """Whether centres or radii differ by more than a share of the larger radius."""
     limit = share * max(a.radius, b.radius)
     return float(np.hypot(a.x - b.x, a.y - b.y)) > limit or abs(a.radius - b.radius) > limit
+
+
+def _ridge(
+    steep: NDArray[np.float32], gradient_x: NDArray[np.float32], gradient_y: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """(H, W) non-maximum suppression of the gradient along its direction, rounded to one of four."""
+    eighth = np.round(np.arctan2(gradient_y, gradient_x) / (np.pi / 4)).astype(int) % 4
+    around = np.pad(steep, 1)
+    height, width = steep.shape
+    top = np.zeros(steep.shape, bool)
+    for number, (row, column) in enumerate(((0, 1), (1, 1), (1, 0), (1, -1))):
+        ahead = around[1 + row : 1 + row + height, 1 + column : 1 + column + width]
+        behind = around[1 - row : 1 - row + height, 1 - column : 1 - column + width]
+        top |= (eighth == number) & (steep >= ahead) & (steep > behind)
+    return top
