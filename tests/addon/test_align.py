@@ -252,6 +252,7 @@ def test_the_command_line_aligns_and_saves(opened, mine, shot, tmp_path, capfd):
     opened.camera = mine
     given = ["--start", "CAMERA", "--lens", "60"]
     assert main(["align-photo", *given, "--save", str(tmp_path / "aligned.blend")]) == 0
-    assert re.search(r'align-photo done: camera "photo"; outlines .* shared', capfd.readouterr().out)
+    told = capfd.readouterr()
+    assert "align-photo done: " in told.out and re.search(r'note: Camera "photo": outlines .* shared', told.err)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "aligned.blend"))
     assert off(bpy.context.scene, shot) < 0.5

@@ -187,7 +187,7 @@ def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(
     assert "2 frame(s) show nothing and are left out, the first is 2" in notes_of(scene, "render_photo")
     scene.frame_start = 2
     with pytest.raises(RuntimeError, match=f"no frame shows the object; {sentence}"):
-        bpy.ops.mps.render_photo(animation=True)
+        bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / "shots"))
 
 
 def test_a_photo_appears_with_its_rig_and_camera_or_not_at_all(sphere, scene, tmp_path):
@@ -418,7 +418,7 @@ def test_files_that_are_gone_are_reported_with_the_photo(sphere, scene, tmp_path
     assert told == "not found, and what they bring may be missing from the render: gone.png"
     write_image(tmp_path / "gone.png", np.zeros((4, 4, 3), np.float32))
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
-    assert "render_photo" not in scene.mps.records
+    assert not scene.mps.records["render_photo"].notes
 
 
 def test_a_photo_that_is_dropped_opens_as_the_photo(scene, tmp_path):

@@ -68,7 +68,7 @@ def test_it_goes_on_where_it_stopped(folder, scene, capfd, monkeypatch):
     assert Path(bpy.path.abspath(image.filepath)) == folder / "contact_sheet.png" and image.size[0] > 32
 
     told = capfd.readouterr()
-    assert f"mpsnet: render-samples done: 3 of 3 samples in {folder}" in told.out
+    assert f"mpsnet: render-samples done: {folder}" in told.out and f"note: 3 of 3 samples: {folder}" in told.err
     assert "the scene is not saved" not in told.out
     assert "mpsnet: 33%: 1 of 3" in told.err and "mpsnet: 100%: 3 of 3" in told.err
     assert not logging.getLogger("blender_addon").handlers
