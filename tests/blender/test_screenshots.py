@@ -232,7 +232,7 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
     photographer.photograph("running", "photo")
     window.input("mousemove", 500, 500, "key", "Escape")
     window.wait(lambda state: not state["running"], "end of the cancelled photo")
-    work("render_photo", samples=4)
+    work("render_photo", samples=4, output=str(tmp_path / "photo.exr"))
     work("show_mask", mask="FIND")
     photographer.photograph("done", "photo")
     photographer.photograph("ready", "estimate")
