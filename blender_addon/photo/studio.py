@@ -229,8 +229,6 @@ def _studio(scene: Any) -> Iterator[Any]:
         render.film_transparent = True
         render.use_compositing = render.use_sequencer = False
         render.use_simplify = False
-        for fact in ("date", "time", "render_time", "memory", "filename", "hostname"):
-            setattr(render, f"use_stamp_{fact}", False)  # two equal runs write the same bytes
         cycles = studio.cycles
         cycles.device = scene.cycles.device or "CPU"  # "" if the file has an unknown one
         cycles.use_denoising = cycles.use_adaptive_sampling = False

@@ -134,12 +134,8 @@ def test_frames_of_an_interrupted_render_are_kept_and_all_files_named(sphere, sc
     bpy.data.objects["Sphere"].scale.x = 0.5
     bpy.ops.wm.save_mainfile()
     assert not set(run("--width", "20")[1]) & set(third), "another scene"
-    truth = []
-    for _ in range(2):
-        assert main(["render-truth", "--output", str(tmp_path / "true.exr")]) == 0
-        assert str(tmp_path / "true.exr") in capsys.readouterr().out
-        truth.append((tmp_path / "true.exr").read_bytes())
-    assert truth[0] == truth[1]
+    assert main(["render-truth", "--output", str(tmp_path / "true.exr")]) == 0
+    assert str(tmp_path / "true.exr") in capsys.readouterr().out
 
 
 def test_texture_files_alone_leave_linked_and_local_data_as_it_is(estimated, scene, tmp_path):
