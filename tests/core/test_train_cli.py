@@ -193,7 +193,11 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
             ("spoilt checkpoint", lambda b: resume(b, spoilt(checkpoint(b))), "c is damaged, or is not a checkpoint"),
             ("text as checkpoint", lambda b: train(b, "--resume", b.text("c", "hello")), "c is damaged, or is not a"),
             ("checkpoint with code", lambda b: train(b, "--resume", with_code(b, True)), "c is damaged, or is not a"),
-            ("bare checkpoint with code", lambda b: train(b, "--resume", with_code(b, False)), "c is damaged, or is not a"),
+            (
+                "bare checkpoint with code",
+                lambda b: train(b, "--resume", with_code(b, False)),
+                "c is damaged, or is not a",
+            ),
             (
                 "checkpoint of the optimiser alone",
                 lambda b: (torch_file(b / "c", {"format": "mpsnet-checkpoint"}), train(b, "--resume", b / "c")),
