@@ -55,7 +55,7 @@ class ReportingOperator(bpy.types.Operator):
         cls.__annotations__ = {**inspect.get_annotations(cls), **softened}
 
     def tell(self, message: str, kind: str = "INFO") -> None:
-        """Report what is no error, to Blender and to the log, which has it where no window shows reports."""
+        """Report a note, to Blender and to the log: without a window, nobody sees Blender's reports."""
         self.report({kind}, message)
         log.info("%s%s", self._whose, message)
 

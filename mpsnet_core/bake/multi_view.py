@@ -158,7 +158,7 @@ def sources_of(views: Sequence[ViewPhoto], photography: ViewCaptureSettings, mes
     model, how photos are read, dark frame and flat field.
 
     Raises InputError, which names the view, if a mask is missing, two views would share one from a folder, a light is
-    behind the object, or a white photo is no image or, by its header, has another size than its camera.
+    behind the object, or a white photo cannot be read or has another size than its camera, by its header.
     """
     shape, whose, sources = _shape(mesh), dict[str, str](), []
     for view in views:

@@ -1,4 +1,4 @@
-"""The record of a texture that was written, for the result of a bake and for whoever reads that as JSON."""
+"""The record of a written texture, as a bake returns it and as its JSON holds it."""
 
 from dataclasses import dataclass
 

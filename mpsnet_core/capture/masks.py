@@ -242,7 +242,7 @@ def _segment(
         raise NoObject("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
         share = 100 * mask.mean()
-        log.info("the mask covers %.1f%% of the photo, with a certainty of %.0f%%", share, 100 * clearness)
+        log.info("the mask covers %.1f%% of the photo (confidence %.0f%%)", share, 100 * clearness)
     if notes != "none":
         for doubt in _doubts(mask, clearness):
             log.warning("%s [doubtful-mask]", doubt)
