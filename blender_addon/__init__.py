@@ -7,8 +7,10 @@ with pip's bpy.
 
 import atexit
 from importlib import import_module
+from typing import Any
 
 import bpy
+from bpy.app.handlers import load_factory_preferences_post, persistent
 
 from .bake.gltf_export import GltfExtension
 from .preferences import PACKAGE
@@ -34,8 +36,8 @@ def register() -> None:
     for module in _MODULES:
         module.register()
     if bpy.app.module:
-        # As an extension is. The glTF exporter looks there for what changes its images.
-        bpy.context.preferences.addons.new().module = PACKAGE
+        _enter_preferences()
+        load_factory_preferences_post.append(_enter_preferences)
         # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs.
         atexit.register(unregister)
 
@@ -43,7 +45,15 @@ def register() -> None:
 def unregister() -> None:
     """Remove everything that :func:`register` added."""
     atexit.unregister(unregister)
-    if bpy.app.module and (entry := bpy.context.preferences.addons.get(PACKAGE)):
-        bpy.context.preferences.addons.remove(entry)
+    if bpy.app.module:
+        load_factory_preferences_post.remove(_enter_preferences)
+        bpy.context.preferences.addons.remove(bpy.context.preferences.addons[PACKAGE])
     for module in reversed(_MODULES):
         module.unregister()
+
+
+@persistent
+def _enter_preferences(*_: Any) -> None:
+    """Be in pip's bpy among the enabled add-ons, as an extension is: the glTF exporter asks those about images."""
+    if PACKAGE not in bpy.context.preferences.addons:
+        bpy.context.preferences.addons.new().module = PACKAGE
