@@ -239,8 +239,8 @@ def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: in
     return np.asarray(answer[3])
 
 
-def equation_2_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> float | None:
-    """Mean angular error in degrees of equation 2 on a matt grey ball, with a calibrated rig.
+def lambertian_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> float | None:
+    """Mean angular error, in degrees, of Lambertian normals (equation 2) on a matt grey ball, with a calibrated rig.
 
     Computed where all three lights reach; None if that is nowhere. photos: one under all lights, or one of each. It
     includes errors that no mixing matrix corrects: wrong light directions, gloss, ambient light.

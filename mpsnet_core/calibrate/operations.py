@@ -49,8 +49,8 @@ class UsesBall(ReadsPhotos, HasLens):
     mask: str | None = option(default=None, help="mask file, white on the ball or the card", provenance="files")
     radius: float | None = option(
         default=None,
-        help="radius of the ball, in the unit for the lights' positions, best that of the mesh. Needed where "
-        "lights have positions, for a grey ball too",
+        help="radius of the ball, in the unit wanted for the lights' positions, ideally the mesh's. Also needed "
+        "for a grey ball, if the lights have positions",
         unset="positions are in radii of the ball",
     )
     overlay: str | None = option(
@@ -106,30 +106,32 @@ class UsesBall(ReadsPhotos, HasLens):
 
 @dataclass(frozen=True)
 class LightsCalibrated(Result):
-    """File of the rig, and results. lights, balls: see :mod:`mpsnet_core.calibrate.report`.
-
-    target: centre of the lights' positions. balls and target are None for lights from an .lp file.
-    """
+    """File of the rig, and results."""
 
     output: str
+    """File of the rig."""
     overlay: str | None
+    """File of the photo with the results drawn over it, if requested."""
     lights: "list[LightFacts]"
+    """Each light as it was found."""
     balls: "list[BallFacts] | None" = None
+    """Each ball as it was found; None for lights from an .lp file."""
     target: list[float] | None = None
+    """(3,) Centre of the lights' positions in camera space; None for lights from an .lp file."""
 
 
 @dataclass(frozen=True)
 class _Chosen:
-    """The chosen lights in the photos.
-
-    places: number of places of the ball. numbers: of the lights, from 0. names: of the lights. files: photo of each
-    light at the first place; None if a photo shows all lights.
-    """
+    """The chosen lights in the photos."""
 
     places: int
+    """Number of places of the ball."""
     numbers: list[int]
+    """Numbers of the lights, from 0."""
     names: list[str]
+    """Names of the lights."""
     files: list[Path] | None
+    """Photo of each light at the first place; None if a photo shows all lights."""
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,7 @@ class CalibrateLights(UsesBall):
             )
         if len(files) % self.places:
             raise SettingsError(
-                f"{len(files)} photos cannot be shared out to {self.places} places; give as many for each place"
+                f"{len(files)} photos cannot be divided among {self.places} places; give the same number for each place"
             )
         places = self.places if self.per_light else len(files)
         count = len(files) // places if self.per_light else 3
@@ -240,8 +242,8 @@ class CalibrateLights(UsesBall):
             try:
                 seen = read_sightings(photos, step)
             except InputError as error:
-                shown = f"; {self.overlay} shows the ball that was found" if _ball_drawn(photos, self.overlay) else ""
-                raise type(error)(f"{error}{shown}") from None
+                hint = f"; {self.overlay} shows the ball that was found" if _ball_drawn(photos, self.overlay) else ""
+                raise type(error)(f"{error}{hint}") from None
             for sighting in seen:
                 highlights = tuple(sighting.highlights[light] for light in chosen.numbers)
                 sightings.append(replace(sighting, highlights=highlights))
@@ -255,7 +257,7 @@ class CalibrateLights(UsesBall):
         circles: Sequence[Circle] = photos.circles
         if len(circles) % places:
             raise SettingsError(
-                f"there are {len(circles)} circles for {places} places of the ball; give as many for each"
+                f"there are {len(circles)} circles for {places} places of the ball; give the same number for each"
             )
         share, each = len(files) // places, len(circles) // places
         return [
@@ -306,7 +308,7 @@ class CalibrateLights(UsesBall):
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
 
         if len(self.ball) > 1 or self.overlay or self.json:
-            raise SettingsError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
+            raise SettingsError("an .lp file works alone, with --lights and -o only; leave the rest out")
         [file] = self.ball
         names, directions = read_lp(file)
         if not self.lights:
@@ -316,7 +318,7 @@ class CalibrateLights(UsesBall):
         numbers = _three_of(self.lights, len(names))
         check_no_overwrite([file], [self.output])
         if writable_path(self.output).suffix.lower() != ".json":
-            raise FileError(f"{self.output}: a rig of three lights is a .json file; name one")
+            raise FileError(f"{self.output}: a rig of three lights is written as .json; give such a file name")
         rig = LightRig(directions[numbers])
         _log_replaced_rig(Path(self.output))
         write_rig(self.output, rig)
@@ -330,22 +332,30 @@ class CalibrateLights(UsesBall):
 
 @dataclass(frozen=True)
 class MixingCalibrated(Result):
-    """File of the rig with its mixing, and results as in :class:`mpsnet_core.MixingFound`.
-
-    equation_2_error: mean angular error of equation 2 on the ball in degrees; None for a card.
-    """
+    """File of the rig with its mixing, and results as in :class:`mpsnet_core.MixingFound`."""
 
     output: str
+    """File of the rig."""
     overlay: str | None
+    """File of the photo with the results drawn over it, if requested."""
     mixing: list[list[float]]
+    """3 x 3. The mixing matrix: a row for each camera channel, a column for each light."""
     residual: float
+    """RMS residual of the fit, as a share of the mean brightness."""
     ambient: list[float]
+    """(3,) Ambient light, in the unit of the matrix."""
     pixels: int
+    """Number of pixels used."""
     left_out: float
+    """Share of these that are outliers."""
     determined: bool
+    """Whether the photo determines the whole matrix, not only the lights' strengths."""
     uncertainty: float
+    """Largest standard deviation of the off-diagonal entries."""
     equation_2_error: float | None
+    """Mean angular error of the Lambertian model (equation 2) on the ball, in degrees; None for a card."""
     balls: "list[BallFacts]"
+    """Each ball as it was found; empty for a card."""
 
 
 @dataclass(frozen=True)
@@ -372,7 +382,7 @@ class CalibrateMixing(UsesBall):
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
         """Write the rig with its mixing, and the other outputs if requested."""
-        from mpsnet_core.calibrate.mixing import equation_2_error
+        from mpsnet_core.calibrate.mixing import lambertian_error
         from mpsnet_core.calibrate.overlay import ball_picture
         from mpsnet_core.calibrate.photos import mean_photo, read_lit
         from mpsnet_core.capture.decode import warn_of_other_exposures
@@ -387,13 +397,13 @@ class CalibrateMixing(UsesBall):
         photos = self._photos(files, mirror=False)
         progress(0.0, "reading the photos")
         if self.card and not (photos.circles or photos.mask):
-            raise SettingsError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
+            raise SettingsError("--card needs the card's outline; give --mask FILE, or --circle X,Y,R for a part of it")
         read = read_lit(photos, rig)
         warn_of_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
         calibrated = replace(rig, mixing=found.mixing, exact=False)
-        off = None if found.ball is None else equation_2_error(read, found.ball, calibrated)
+        off = None if found.ball is None else lambertian_error(read, found.ball, calibrated)
         result = self._result(found, off)
         with write_transaction():
             write_rig(self.output, calibrated)
@@ -406,7 +416,7 @@ class CalibrateMixing(UsesBall):
 
     def _check(self, files: Sequence[Path], rig: "LightRig") -> None:
         if Path(self.output).suffix.lower() != ".json":
-            raise FileError(f"{self.output}: a rig with its mixing is a .json file; name one")
+            raise FileError(f"{self.output}: a rig with its mixing is written as .json; give such a file name")
         if rig.near is not None and not self.card and self.radius is None:
             raise SettingsError(
                 "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"

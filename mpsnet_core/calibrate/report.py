@@ -120,7 +120,7 @@ def ball_facts(ball: Ball) -> BallFacts:
 
 
 def mixing_lines(found: MixingFound, off: float | None) -> list[str]:
-    """Lines on the mixing matrix and how well it explains the photo. off: `equation_2_error` in degrees."""
+    """Lines on the mixing matrix and how well it explains the photo. off: `lambertian_error` in degrees."""
     lines = [
         f"{channel.rjust(6)}: " + "  ".join(f"{value:6.3f}" for value in row)
         for channel, row in zip(CHANNELS, found.mixing, strict=True)

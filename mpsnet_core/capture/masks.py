@@ -32,7 +32,7 @@ from mpsnet_core.io.provenance import fingerprint
 
 log = logging.getLogger(__name__)
 
-Notes = Literal["all", "doubts", "none"]
+MaskNotes = Literal["all", "doubts", "none"]
 
 # Keywords for a mask, besides a file, threshold:T and background:FILE.
 WORDS = ("alpha", "auto", "alpha-or-auto", "none")
@@ -64,7 +64,7 @@ def find_mask(
     encoding: Encoding = "auto",
     layer: str | None = None,
     correction: Correction | None = None,
-    notes: Notes = "all",
+    notes: MaskNotes = "all",
 ) -> NDArray[np.bool_]:
     """The object's pixels in a photo.
 
@@ -94,7 +94,7 @@ def find_mask(
 
 
 def mask_of(
-    image: Image, choice: str | os.PathLike[str], options: PhotoReadOptions = AS_STATED, notes: Notes = "all"
+    image: Image, choice: str | os.PathLike[str], options: PhotoReadOptions = AS_STATED, notes: MaskNotes = "all"
 ) -> NDArray[np.bool_]:
     """As :func:`find_mask`, which takes the options one by one.
 
@@ -168,7 +168,7 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
     return brightest > level * np.percentile(brightest, 99.9)
 
 
-def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: bool = False) -> NDArray[np.bool_]:
+def auto_mask(pixels: NDArray[np.float32], notes: MaskNotes = "all", *, clearly: bool = False) -> NDArray[np.bool_]:
     """(H, W) the object in front of a dark or plain background that covers most of the image border.
 
     pixels: (H, W, 3) linear. The background model is a quadratic in x and y per channel, fitted to the border. The
@@ -195,7 +195,7 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all", *, clearly: boo
 
 
 def background_mask(
-    pixels: NDArray[np.float32], background: NDArray[np.float32], notes: Notes = "all"
+    pixels: NDArray[np.float32], background: NDArray[np.float32], notes: MaskNotes = "all"
 ) -> NDArray[np.bool_]:
     """(H, W) where the photo differs from a photo of the same scene without the object.
 
@@ -228,7 +228,7 @@ class _Segmentation(NamedTuple):
 
 
 def _segment(
-    photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes, clearly: bool = False
+    photo: NDArray[np.float32], behind: NDArray[np.float32], notes: MaskNotes, clearly: bool = False
 ) -> _Segmentation:
     """The object, where a photo differs from its background; both (H, W, 3) display values."""
     contrast = _contrast(photo, behind)

@@ -1,4 +1,4 @@
-"""The one road from files to captures: photos are read, corrected, undistorted and masked; what is doubtful is said."""
+"""The one way from files to captures: photos are read, corrected, undistorted and masked; doubts are reported."""
 
 import logging
 import os
@@ -15,7 +15,7 @@ from mpsnet_core.arrays.upsample import chosen_pixels
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, straightened
-from mpsnet_core.capture.masks import Notes, mask_of
+from mpsnet_core.capture.masks import MaskNotes, mask_of
 from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, other_than, warn_of_curve
 from mpsnet_core.defaults import MASK
@@ -93,102 +93,98 @@ def read_capture(
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """A photo as it becomes a capture: corrected and without distortion, with its mask (H, W) and its camera."""
+class MaskedPhoto:
+    """A photo as it becomes a capture: corrected, without distortion and with its mask."""
 
     image: Image
+    """The corrected and undistorted photo."""
     mask: NDArray[np.bool_]
+    """(H, W). The pixels of the object."""
     camera: Camera | None
+    """Its pinhole camera, scaled to the photo's size; None if unknown."""
 
 
 @dataclass
 class PhotoSet:
-    """Photos that belong together, such as the frames of a sequence: what they do not state is decided once.
-
-    Attributes
-    ----------
-    sources
-        The photos, as far as they are known. The set is opened one by one, in any order.
-    options
-        How to read them. `assumed` is set if their shading shows it.
-    moving
-        Whether they are frames of one sequence. Once its object was found, every frame is searched for it: none is
-        taken whole in between.
-    doubt
-        Evidence that files without a stated encoding have another than the usual one, None as long as none was opened;
-        see :func:`mpsnet_core.capture.transfer.evidence_for_linear`.
-    """
+    """Photos that belong together, such as the frames of a sequence: what they do not state is decided once."""
 
     sources: Sequence[Source] = ()
+    """The photos, as far as they are known. The set is opened one by one, in any order."""
     options: PhotoReadOptions = AS_STATED
+    """How to read them. `assumed` is set if their shading shows it."""
     moving: bool = False
-    doubt: float | None = None
+    """Whether they are frames of one sequence. Once the object was found in one, it is searched for in all others: none
+    is then taken as a whole."""
+    encoding_evidence: float | None = None
+    """Evidence that files without a stated encoding have another than the usual one, None as long as none was opened;
+    see :func:`mpsnet_core.capture.transfer.evidence_for_linear`."""
     _found: bool = False
-    _told: set[object] = field(default_factory=set)
+    _reported: set[object] = field(default_factory=set)
 
     def open(self, source: Source) -> Capture:
-        """A photo as a capture. Reports what is doubtful about it, of several alike photos once.
+        """A photo as a capture. Logs what is doubtful about it; a doubt that several photos share, once.
 
         Raises InputError if it cannot be read, or its photo, mask, camera, depth and white photo do not match.
         """
-        shot = self.masked(source)
+        photo = self.masked(source)
         assert source.rig is not None
-        image = shot.image
+        image = photo.image
         with prefix_errors(source):
-            depth = _depth(source, shot)
-            capture = Capture(image.pixels, shot.mask, source.rig, shot.camera, image.clip, depth, image.clipped)
+            depth = _depth(source, photo)
+            capture = Capture(image.pixels, photo.mask, source.rig, photo.camera, image.clip, depth, image.clipped)
         if source.white:
             capture = self._with_white(capture, source, image)
         which = "" if self._alone else f"{source}: "
         for level, kind, words in doubts(capture):
-            if self._first(kind):
+            if self._first_report(kind):
                 log.log(level, "%s%s", which, words)
-        if self._first("rig"):
+        if self._first_report("rig"):
             warn_of_wrong_rig(capture.image, capture.mask, capture.rig, which)
         return capture
 
-    def masked(self, source: Source) -> Shot:
+    def masked(self, source: Source) -> MaskedPhoto:
         """A photo with its mask, before it becomes a capture. Raises InputError if either cannot be read."""
         image = self._read(source)
         has_alpha = image.alpha is not None
         # Of several photos, report on the first with alpha and on the first without; the others look alike.
-        notes: Notes = "all" if self._alone else "none" if has_alpha in self._told else "doubts"
-        shot = self._shot(source, image, notes)
+        notes: MaskNotes = "all" if self._alone else "none" if has_alpha in self._reported else "doubts"
+        photo = self._masked_photo(source, image, notes)
         if image.assumed:
-            doubt, first = self._doubt(source, image, shot), self.doubt is None
+            evidence, first = self._encoding_evidence(source, image, photo), self.encoding_evidence is None
             if first:
-                self.doubt = self._decided(source, image, doubt)
+                self.encoding_evidence = self._decide_encoding(source, image, evidence)
             others = self.options.assumed == other_than(image.assumed)
-            if max(doubt, self.doubt or 0) > (CLOSE if first else DECIDED) and self._first("transfer"):
+            limit = CLOSE if first else DECIDED
+            if max(evidence, self.encoding_evidence or 0) > limit and self._first_report("transfer"):
                 warn_of_curve(source.file_name, image.assumed, decided=others)
             if others:
                 # A mask found by brightness depends on the curve: find it again, but report it once.
-                shot = self._shot(source, otherwise_encoded(image), "none")
-        self._told.add(has_alpha)
-        found = self.moving and source.mask == MASK and not has_alpha and not shot.mask.all()
+                photo = self._masked_photo(source, otherwise_encoded(image), "none")
+        self._reported.add(has_alpha)
+        found = self.moving and source.mask == MASK and not has_alpha and not photo.mask.all()
         self._found = self._found or found
-        return shot
+        return photo
 
     @property
     def _alone(self) -> bool:
         return len(self.sources) == 1
 
-    def _first(self, kind: object) -> bool:
-        """Whether something of this kind is told for the first time."""
-        known = kind in self._told
-        self._told.add(kind)
+    def _first_report(self, kind: object) -> bool:
+        """Whether something of this kind is reported for the first time."""
+        known = kind in self._reported
+        self._reported.add(kind)
         return not known
 
     def _read(self, source: Source) -> Image:
         return self.options.photo(source.photo) if isinstance(source.photo, Path) else source.photo()
 
-    def _shot(self, source: Source, image: Image, notes: Notes) -> Shot:
+    def _masked_photo(self, source: Source, image: Image, notes: MaskNotes) -> MaskedPhoto:
         rig, correction = source.rig, self.options.correction
         choice = "auto" if self._found and image.alpha is None else source.mask
         with prefix_errors(source):
             if rig is not None and rig.near is not None and correction is not None and correction.gain is not None:
                 raise SettingsError(
-                    "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the "
+                    "the rig's lights are near the object, and the flat field contains their fall-off too; leave the "
                     "flat field out, or give the lights as directions"
                 )
             height, width, _ = image.pixels.shape
@@ -207,30 +203,30 @@ class PhotoSet:
                     raise GeometryError(
                         "its camera does not see the mesh; do the cameras and the mesh share one world?"
                     )
-        return Shot(image, mask, camera)
+        return MaskedPhoto(image, mask, camera)
 
-    def _doubt(self, source: Source, image: Image, shot: Shot) -> float:
+    def _encoding_evidence(self, source: Source, image: Image, photo: MaskedPhoto) -> float:
         """The evidence, by the shading, that a photo as read has the other encoding than the one that is assumed."""
         if source.rig is None:
             return 0.0
-        pixels = image.pixels if source.lens is None else shot.image.pixels
-        for_linear = evidence_for_linear(pixels, shot.mask, source.rig, as_srgb=image.assumed == "srgb")
+        pixels = image.pixels if source.lens is None else photo.image.pixels
+        for_linear = evidence_for_linear(pixels, photo.mask, source.rig, as_srgb=image.assumed == "srgb")
         return for_linear if image.assumed == "srgb" else -for_linear
 
-    def _decided(self, source: Source, image: Image, doubt: float) -> float:
-        """The doubt about the whole set, by which its photos are read: of those looked at, the clearest.
+    def _decide_encoding(self, source: Source, image: Image, evidence: float) -> float:
+        """The evidence by which the photos of the whole set are read: the clearest of those looked at.
 
-        They are the same ones whichever photo, the `source`, is opened first. image, doubt: of this one.
+        They are the same whichever photo, the `source`, is opened first. image, evidence: of this one.
         """
         found = [0.0]
         for other in looked_at(self.sources) or [source]:
             if other is source:
-                found.append(doubt)
+                found.append(evidence)
                 continue
             with suppress(InputError):  # reported when it is opened
                 seen = self._read(other)
                 if seen.assumed == image.assumed:
-                    found.append(self._doubt(other, seen, self._shot(other, seen, "none")))
+                    found.append(self._encoding_evidence(other, seen, self._masked_photo(other, seen, "none")))
         clearest = max(found, key=abs)
         # Dark frame and flat field were read as usual, so the photos stay that, too.
         if image.assumed and clearest > DECIDED and self.options.correction is None:
@@ -257,15 +253,15 @@ class PhotoSet:
         return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=light)
 
 
-def _depth(source: Source, shot: Shot) -> NDArray[np.float32] | None:
+def _depth(source: Source, photo: MaskedPhoto) -> NDArray[np.float32] | None:
     """(H, W) the depth that near lights need, at every pixel of the mask; None for distant ones."""
     assert source.rig is not None
     depth = source.depth
     if source.scene is not None:
-        depth = None if source.rig.near is None or shot.camera is None else depth_of_mesh(shot.camera, source.scene)
-    elif isinstance(depth, np.ndarray) and depth.shape != shot.mask.shape and shot.camera is not source.camera:
-        depth = depth[np.ix_(*chosen_pixels(*shot.mask.shape, *depth.shape))]  # of the camera before it was scaled
-    return depth_within(shot.mask, depth, source.rig) if shot.mask.any() else None  # Capture rejects an empty mask
+        depth = None if source.rig.near is None or photo.camera is None else depth_of_mesh(photo.camera, source.scene)
+    elif isinstance(depth, np.ndarray) and depth.shape != photo.mask.shape and photo.camera is not source.camera:
+        depth = depth[np.ix_(*chosen_pixels(*photo.mask.shape, *depth.shape))]  # of the camera before it was scaled
+    return depth_within(photo.mask, depth, source.rig) if photo.mask.any() else None  # Capture rejects an empty mask
 
 
 def _white_is_the_photo(path: str | os.PathLike[str]) -> SettingsError:

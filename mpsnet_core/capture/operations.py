@@ -83,10 +83,10 @@ class ReadsPhotos(ReadsPictures):
 
         photos = PhotoSet([Source(Path(photo), rig, choice)], self.read_options())
         progress(0.1, "looking for the object")
-        shot = photos.masked(photos.sources[0])
-        if not shot.mask.any():
+        masked = photos.masked(photos.sources[0])
+        if not masked.mask.any():
             raise GeometryError(f"{photo}: the mask is empty; choose another mask or threshold")
-        return shot.image, shot.mask, photos.doubt
+        return masked.image, masked.mask, photos.encoding_evidence
 
 
 @dataclass(frozen=True)
@@ -164,9 +164,10 @@ class HasViewpoint(TakesMesh, HasLens):
 
 @dataclass(frozen=True)
 class PhotoMade(Result):
-    """File of the combined photo."""
+    """The combined photo."""
 
     output: str
+    """File of the photo."""
 
 
 @dataclass(frozen=True)
@@ -198,14 +199,14 @@ class Superpose(ReadsPictures):
             files = in_order_of_lights(files)
         check_no_overwrite(files, [self.output])
         is_png = self.channels and Path(self.output).suffix.lower() == ".png"
-        # A sum of light can be above 1, which only float files hold.
+        # A sum of lights can be above 1, which only float files hold.
         bits = checked_bits(Path(self.output), None if is_png else 32)
-        progress(0.0, "putting the photos together")
-        together = as_channels if self.channels else superpose
-        photo = together(files, encoding=self.encoding)
+        progress(0.0, "combining the photos")
+        combine = as_channels if self.channels else superpose
+        photo = combine(files, encoding=self.encoding)
         if is_png:
-            shown = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
-            photo = replace(photo, pixels=shown)
+            encoded = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
+            photo = replace(photo, pixels=encoded)
         write_photo(self.output, photo, bits=bits, linear=not is_png)
         progress(1.0, "done")
         if not self.channels:
@@ -216,11 +217,14 @@ class Superpose(ReadsPictures):
 
 @dataclass(frozen=True)
 class MaskFound(Result):
-    """File of the mask, and the share of the photo that it covers."""
+    """The mask of a photo."""
 
     output: str
+    """File of the mask."""
     overlay: str | None
+    """File of the photo with the mask drawn over it, if requested."""
     share: float
+    """Share of the photo that the mask covers."""
 
 
 @dataclass(frozen=True)
@@ -265,10 +269,12 @@ class FindMask(ReadsPhotos):
 
 @dataclass(frozen=True)
 class PhotoChecked(Result):
-    """Findings of the check. level: of the worst finding, "good", "watch" or "bad"."""
+    """Findings of the check."""
 
     level: str
+    """Level of the worst finding: "good", "watch" or "bad"."""
     findings: "list[Finding]"
+    """One finding for each item."""
 
 
 @dataclass(frozen=True)
@@ -276,8 +282,8 @@ class Check(ReadsPhotos):
     """Check a photo and its lights, and say how to improve them.
 
     It checks the exposure, clipping, whether the channels show different lights, the lights' directions and order, how
-    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo is no
-    reason to raise.
+    much of the object all three lights reach, and the focus. Each is "good", "watch" or "bad". A bad photo
+    raises no error.
 
     Examples
     --------
@@ -318,10 +324,10 @@ class Check(ReadsPhotos):
             check_no_overwrite(self.inputs(self.image, self.rig, mask=self.mask), [self.json])
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
-        image, mask, doubt = self.photo_and_mask(self.image, self.mask, progress, rig)
+        image, mask, evidence = self.photo_and_mask(self.image, self.mask, progress, rig)
         progress(0.6, "checking the photo")
         with prefix_errors(self.image):
-            findings = check_photo(image, mask, rig, doubt, mixing_stated=not self.rig or has_mixing(self.rig))
+            findings = check_photo(image, mask, rig, evidence, mixing_stated=not self.rig or has_mixing(self.rig))
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
         if self.json:

@@ -79,7 +79,7 @@ def check_photo(
     image: Image,
     mask: NDArray[np.bool_],
     rig: LightRig | None,
-    doubt: float | None = None,
+    encoding_evidence: float | None = None,
     *,
     mixing_stated: bool = True,
 ) -> list[Finding]:
@@ -93,7 +93,7 @@ def check_photo(
         The object, at least one pixel.
     rig : LightRig, optional
         The lights. Without it, they are not checked.
-    doubt : float, optional
+    encoding_evidence : float, optional
         If the file does not state its encoding: the evidence that it is not the usual one, see
         :func:`mpsnet_core.capture.transfer.evidence_for_linear`. There is an additional finding on it.
     mixing_stated : bool, optional
@@ -115,7 +115,7 @@ def check_photo(
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
     return [
-        *([] if rig is None or doubt is None else [_encoding(doubt)]),
+        *([] if rig is None or encoding_evidence is None else [_encoding(encoding_evidence)]),
         _exposure(values, noise, full_scale),
         _clipping(values, clipped[inside]),
         _channels(values, rig),
@@ -146,9 +146,9 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
     return [round(float(one), 4) for one in values]
 
 
-def _encoding(doubt: float) -> Finding:
-    figures: Figures = {"other_rather": round(doubt, 3)}
-    level = _level(doubt, (CLOSE, DECIDED))
+def _encoding(encoding_evidence: float) -> Finding:
+    figures: Figures = {"other_rather": round(encoding_evidence, 3)}
+    level = _level(encoding_evidence, (CLOSE, DECIDED))
     if level == "good":
         words = "the file does not state its colour encoding; nothing contradicts the usual one"
         return Finding("encoding", level, words, figures)

@@ -67,38 +67,44 @@ class RunsModel(Operation):
 
 @dataclass(frozen=True)
 class NormalsMade(Result):
-    """The normal map of one photo.
-
-    outputs: the file. pixels: number of pixels with a normal. albedo: its file, if requested.
-    """
+    """The normal map of one photo."""
 
     outputs: list[str]
+    """The normal map's file."""
     pixels: int
+    """Number of pixels with a normal."""
     albedo: str | None = None
+    """File of the albedo, if requested."""
 
 
 @dataclass(frozen=True)
 class FramesMade(Result):
-    """The normal maps of several photos, of numbered frames or of a video.
-
-    folder: where they are. made, there: how many were made now, and how many existed already. left_out: number of
-    photos without an object. pixels: number of pixels with a normal. outputs: the files, unless they are a sequence.
-    first_output, pattern, first, last, count, frame_rate: what a program needs to load the results as an image
-    sequence.
-    """
+    """The normal maps of several photos, of numbered frames or of a video."""
 
     folder: str
+    """Folder of the normal maps."""
     made: int
+    """Number of normal maps made now."""
     there: int
+    """Number of normal maps that existed already."""
     pixels: int
+    """Number of pixels with a normal."""
     left_out: int = 0
+    """Number of photos without an object."""
     outputs: list[str] | None = None
+    """Files of the normal maps; None for a sequence, which `pattern` describes."""
     first_output: str | None = None
+    """File of the sequence's first normal map. This and the following fields are what a program needs to load it."""
     pattern: str | None = None
+    """File name of the sequence's normal maps, with # for each digit of the frame number."""
     first: int | None = None
+    """First frame number."""
     last: int | None = None
+    """Last frame number."""
     count: int | None = None
+    """Number of frames."""
     frame_rate: float | None = None
+    """Frames per second of a video."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +204,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         ):
             return self._frames(photos, inputs, progress)
         if self.smooth:
-            raise SettingsError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
+            raise SettingsError("--smooth needs the frames of a sequence, but there is one photo; leave it out")
         [output] = output_files(photos, self.output, self.format)
         maps = [writable_image(path) for path in (self.confidence, self.albedo) if path]
         check_no_overwrite(inputs, [output, *maps])
@@ -238,11 +244,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
 
     def _white_light(self) -> "NDArray[np.float64] | None":
-        """(3,) direction of the one lamp that lit the white photo; None for the rig's lights."""
+        """(3,) direction of the one lamp that lit the white photo; None if the rig's lights did."""
         if self.albedo and not self.white:
             raise SettingsError("--albedo is made from a photo under white light; give it with --white")
         if self.white_light and not self.white:
-            raise SettingsError("--white-light says what lit the photo of --white; give both, or neither")
+            raise SettingsError("--white-light describes the light on the --white photo; give both, or neither")
         if self.white_light in (None, "rig"):
             return None
         from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
@@ -255,7 +261,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if self.confidence:
             raise SettingsError("--confidence takes one photo at a time; leave it out or give one photo")
         if self.white:
-            raise SettingsError("--white is a second photo of one still pose; leave it out, or give one photo")
+            raise SettingsError("--white is a second photo of a single photo's pose; leave it out, or give one photo")
         if not any(map(is_video, photos)):
             return self._photos(photos, inputs, progress)
         if len(photos) > 1:
@@ -367,12 +373,16 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
 @dataclass(frozen=True)
 class ModelListed:
-    """A model's name and title, whether it is for comparison only, and whether it is installed."""
+    """A model."""
 
     name: str
+    """Name that the options take."""
     title: str
+    """What it is, in a line."""
     comparison: bool
+    """Whether it is for comparison only."""
     installed: bool
+    """Whether its file is installed."""
 
 
 @dataclass(frozen=True)
@@ -380,8 +390,11 @@ class ModelsListed(Result):
     """The known models, or the card and training record of one network."""
 
     models: list[ModelListed] | None = None
+    """The known models; None if one network was asked for."""
     card: dict[str, Any] | None = None
+    """The network's card, see :class:`mpsnet_core.ModelCard`."""
     training: dict[str, Any] | None = None
+    """How the network was trained, if its file says so."""
 
 
 @dataclass(frozen=True)

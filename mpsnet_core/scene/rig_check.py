@@ -32,8 +32,8 @@ SHADOW = 0.05
 # Rigs are alike if no light is farther than this from its counterpart, in degrees: such errors cost little.
 ALIKE = 20.0
 # A rig is wrong if it and those like it have a probability below WRONG, another one, those like it and the same turned
-# by 180° have one above SURE, and one of that one's lights is at least APART degrees from its counterpart.
-WRONG, SURE, APART = 0.005, 0.5, 25.0
+# by 180° have one above SURE, and one of that one's lights is at least MIN_DIFFERENCE degrees from its counterpart.
+WRONG, SURE, MIN_DIFFERENCE = 0.005, 0.5, 25.0
 # Iterations that find the lights' strengths, and the weight of the prior that they are equally strong.
 ROUNDS, STRENGTH_PRIOR = 15, 0.05
 HALF_TURN_OF_LIGHTS = np.array([-1, -1, 1])
@@ -48,44 +48,38 @@ TURN_WORDS = (
     "the lights' x and y are exchanged",
     "the lights' x and y are exchanged and reversed",
 )
-# How many things must have gone wrong: exchanged axes are turned and mirrored.
+# The number of mistakes that each needs: exchanged axes are turned and mirrored.
 TURN_CHANGES = (0, 1, 1, 1, 1, 1, 2, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class RigFit:
-    """How well a rig fits a photo.
-
-    Parameters
-    ----------
-    probability : float
-        Of the rig and those like it, among all orders and orientations of its lights; 0.5 if the photo is not enough to
-        tell.
-    better : str
-        What is wrong with the rig, as in "the red and green lights are swapped"; empty unless that is sure.
-    directions : (3, 3) array
-        The light directions that fit better, one light per row; None unless that is sure.
-    """
+    """How well a rig fits a photo."""
 
     probability: float = 0.5
+    """Probability of the rig and those like it, among all orders and orientations of its lights; 0.5 if the photo is
+    not enough to tell."""
     better: str = ""
+    """What is wrong with the rig, as in "the red and green lights are swapped"; empty unless that is sure."""
     directions: NDArray[np.float64] | None = None
+    """(3, 3). The light directions that fit better, one light per row; None unless that is sure."""
 
 
 class _Candidate(NamedTuple):
-    """Lights in another order and turned. order: numbers of the rig's lights. turn: number in :data:`TURNS`.
-
-    lights: (3, 3) directions. measures: (4,) of equation 2's normals by these lights.
-    """
+    """Lights in another order and turned."""
 
     order: tuple[int, ...]
+    """Numbers of the rig's lights."""
     turn: int
+    """Index into :data:`TURNS`."""
     lights: NDArray[np.float64]
+    """(3, 3) directions, one light per row."""
     measures: NDArray[np.float64]
+    """(4,) measures of the Lambertian normals by these lights."""
 
     @property
     def changes(self) -> int:
-        """How many things are wrong with the rig, if this candidate is right."""
+        """The number of things that are wrong with the rig, if this candidate is right."""
         return (self.order != (0, 1, 2)) + TURN_CHANGES[self.turn]
 
     @property
@@ -109,7 +103,8 @@ def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: L
     Returns
     -------
     RigFit
-        It says what is wrong only where that is sure. Flat things, and those that fill the photo, often do not tell.
+        What is wrong with the rig is stated only if it is certain. Flat objects, and those that fill the photo, often
+        leave it open.
     """
     blocks = blocks_of(pixels, mask)
     if blocks is None:
@@ -126,22 +121,22 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
     lights = np.array([one.lights for one in candidates])
     best = int(shares.argmax())
 
-    def apart(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def largest_angles(directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) degrees from the light of each candidate that differs most."""
         return np.asarray(np.degrees(np.arccos(np.clip((lights * directions).sum(axis=2).min(axis=1), -1, 1))))
 
     from_stated, from_best, from_turned = (
-        apart(one) for one in (lights[0], lights[best], lights[best] * HALF_TURN_OF_LIGHTS)
+        largest_angles(one) for one in (lights[0], lights[best], lights[best] * HALF_TURN_OF_LIGHTS)
     )
     stated = float(shares[from_stated < ALIKE].sum())
-    # The outline alone tells the best from itself turned by 180°.
+    # Only the outline distinguishes the best from itself turned by 180°.
     turned = from_turned < ALIKE
     right = from_best < ALIKE
     known = shares[right | turned].sum()
-    if stated >= WRONG or known <= SURE or from_best[0] < APART or not candidates[best].measures[1]:
+    if stated >= WRONG or known <= SURE or from_best[0] < MIN_DIFFERENCE or not candidates[best].measures[1]:
         return RigFit(stated)
     if not is_round(candidates[best].measures):
-        if from_turned[0] < APART:
+        if from_turned[0] < MIN_DIFFERENCE:
             return RigFit(stated)
         right |= turned
     named = [candidates[number] for number in np.flatnonzero(right)]

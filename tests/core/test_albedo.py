@@ -247,12 +247,16 @@ test_a_bad_white_photo_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "of several photos",
             lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", white=b.photo("white.exr")),
-            "--white is a second photo of one still pose; leave it out, or give one photo",
+            "--white is a second photo of a single photo's pose; leave it out, or give one photo",
         ),
         ("albedo without one", lambda b: b.estimate(albedo=b / "a.png"), "--albedo is made from a photo under white"),
         (lambda b: albedo_from_white(SPHERE.capture(), NormalMap(SPHERE.normals, SPHERE.mask)), "the albedo is made"),
         ("albedo over it", lambda b: b.estimate(white=b.photo("white.exr"), albedo=b / "white.exr"), "would overwrite"),
-        ("light without one", lambda b: b.estimate(**{"white-light": "rig"}), "--white-light says what lit the photo"),
+        (
+            "light without one",
+            lambda b: b.estimate(**{"white-light": "rig"}),
+            "--white-light describes the light",
+        ),
         (
             "light from nowhere",
             lambda b: b.estimate(**{"white": b.photo("w.exr"), "albedo": b / "a.png", "white-light": "left"}),

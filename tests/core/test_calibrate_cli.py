@@ -311,7 +311,7 @@ BALL_CASES: dict[str, tuple[list[str], str]] = {
     "circle and mask": (["ball.exr", "--circle", CIRCLE, "--mask", "mask.png"], "give one of them"),
     "circles for some places": (
         ["ball.exr", "ball.exr", "--circle", CIRCLE],
-        "1 circles for 2 places … as many for each",
+        "1 circles for 2 places … the same number for each",
     ),
     "mask of two places": (["ball.exr", "ball.exr", "--mask", "mask.png"], "--mask shows one ball at one place"),
     "mask of another size": (["ball.exr", "--mask", "small.png"], "small.png is 20 x 20 … 240 x 200"),
@@ -349,7 +349,7 @@ MIXING_CASES: dict[str, tuple[list[str], str]] = {
     "no rig": (["grey.exr", "--rig", "none.json"], "none.json does not exist"),
     "two photos": ([*GREY[:2]], "2 photo(s) … one photo of a grey ball, or three"),
     "one photo of a card": (["grey.exr", "--card", "--circle", CIRCLE], "card takes three photos"),
-    "a card anywhere": ([*GREY, "--card"], "where is the card"),
+    "a card anywhere": ([*GREY, "--card"], "--card needs the card's outline"),
     "a card's mask of another size": ([*GREY, "--card", "--mask", "small.png"], "small.png … 240 x 200"),
     "a card's overlay": ([*GREY, "--card", "--mask", "mask.png", "--overlay", "o.png"], "leave it out with --card"),
     "a card in photos of different sizes": (
@@ -464,7 +464,7 @@ def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path)
             "a photo for the mixing shows one ball; give one --circle",
         ),
         (("mixing", "grey.exr", "--rig", "rig.json", "--normal", "-.2,.1,1"), "--normal is for a card; add --card"),
-        (("mixing", "grey.exr", "--rig", "rig.json", "-o", "rig.lp"), "a rig with its mixing is a .json file"),
+        (("mixing", "grey.exr", "--rig", "rig.json", "-o", "rig.lp"), "a rig with its mixing is written as .json"),
     ],
 )
 def test_more_bad_input(photos: Path, tmp_path: Path, arguments: tuple[str, ...], sentence: str) -> None:

@@ -12,7 +12,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.mixing import (
-    equation_2_error,
+    lambertian_error,
     mixing_from_ball,
     mixing_from_ball_by_light,
     mixing_from_card,
@@ -79,7 +79,7 @@ def test_equation_2_errs_on_the_ball_as_far_as_the_rig_is_turned(turned: float) 
     angle = np.radians(turned)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     photo = taken(grey_photograph(SCENE, MIXING, FACING, noise=0, levels=None))
-    found = equation_2_error([photo], drawn(), LightRig(FACING @ turn.T, MIXING))
+    found = lambertian_error([photo], drawn(), LightRig(FACING @ turn.T, MIXING))
     x, y = np.meshgrid(*[np.linspace(-1, 1, 401)] * 2)
     normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[x**2 + y**2 < 0.95**2]
     reached = normals[(normals @ (FACING @ turn.T).T > 0.1).all(axis=1)]

@@ -12,7 +12,7 @@ from conftest import Mpsnet
 from synthetic import shaded_sphere, write_file
 
 from mpsnet_core.capture.correction import read_correction
-from mpsnet_core.capture.masks import Notes, auto_mask, background_mask, find_mask, threshold_mask
+from mpsnet_core.capture.masks import MaskNotes, auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
@@ -325,7 +325,7 @@ def relief() -> np.ndarray:
 @pytest.mark.parametrize("notes", ["all", "none"])
 @pytest.mark.parametrize("surface", [cloth, relief, lambda: np.full((90, 80, 3), 0.3)], ids=["cloth", "relief", "grey"])
 def test_a_surface_that_fills_the_photo_is_the_whole_photo(
-    surface: Callable[[], np.ndarray], notes: Notes, caplog: pytest.LogCaptureFixture
+    surface: Callable[[], np.ndarray], notes: MaskNotes, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert find_mask(Image(noisy(surface()), None, 1.0), notes=notes).all()
     assert [record.message.split(";")[0] for record in caplog.records] == [WHOLE] * (notes == "all")

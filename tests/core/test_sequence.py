@@ -569,7 +569,7 @@ def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet
     ("arguments", "words"),
     [
         (["a.png", "b.png", "--smooth", "1"], "--smooth takes the frames of one sequence"),
-        (["a.png", "--smooth", "1"], "--smooth takes the frames of a sequence, and there is one photo; leave it out"),
+        (["a.png", "--smooth", "1"], "--smooth needs the frames of a sequence, but there is one photo; leave it out"),
         (["a.png", "b.png", "--mask", "masks"], "masks takes the frames of one sequence"),
         (["s_1.png", "s_2.png", "--mask", "masks"], "masks has no mask for frame 1; add it, or give one mask for all"),
         (["s_1.png", "s_2.png", "--smooth", "-1"], "smooth -1 is out of range; choose 0 to 12"),
