@@ -136,7 +136,7 @@ class HasViewpoint(TakesMesh, HasLens):
         default=None, help="distance from the camera to the object, in the unit of a rig file with near lights"
     )
 
-    def source(self, photo: str | Path, rig: str, mask: str = MASK) -> "Source":
+    def source(self, photo: str | Path, rig: str | None, mask: str = MASK) -> "Source":
         """A photo with its rig file, and what the options say of its viewpoint.
 
         Raises SettingsError if both of a pair are set, or a mesh without a camera; InputError if a file cannot be read,
@@ -152,7 +152,7 @@ class HasViewpoint(TakesMesh, HasLens):
         if self.mesh and self.distance is not None:
             raise SettingsError("--mesh and --distance both define how far the object is; give one of them")
         lens = self.lens()
-        source = Source(Path(photo), read_rig(rig), mask, camera=lens, depth=self.distance)
+        source = Source(Path(photo), read_rig(rig) if rig else None, mask, camera=lens, depth=self.distance)
         if not self.mesh:
             return source
         if not isinstance(lens, Camera):

@@ -16,6 +16,7 @@ from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
+from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
@@ -24,6 +25,7 @@ from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
+from mpsnet_core.estimate.lights.operation import CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
 from mpsnet_core.operation import Operation
@@ -67,6 +69,8 @@ OPERATIONS: tuple[type[Operation], ...] = (
     Check,
     CalibrateLights,
     CalibrateMixing,
+    CalibratePhoto,
+    CalibrateMesh,
     WriteCameras,
     Align,
     CompareNormals,

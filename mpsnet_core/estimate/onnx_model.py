@@ -88,7 +88,7 @@ class OnnxModel:
             raise SettingsError(f"{threads} threads is out of range; use 0 for all cores, or 1 to {MAX_THREADS}")
         self.tile = tile
         check_operators(self.path)
-        self.session = _session(self.path, provider, threads)
+        self.session = open_session(self.path, provider, threads)
         with prefix_errors(f"model file {self.path} cannot be used"):
             metadata = _metadata(self.session)
             self.card = card_from_metadata(metadata)
@@ -121,7 +121,7 @@ class OnnxModel:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The network's normals (count, 3, *size) and confidence (count, 1, *size); all 1 if it outputs none."""
         try:
-            outputs = dict(zip(self._outputs, _run_session(self.session, inputs), strict=True))
+            outputs = dict(zip(self._outputs, run_session(self.session, inputs), strict=True))
         except _RUNTIME_ERRORS as error:
             shapes = ", ".join(f"{name} {value.shape}" for name, value in inputs.items())
             if "memory" in str(error):
@@ -150,7 +150,7 @@ class OnnxModel:
         shrinking = onnxruntime.RunOptions()
         shrinking.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
         with contextlib.suppress(*_RUNTIME_ERRORS):  # other people's networks may refuse so small an input
-            _run_session(self.session, least, shrinking)
+            run_session(self.session, least, shrinking)
 
     def _shaped(
         self, name: str, outputs: dict[str, NDArray[np.float32]], expected: tuple[int, ...]
@@ -164,7 +164,7 @@ class OnnxModel:
         return outputs[name].reshape(expected)
 
 
-def _run_session(
+def run_session(
     session: onnxruntime.InferenceSession,
     inputs: dict[str, NDArray[np.float32]],
     options: onnxruntime.RunOptions | None = None,
@@ -218,7 +218,7 @@ _RUNTIME_ERRORS: tuple[type[Exception], ...] = (
 )
 
 
-def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
+def open_session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
     check_choice("provider", provider, PROVIDERS)
     present = onnxruntime.get_available_providers()
     if PROVIDERS[provider] not in present:

@@ -5,6 +5,7 @@ import logging
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -19,11 +20,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from mpsnet_core.capture.decode import PhotoReadOptions
+    from mpsnet_core.capture.sources import Source
     from mpsnet_core.estimate.estimator import Estimator
+    from mpsnet_core.estimate.lights.find import LightFound
     from mpsnet_core.estimate.sequence.run import Outcome
     from mpsnet_core.estimate.sequence.source import Frame
 
 log = logging.getLogger(__name__)
+
+LIGHTS_FRAMES = 50  # of a video without a rig, in which the lights are found
 
 
 @dataclass(frozen=True)
@@ -75,6 +81,8 @@ class NormalsMade(Result):
     """Number of pixels with a normal."""
     albedo: str | None = None
     """File of the albedo, if requested."""
+    lights: "list[LightFound] | None" = None
+    """The lights that were found in the photo; None if a rig was given."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +113,8 @@ class FramesMade(Result):
     """Number of frames."""
     frame_rate: float | None = None
     """Frames per second of a video."""
+    lights: "list[LightFound] | None" = None
+    """The lights that were found in the photos; None if a rig was given."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +128,13 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="photo(s), a folder of them, a pattern (frame_####.png, *.tif), or a video",
         provenance="none",
     )
-    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
+    rig: str | None = option(
+        default=None,
+        help="rig file (.json, or .lp with three lights)",
+        unset="the lights are found in the photo",
+        path="file",
+        provenance="content",
+    )
     mask: str = option(
         default=MASK,
         help="where the object is: a mask file, alpha, none, auto, alpha-or-auto, background:FILE or "
@@ -225,6 +241,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         source = replace(self.source(photo, self.rig, self.mask), white=self.white, white_light=white_light)
         options = self.read_options()
         progress(0.0, f"reading {photo.name}")
+        source, lights = self._lit(source, [source], options)
         [capture] = open_captures([source], options)
 
         progress(0.1, f"normals by {self.model}")
@@ -241,7 +258,19 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                 write_albedo(self.albedo, albedo_from_white(capture, normals), capture.mask)
         progress(1.0, "done")
         text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
-        return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
+        return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, lights, text=text)
+
+    def _lit(
+        self, source: "Source", photos: "Iterable[Source]", options: "PhotoReadOptions"
+    ) -> "tuple[Source, list[LightFound] | None]":
+        """A source with a rig: if it has none, with the lights that are found in photos, which are returned, too."""
+        if source.rig is not None:
+            return source, None
+        from mpsnet_core.estimate.lights.find import find_lights_of
+
+        found = find_lights_of(list(photos), options)
+        log.warning("lights found in the photo: %s; calibrate to gain about 1.5° [lights-found]", found)
+        return replace(source, rig=found.rig), found.facts()
 
     def _white_light(self) -> "NDArray[np.float64] | None":
         """(3,) direction of the one lamp that lit the white photo; None if the rig's lights did."""
@@ -286,7 +315,10 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             )
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
-        like = self.source(photos[0], self.rig)
+        like, lights = self.source(photos[0], self.rig), None
+        if like.rig is None:
+            unlit = photo_frames(photos, outputs, masks=masks, like=like)
+            like, lights = self._lit(like, (frame.source for frame in unlit), self.read_options())
         frames = photo_frames(photos, outputs, masks=masks, like=like, reach=self.smooth)
         step = numbered.step if numbered else None
         outcome = self._sequence(frames, len(photos), progress, step, continue_on_error=not self.smooth)
@@ -294,11 +326,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         without = {*outcome.left_out, *outcome.failed}
         made = {number: output for number, output in zip(numbers, outputs, strict=True) if number not in without}
         if numbered is None or outputs == [Path(self.output)]:
-            return self._made(outcome, self.output, outputs=[*map(str, made.values())])
+            return self._made(outcome, self.output, outputs=[*map(str, made.values())], lights=lights)
         if numbered.gaps:
             log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
         padded = len({len(digits) for digits in numbered.digits}) == 1
-        return self._made_of_sequence(outcome, made[min(made)], (min(made), max(made)), padded, None)
+        return self._made_of_sequence(outcome, made[min(made)], (min(made), max(made)), padded, None, lights)
 
     def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks
@@ -314,11 +346,16 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         check_no_overwrite(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
         like, masks = self.source(path, self.rig), frame_masks(self.mask)
+        lights = None
+        if like.rig is None:
+            unlit = video_frames(video, outputs, masks=masks, like=like, encoding=self.encoding)
+            first = islice(unlit, 0, LIGHTS_FRAMES, LIGHTS_FRAMES // 5)
+            like, lights = self._lit(like, (frame.source for frame in first), self.read_options())
         frames = video_frames(video, outputs, masks=masks, like=like, reach=self.smooth, encoding=self.encoding)
         outcome = self._sequence(frames, video.count, progress, 1)
         total = outcome.made + outcome.there + len(outcome.left_out)
         made = [number for number in range(1, total + 1) if number not in outcome.left_out]
-        return self._made_of_sequence(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate)
+        return self._made_of_sequence(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate, lights)
 
     def _sequence(
         self,
@@ -353,12 +390,18 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         )
 
     def _made_of_sequence(
-        self, outcome: "Outcome", first: Path, numbers: tuple[int, int], padded: bool, rate: float | None
+        self,
+        outcome: "Outcome",
+        first: Path,
+        numbers: tuple[int, int],
+        padded: bool,
+        rate: float | None,
+        lights: "list[LightFound] | None",
     ) -> FramesMade:
         *_, digits = re.finditer("[0-9]+", first.stem)
         run = "#" * len(digits[0]) if padded else "*"
         pattern = f"{first.stem[: digits.start()]}{run}{first.stem[digits.end() :]}{first.suffix}"
-        facts = {"pattern": pattern, "first": numbers[0], "last": numbers[1], "frame_rate": rate}
+        facts = {"pattern": pattern, "first": numbers[0], "last": numbers[1], "frame_rate": rate, "lights": lights}
         count = outcome.made + outcome.there
         return self._made(outcome, Path(self.output) / pattern, first_output=str(first), count=count, **facts)
 

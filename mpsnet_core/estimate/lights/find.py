@@ -1,0 +1,160 @@
+"""The lights of photos without a rig: found in the photos themselves, by their shading and outlines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.decode import PhotoReadOptions
+from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.sources import Source
+from mpsnet_core.errors import GeometryError, InputError, NoObject
+from mpsnet_core.estimate.estimator import Estimator
+from mpsnet_core.estimate.lights.crops import reduced_object
+from mpsnet_core.estimate.lights.networks import LightsGuess, lights_by_normals, lights_by_photo
+from mpsnet_core.io.image import CHANNELS
+from mpsnet_core.scene.rig import LightRig, angles_of
+
+# Lights are found in at most this many photos of a set, evenly spread.
+MAX_PHOTOS = 6
+# Of the variance of a light's error in one photo, the share that photos of one object have in common.
+SHARED = 0.5
+ROUNDS = 2  # estimates of the normals, each of which improves the lights
+MIN_HEIGHT = 0.1  # of a light above the plane of the image: the cosine of its slant
+SMALLEST = 16  # pixels of an object's longer side: a smaller one tells nothing of the lights
+# Where a light comes from at every 45 degrees of its tilt.
+SIDES = ("right", "top right", "top", "top left", "left", "bottom left", "bottom", "bottom right")
+
+
+@dataclass(frozen=True)
+class LightFound:
+    """A light that was found in a photo."""
+
+    name: str
+    """The camera's channel that shows it: red, green or blue."""
+    direction: list[float]
+    """Unit vector from the surface to the light, in camera space."""
+    slant: float
+    """Angle from the camera's axis, in degrees."""
+    tilt: float
+    """Angle in the photo, in degrees counter-clockwise from the right."""
+    uncertainty: float
+    """Expected error in degrees; 19 of 20 lights are within twice of it."""
+
+    def __str__(self) -> str:
+        side = SIDES[round(self.tilt / 45) % 8]
+        return f"{self.name} from the {side}, slant {self.slant:.0f}°, ± {self.uncertainty:.0f}°"
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLights:
+    """The lights that were found in photos."""
+
+    rig: LightRig
+    """The lights, in camera space. Crosstalk is part of their directions, so there is no mixing."""
+    errors: NDArray[np.float64]
+    """(3,) expected angular errors in degrees."""
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self.facts()))
+
+    def facts(self) -> list[LightFound]:
+        """Each light, for people and for programs."""
+        found = []
+        for name, direction, error in zip(CHANNELS, self.rig.directions, self.errors, strict=True):
+            slant, tilt = map(float, angles_of(direction))
+            place = direction.round(4).tolist()
+            found.append(LightFound(name, place, round(slant, 2), round(tilt, 2), round(float(error), 2)))
+        return found
+
+
+def find_lights(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]]) -> FoundLights:
+    """The lights of photos under the same three lights, without a rig.
+
+    Parameters
+    ----------
+    photos : sequence of pairs
+        The linear pixels (H, W, 3) of each, and the object's mask (H, W).
+
+    Returns
+    -------
+    FoundLights
+
+    Raises
+    ------
+    GeometryError
+        If the object is too small, or the channels show lights from one side, as in a photo under white light.
+    """
+    estimator = Estimator(passes=1)
+    guesses = [_lights_of(*photo, estimator) for photo in photos]
+    directions = np.array([one.directions for one in guesses])
+    errors = np.array([one.errors for one in guesses])
+    together = normalised((directions / errors[..., None] ** 2).sum(axis=0))
+    error = np.sqrt((errors**2).mean(axis=0) * (SHARED + (1 - SHARED) / len(guesses)))
+    try:
+        return FoundLights(LightRig(together), np.degrees(error))
+    except GeometryError:
+        raise GeometryError(
+            "the photo's channels seem to show lights from one side, which do not determine a normal; light the object "
+            "from three sides, or give the rig"
+        ) from None
+
+
+def find_lights_of(sources: Sequence[Source], options: PhotoReadOptions) -> FoundLights:
+    """The lights of photo files without a rig; photos that cannot be read are left out, as long as one can.
+
+    Raises InputError if none can be read, or as :func:`find_lights`.
+    """
+    count = min(len(sources), MAX_PHOTOS)
+    # A video's frame can be read once.
+    chosen = [_read_once(sources[round(number)]) for number in np.linspace(0, len(sources) - 1, count)]
+    found = find_lights(_opened(chosen, options)[0])
+    photos, decided = _opened([replace(source, rig=found.rig) for source in chosen], options)
+    # Under these lights, their shading may show another encoding.
+    return found if decided == options else find_lights(photos)
+
+
+def _read_once(source: Source) -> Source:
+    return source if isinstance(source.photo, Path) else replace(source, photo=cache(source.photo))
+
+
+def _opened(
+    sources: Sequence[Source], options: PhotoReadOptions
+) -> tuple[list[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]], PhotoReadOptions]:
+    """Pixels and masks of the photos that can be read, and the options by which the set was read."""
+    photos, found, failure = PhotoSet(sources, options), [], None
+    for source in sources:
+        try:
+            shot = photos.masked(source)
+        except InputError as error:
+            failure = error
+        else:
+            if shot.mask.any():
+                found.append((shot.image.pixels, shot.mask))
+            else:
+                failure = NoObject(f"{source}: the mask is empty: no pixel of the object is marked")
+    if not found and failure:
+        raise failure
+    return found, photos.options
+
+
+def _lights_of(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], estimator: Estimator) -> LightsGuess:
+    image, inside = reduced_object(pixels, mask)
+    if max(inside.shape) < SMALLEST:
+        raise GeometryError("the object is too small in the photo to find its lights; give the rig, or another mask")
+    guess = lights_by_photo(image, inside)
+    for _ in range(ROUNDS):
+        lights = _in_front(guess.directions)
+        normals = estimator(Capture(image, inside, LightRig(lights)))
+        guess = lights_by_normals(image, inside, normals, lights)
+    return guess
+
+
+def _in_front(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    return normalised(np.concatenate([directions[:, :2], np.maximum(directions[:, 2:], MIN_HEIGHT)], axis=1))
