@@ -10,7 +10,7 @@ import trimesh
 from mpsnet_core import Camera, GeometryError, read_rig, write_camera, write_image
 from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 
-SIDE = 240
+SIDE = 160
 POSE = np.array([[0.0, 0, 1, 6], [1, 0, 0, 0.1], [0, 1, 0, 0.2], [0, 0, 0, 1]])  # looks along -x; z is up
 CAMERA = Camera("perspective", SIDE, SIDE, np.array([2.2 * SIDE] * 2), None, POSE)
 LIGHTS = np.array([[0.5, 0.3, 0.81], [-0.6, 0.35, 0.72], [0.1, -0.62, 0.78]])
@@ -21,7 +21,7 @@ CROSSTALK = np.array([[1, 0.15, 0.02], [0.1, 1, 0.12], [0.03, 0.2, 1]])
 @pytest.fixture(scope="module")
 def bumpy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, trimesh.Trimesh]:
     """A ball with bumps that cast shadows, and the file of a smoothed copy."""
-    mesh = trimesh.creation.icosphere(subdivisions=6)
+    mesh = trimesh.creation.icosphere(subdivisions=5)
     x, y, z = mesh.vertices.T
     mesh.vertices *= (1 + 0.16 * np.sin(4 * x + 1) * np.sin(5 * y) * np.sin(4 * z + 2))[:, None]
     smooth = mesh.copy()
