@@ -55,21 +55,23 @@ WHOLE = 0.999  # least share of a block inside the object
 
 
 class Outline(NamedTuple):
-    """The outline of an object before its background.
-
-    rim: (H, W) blocks of the object at the outline. outwards: (H, W, 2) unit vectors across it to the background, y up.
-    """
+    """The outline of an object before its background."""
 
     rim: NDArray[np.bool_]
+    """(H, W). Blocks of the object at the outline."""
     outwards: NDArray[np.float64]
+    """(H, W, 2). Unit vectors across it to the background, y up."""
 
 
 class Blocks(NamedTuple):
-    """An object in an image, reduced to blocks. values: (h, w, C) means. whole: (h, w) blocks inside the object."""
+    """An object in an image, reduced to blocks."""
 
     values: NDArray[np.float64]
+    """(h, w, C). Means of the blocks."""
     whole: NDArray[np.bool_]
+    """(h, w). Blocks that are completely inside the object."""
     outline: Outline
+    """The object's outline, in blocks."""
 
 
 def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blocks | None:

@@ -196,18 +196,20 @@ def _finished(texture: Texture, baking: BakeSettings) -> Texture:
 
 @dataclass(frozen=True)
 class _Bake:
-    """What all textures of a bake share.
-
-    seen: for each mesh, (T,) whether a view sees the centres of its triangles. islands: for each mesh, (T,) the UV
-    island of each triangle, or None if nothing is filled.
-    """
+    """What all textures of a bake share."""
 
     meshes: Sequence[Mesh]
+    """The meshes."""
     projectors: Projectors
+    """The views' projectors."""
     seen: Sequence[NDArray[np.bool_]]
+    """For each mesh, (T,) whether a view sees the centres of its triangles."""
     middle: NDArray[np.float64]
+    """(3,). The scene's centre in world space."""
     baking: BakeSettings
+    """How the textures are baked."""
     islands: Sequence[NDArray[np.int32]] | None
+    """For each mesh, (T,) the UV island of each triangle; None if nothing is filled."""
 
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
         """The texture set's texture, without padding, or None if no texel lies on its UVs."""
@@ -350,14 +352,14 @@ class _Bake:
 
 @dataclass(frozen=True)
 class _Under:
-    """The surfaces under a texture's sample points.
-
-    raster: rasterised triangles of all surfaces, concatenated and sorted by `order`.
-    """
+    """The surfaces under a texture's sample points."""
 
     surfaces: Sequence[TexelSampler]
+    """The meshes' surfaces."""
     order: NDArray[np.int64]
+    """For each triangle of `raster`, its index among the concatenated triangles of all surfaces."""
     raster: Raster
+    """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
 
     def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[TexelSampler, NDArray[np.int64], NDArray[np.int64]]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.

@@ -42,18 +42,6 @@ PROBED_PIXELS = 128
 class BaseMap:
     """A normal map that an object has already, and that detail is added to.
 
-    Parameters
-    ----------
-    vectors : (H, W, 3) float32 array
-        Unit vectors in tangent space, row 0 at v = 1.
-    shown : {"auto", "yes", "no"}
-        Whether the photos show its relief, too; "auto" estimates the share of it.
-    triangles : (T,) bool array, optional
-        Triangles of the mesh that it applies to; all by default.
-    corner : (int, int), optional
-        Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1, and
-        repeats beyond.
-
     Raises
     ------
     SettingsError
@@ -61,9 +49,14 @@ class BaseMap:
     """
 
     vectors: NDArray[np.float32]
+    """(H, W, 3) float32. Unit vectors in tangent space, row 0 at v = 1."""
     shown: BaseMapInPhotos = "auto"
+    """Whether the photos show its relief, too: "yes", "no", or "auto" to estimate the share of it."""
     triangles: NDArray[np.bool_] | None = None
+    """(T,) bool. Triangles of the mesh that it applies to; all by default."""
     corner: tuple[int, int] | None = None
+    """Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1, and
+    repeats beyond."""
 
     def __post_init__(self) -> None:
         check_choice("shown", self.shown, SHOWN)

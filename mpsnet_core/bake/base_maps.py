@@ -24,10 +24,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class MapFile:
-    """The file of a base map and the convention of its green channel."""
+    """The file of a base map."""
 
     file: Path
+    """The file."""
     convention: Convention
+    """Which way its green channel points."""
 
 
 def base_map_files(

@@ -29,12 +29,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ViewInputs:
-    """The files of a view. Confidence and albedo are optional."""
+    """The files of a view."""
 
     camera: Path
+    """Camera file."""
     normals: Path
+    """Normal map in camera space."""
     confidence: Path | None = None
+    """Confidence map, if there is one."""
     albedo: Path | None = None
+    """Albedo, if there is one."""
 
     @property
     def files(self) -> list[Path]:
@@ -46,7 +50,9 @@ class BakeInputs:
     """The files of one bake."""
 
     meshes: tuple[Path, ...]
+    """Mesh files."""
     views: tuple[ViewInputs, ...]
+    """The files of each view."""
 
     @property
     def files(self) -> list[Path]:
@@ -63,16 +69,14 @@ class BakeInputs:
 
 @dataclass(frozen=True)
 class ViewReader:
-    """Reads views and prepares them to be baked.
-
-    level: scale of the levelling as a fraction of the mesh's size, 0 for none. base_maps: the mesh's base maps, whose
-    relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`). convention: of the views' normal
-    maps.
-    """
+    """Reads views and prepares them to be baked."""
 
     level: float
+    """Scale of the low-frequency correction as a fraction of the mesh's size, 0 for none."""
     base_maps: Sequence[BaseMap] = ()
+    """The mesh's base maps, whose relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`)."""
     convention: Convention = "opengl"
+    """Convention of the views' normal maps."""
 
     def read(
         self,

@@ -37,14 +37,13 @@ HOLD = 0.1
 
 @dataclass(frozen=True)
 class Levelling:
-    """Rotations that level a view's normals.
-
-    rotations: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, at a reduced
-    resolution, extrapolated smoothly where the mesh is not seen. known: (h, w) bool, where it is seen.
-    """
+    """Rotations that match the low frequencies of a view's normals to the mesh's."""
 
     rotations: NDArray[np.float32]
+    """(h, w, 3) float32. Rotation vectors (axis times angle in radians) in camera space, at a reduced resolution,
+    extrapolated smoothly where the mesh is not seen."""
     known: NDArray[np.bool_]
+    """(h, w) bool. Where the mesh is seen."""
 
     @property
     def mean_angle(self) -> float:

@@ -44,18 +44,18 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ViewCaptureSettings:
-    """How the photos of all views are read.
-
-    rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks that have
-    the photos' names, with or without the suffix _mask, or what :func:`read_capture` takes. options: how photos are
-    read. white: folders of photos under white light that have the photos' names, with or without the suffix _white;
-    the photos of several folders are added up.
-    """
+    """How the photos of all views are read."""
 
     rig_of: Callable[[Camera], LightRig]
+    """The lights in a camera's space."""
     mask: str = MESH
+    """A folder of masks named like the photos, with or without the suffix _mask; "mesh", where the camera sees the
+    mesh; or what :func:`mpsnet_core.read_capture` takes."""
     options: PhotoReadOptions = AS_STATED
+    """How photos are read."""
     white: Sequence[str] = ()
+    """Folders of photos under white light, named like the photos, with or without the suffix _white. The photos of
+    several folders are added up."""
 
     @cached_property
     def masks(self) -> PhotoFolder | None:
@@ -108,14 +108,17 @@ def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Pat
 
 @dataclass(frozen=True)
 class CachedView:
-    """One view's estimated normals and confidence on disk, and its albedo if it is `coloured`.
+    """One view's estimated normals, confidence and albedo on disk.
 
     The files' descriptions record the inputs that they were made from.
     """
 
     folder: Path
+    """Folder of the files."""
     name: str
+    """Name of the view, with which the files' names begin."""
     coloured: bool = False
+    """Whether there is an albedo."""
 
     @property
     def normals(self) -> Path:

@@ -238,36 +238,40 @@ class BakesDetail(MakesTextures):
 
 @dataclass(frozen=True)
 class TexturesBaked(Result):
-    """The textures of one pose.
-
-    output: their file, or its name with tokens. outputs: each texture's file, its texture set, and the fraction of it
-    that some view saw. seen: that fraction over all. filled: the fraction that was filled, None without filling.
-    """
+    """The textures of one pose."""
 
     output: str
+    """The texture's file, or its name with tokens."""
     outputs: "list[WrittenTexture]"
+    """Each texture's files and texture set, and what the views saw of it."""
     seen: float
+    """Fraction of the surface that some view saw."""
     filled: float | None
+    """Fraction of the surface that was filled; None without filling."""
 
 
 @dataclass(frozen=True)
 class FramesBaked(Result):
-    """The textures of a sequence.
-
-    folder: where they are. first_output: the first one's file. first, last: their frame numbers. made, there: how many
-    were made now, and how many existed. seen: the fraction of the surface that some view saw, None if none was made.
-    filled: the fraction that was filled, None without filling.
-    """
+    """The textures of a sequence."""
 
     folder: str
+    """Folder of the textures."""
     first_output: str
+    """File of the first texture."""
     first: int
+    """First frame number."""
     last: int
+    """Last frame number."""
     count: int
+    """Number of textures."""
     made: int
+    """Number of textures made now."""
     there: int
+    """Number of textures that existed already."""
     seen: float | None
+    """Fraction of the surface that some view saw; None if no texture was made now."""
     filled: float | None
+    """Fraction that was filled; None without filling."""
 
 
 @dataclass(frozen=True)
@@ -461,15 +465,15 @@ class Bake(BakesDetail):
 
 @dataclass(frozen=True)
 class ViewsBaked(TexturesBaked):
-    """The textures of posed photos.
-
-    views: for each the fraction of the surface that it sees, its angle to the other views, and the gain of its colours.
-    level: the levelling's scale, 0 for none. model: the estimator's name.
-    """
+    """The textures of posed photos."""
 
     views: list[dict[str, Any]]
+    """For each view, the fraction of the surface that it sees, its angle to the other views, and the gain of its
+    colours."""
     level: float
+    """Scale of the low-frequency correction, 0 for none."""
     model: str
+    """Name of the model that estimated the normals."""
 
 
 @dataclass(frozen=True)

@@ -52,11 +52,14 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
 
 @dataclass(frozen=True)
 class TextureMap:
-    """An image of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: its colour key, as HTML."""
+    """An image of the texture for the report."""
 
     words: str
+    """What it shows."""
     picture: NDArray[np.float32]
+    """(H, W, 3). Its pixels, 0 to 1."""
     key: str = ""
+    """Its colour key, as HTML."""
 
 
 def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:

@@ -21,18 +21,18 @@ from mpsnet_core.scene.mesh import Mesh
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a sequence.
-
-    made, there: how many textures were made now, and how many existed. seen: the mean fraction of the surface that some
-    view saw in those made now, None if none was made. filled: the mean fraction that was filled, None without filling.
-    failed: why frames failed, by their textures, although the others were made.
-    """
+    """The result of a sequence."""
 
     made: int
+    """Number of textures made now."""
     there: int
+    """Number of textures that existed already."""
     seen: float | None
+    """Mean fraction of the surface that some view saw in the textures made now; None if none was made."""
     filled: float | None
+    """Mean fraction that was filled; None without filling."""
     failed: dict[Path, str]
+    """Why frames failed, by their textures, although the others were made."""
 
 
 def bake_sequence(

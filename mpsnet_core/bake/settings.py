@@ -17,27 +17,6 @@ SAMPLES = (1, 2, 4)
 class BakeSettings:
     """How a texture is baked.
 
-    Parameters
-    ----------
-    size : int or (int, int)
-        Side of the texture in texels, 1 to 16384, or its width and height.
-    space : {"tangent", "object"}
-        "tangent" is MikkTSpace, "object" the mesh's own axes.
-    margin : int
-        Texels by which the UV islands are dilated if the padding is "nearest".
-    padding : {"nearest", "push-pull", "none"}
-        What the texture holds beyond the islands: see :mod:`mpsnet_core.bake.padding`.
-    samples : {1, 2, 4}
-        A texel is the mean of those of its samples x samples points that lie on the surface.
-    feather : float
-        Distance, as a fraction (0 to 1) of the mesh's size, over which each view fades towards its borders into the
-        other views or the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
-    strength : float
-        Factor, 0 to 2, on the slopes relative to the mesh's own normals; 0 removes all detail.
-    fill : bool
-        Whether to fill unseen texels smoothly from the relief around them, see :mod:`mpsnet_core.bake.fill`. Not
-        available in object space.
-
     Raises
     ------
     SettingsError
@@ -45,13 +24,24 @@ class BakeSettings:
     """
 
     size: TextureSize = TEXTURE_SIZE
+    """Side of the texture in texels, 1 to 16384, or its width and height."""
     space: Space = "tangent"
+    """What the normals are relative to: "tangent" is MikkTSpace, "object" the mesh's own axes."""
     margin: int = MARGIN
+    """Texels by which the UV islands are dilated if the padding is "nearest"."""
     padding: Padding = "nearest"
+    """What the texture holds beyond the islands: "nearest", "push-pull" or "none", see
+    :mod:`mpsnet_core.bake.padding`."""
     samples: int = 1
+    """1, 2 or 4. A texel is the mean of those of its samples x samples points that lie on the surface."""
     feather: float = 0.0
+    """Distance, as a fraction (0 to 1) of the mesh's size, over which each view fades towards its borders into the
+    other views or the mesh's own normals: see :mod:`mpsnet_core.bake.feather`."""
     strength: float = 1.0
+    """Factor, 0 to 2, on the slopes relative to the mesh's own normals; 0 removes all detail."""
     fill: bool = False
+    """Whether to fill unseen texels smoothly from the relief around them, see :mod:`mpsnet_core.bake.fill`. Not
+    available in object space."""
 
     def __post_init__(self) -> None:
         check_texture(self.size, self.space, self.margin)

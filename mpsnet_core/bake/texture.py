@@ -15,37 +15,25 @@ SPACES: tuple[Space, ...] = ("tangent", "object")
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """Baked normals for every texel.
-
-    Attributes
-    ----------
-    vectors : (H, W, 3) float32 array
-        Unit vectors in `space`, row 0 at v = 1; +z where there is no surface.
-    seen : (H, W) bool array
-        Texels that at least one view sees.
-    covered : (H, W) bool array
-        Texels with surface under them.
-    space : {"tangent", "object"}
-        "tangent" is MikkTSpace.
-    views : (H, W) uint16 array, optional
-        Number of views that see each texel.
-    spread : (H, W) float32 array, optional
-        Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine between each and
-        their mean; 0 where fewer than two views see the texel.
-    colours : (H, W, 4) float32 array, optional
-        If the views have colours: linear RGB, and 1 where some view has a colour, else 0.
-    filled : (H, W) bool array, optional
-        Unseen texels that were filled from the seen ones around them; None without filling.
-    """
+    """Baked normals for every texel."""
 
     vectors: NDArray[np.float32]
+    """(H, W, 3) float32. Unit vectors in `space`, row 0 at v = 1; +z where there is no surface."""
     seen: NDArray[np.bool_]
+    """(H, W) bool. Texels that at least one view sees."""
     covered: NDArray[np.bool_]
+    """(H, W) bool. Texels with surface under them."""
     space: Space
+    """What the normals are relative to: "tangent" is MikkTSpace, "object" the mesh's own axes."""
     views: NDArray[np.uint16] | None = None
+    """(H, W) uint16. Number of views that see each texel."""
     spread: NDArray[np.float32] | None = None
+    """(H, W) float32. Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine
+    between each and their mean; 0 where fewer than two views see the texel."""
     colours: NDArray[np.float32] | None = None
+    """(H, W, 4) float32. If the views have colours: linear RGB, and 1 where some view has a colour, else 0."""
     filled: NDArray[np.bool_] | None = None
+    """(H, W) bool. Unseen texels that were filled from the seen ones around them; None without filling."""
 
     def rows(self, rows: slice) -> "Texture":
         """A view of some of its rows, which shares memory with it."""

@@ -31,16 +31,17 @@ LISTED = 12
 
 @dataclass(frozen=True)
 class TextureTarget:
-    """Where and how textures are written.
-
-    output: a file name, with the tokens of :mod:`mpsnet_core.bake.texture_names` if there are several; the folder of a
-    sequence. suffix: of a sequence's files. bits: per channel, None for the suffix's own.
-    """
+    """Where and how textures are written."""
 
     output: str
+    """A file name, with the tokens of :mod:`mpsnet_core.bake.texture_names` if there are several; the folder of a
+    sequence."""
     convention: Convention
+    """Which way the green channel points."""
     bits: int | None
+    """Bits per channel; None for the suffix's default."""
     suffix: str
+    """Suffix of a sequence's files."""
 
     def frame(self, number: int, digits: int) -> Path:
         """The file of a frame of a sequence."""
@@ -91,20 +92,24 @@ def texture_target(
 
 @dataclass(frozen=True)
 class Plan:
-    """Textures to bake for meshes: a texture set and a file for each.
-
-    albedos: files of the views' colours, if they have any. patterns: the files with <UDIM> in place of the tile number.
-    base_maps: the maps that the detail goes on top of. coverage: folder for coverage maps, None for none.
-    """
+    """Textures to bake for meshes."""
 
     target: TextureTarget
+    """Where and how they are written."""
     meshes: Sequence[Mesh]
+    """The meshes."""
     texture_sets: Sequence[TextureSet]
+    """Each texture's texture set."""
     files: Sequence[Path]
+    """Each texture's file."""
     albedos: Sequence[Path]
+    """Files of the views' colours, if they have any."""
     patterns: Sequence[Path]
+    """The files with <UDIM> in place of the tile number."""
     base_maps: BaseMaps
+    """The maps that the detail is added to."""
     coverage: Path | None
+    """Folder for coverage maps; None for none."""
 
 
 def planned(

@@ -66,14 +66,13 @@ def _held_bytes(projector: Projector) -> int:
 
 @dataclass(frozen=True)
 class ViewAccumulator:
-    """Running sums over views at N texels.
-
-    sums: (N, 4) weighted normals in world space, and the lengths of these vectors; with colours (N, 8), weighted
-    colours and their weights follow. views: (N,) number of views that see the texel.
-    """
+    """Running sums over views at N texels."""
 
     sums: NDArray[np.float32]
+    """(N, 4). Weighted normals in world space, and the lengths of these vectors; with colours (N, 8), weighted colours
+    and their weights follow."""
     views: NDArray[np.uint16]
+    """(N,). Number of views that see the texel."""
 
     @classmethod
     def none(cls, count: int, values: int) -> "ViewAccumulator":

@@ -33,24 +33,16 @@ UNITS = (0.001, 0.01, 0.0254, 0.1, 0.3048, 1 / 0.3048, 10.0, 1 / 0.0254, 100.0, 
 
 @dataclass(frozen=True)
 class ViewFit:
-    """How well a mesh fits a view.
-
-    Parameters
-    ----------
-    covered
-        The share of the view's mask that shows the mesh. The mesh may go on beyond the mask and the image.
-    degrees
-        Median angle between the mesh's facets and the view's normals there; 180 if there is no such pixel.
-    explained
-        The share of the normals' variance there that the mesh explains, at most 1.
-    outlined
-        Whether the mask has an outline.
-    """
+    """How well a mesh fits a view."""
 
     covered: float
+    """The share of the view's mask that shows the mesh. The mesh may go on beyond the mask and the image."""
     degrees: float
+    """Median angle between the mesh's facets and the view's normals there; 180 if there is no such pixel."""
     explained: float
+    """The share of the normals' variance there that the mesh explains, at most 1."""
     outlined: bool
+    """Whether the mask has an outline."""
 
     @property
     def cost(self) -> float:

@@ -72,23 +72,26 @@ def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool) -> Ball:
 
 @dataclass(frozen=True)
 class _Edges:
-    """Gradients of an image along lines across a ball's outline.
-
-    outline, across: (LINES, 2) points where the lines cross the outline, and their directions, in the photo's pixels.
-    offsets: (N,) pixels along each line. steep: (LINES, N) gradients. usual: (LINES,) their local median. sure:
-    (LINES,) whether the surrounding arc has an edge above noise within reach. whole: (LINES,) whether the whole line is
-    inside the photo. reach, step: in pixels.
-    """
+    """Gradients of an image along lines across a ball's outline."""
 
     outline: NDArray[np.float64]
+    """(LINES, 2). Points where the lines cross the outline, in the photo's pixels."""
     across: NDArray[np.float64]
+    """(LINES, 2). Directions of the lines."""
     offsets: NDArray[np.float64]
+    """(N,). Positions along each line, in pixels."""
     steep: NDArray[np.float64]
+    """(LINES, N). Gradients."""
     usual: NDArray[np.float64]
+    """(LINES,). Local median of the gradients."""
     sure: NDArray[np.bool_]
+    """(LINES,). Whether the surrounding arc has an edge above noise within reach."""
     whole: NDArray[np.bool_]
+    """(LINES,). Whether the whole line is inside the photo."""
     reach: float
+    """Distance to search on either side of the outline, in pixels."""
     step: float
+    """Distance of the offsets, in pixels."""
 
     def best_nudge(self) -> tuple[float, float, float]:
         """Shift within reach that moves most of the outline onto edges: pixels right, down, and outwards."""

@@ -45,32 +45,6 @@ DEPTH_MARGIN = 32
 class Capture:
     """One photo under three lights at once, optionally with a second one under white light.
 
-    Parameters
-    ----------
-    image : (H, W, 3) float32 or float16
-        Linear; the channels are the camera's R, G, B. float16 is kept, other types become float32.
-    mask : (H, W) bool
-        The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5.
-    rig
-        The lights, in camera space.
-    camera
-        Projection and pose, if known.
-    clip
-        Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given.
-    depth : (H, W) float32
-        Distance of each pixel's surface in front of the camera, along its axis, in the unit of the camera's pose.
-        Required if the rig's lights are near.
-    clipped : (H, W, 3) bool
-        Where a channel is saturated; None if `clip` decides it.
-    white : (H, W, 3) float32
-        Linear RGB of the same pose under white light. Values outside the mask that are not finite become zero. Clipped
-        pixels keep their value, a lower bound.
-    white_clipped : (H, W, 3) bool
-        Where a channel of `white` is saturated; None if nowhere.
-    white_light : (3,) float64
-        Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights, turned white,
-        lit it.
-
     Raises
     ------
     GeometryError
@@ -89,15 +63,29 @@ class Capture:
     """
 
     image: NDArray[np.floating[Any]]
+    """(H, W, 3) float32 or float16. The photo, linear; the channels are the camera's R, G, B. float16 is kept, other
+    types become float32."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5."""
     rig: LightRig
+    """The lights, in camera space."""
     camera: Camera | None = None
+    """Projection and pose, if known."""
     clip: float = np.inf
+    """Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given."""
     depth: NDArray[np.float32] | None = None
+    """(H, W) float32. Distance of each pixel's surface in front of the camera, along its axis, in the unit of the
+    camera's pose. Required if the rig's lights are near."""
     clipped: NDArray[np.bool_] | None = None
+    """(H, W, 3) bool. Where a channel is saturated; None if `clip` decides it."""
     white: NDArray[np.float32] | None = None
+    """(H, W, 3) float32. Linear RGB of the same pose under white light. Values outside the mask that are not finite
+    become zero. Clipped pixels keep their value, a lower bound."""
     white_clipped: NDArray[np.bool_] | None = None
+    """(H, W, 3) bool. Where a channel of `white` is saturated; None if nowhere."""
     white_light: NDArray[np.float64] | None = None
+    """(3,) float64. Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights,
+    turned white, lit it."""
 
     def __post_init__(self) -> None:
         image, mask = np.asarray(self.image), np.asarray(self.mask)

@@ -221,10 +221,12 @@ def background_mask(
 
 
 class _Segmentation(NamedTuple):
-    """The object's mask in the small image, and the threshold of its contrast."""
+    """The object in the small image."""
 
     mask: NDArray[np.bool_]
+    """(h, w). The object's mask."""
     threshold: float
+    """Threshold of the contrast between object and background."""
 
 
 def _segment(

@@ -56,23 +56,17 @@ MIN_RUNS = 30
 
 @dataclass(frozen=True)
 class Finding:
-    """One item of a check.
-
-    Parameters
-    ----------
-    item : str
-        "encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach" or "focus".
-    level : {"good", "watch", "bad"}
-    sentence : str
-        The finding and, unless it is good, what to do about it.
-    figures : dict
-        The measured values.
-    """
+    """One item of a check."""
 
     item: str
+    """What was checked: "encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach" or
+    "focus"."""
     level: Level
+    """How serious it is: "good", "watch" or "bad"."""
     sentence: str
+    """The finding and, unless it is good, what to do about it."""
     figures: Figures
+    """The measured values."""
 
 
 def check_photo(

@@ -34,19 +34,6 @@ Projection = Literal["orthographic", "perspective"]
 class Camera:
     """A pinhole or orthographic camera.
 
-    Parameters
-    ----------
-    projection : {"orthographic", "perspective"}
-    width, height : int
-        Image size in pixels.
-    focal : (2,) float64 array
-        Along x and y: the focal length in pixels if perspective, the pixels per world unit if orthographic.
-    centre : (2,) float64 array, optional
-        Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top. The image
-        centre by default.
-    world_from_camera : (4, 4) float64 array, optional
-        Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's and OpenGL's).
-
     Raises
     ------
     GeometryError
@@ -61,11 +48,20 @@ class Camera:
     """
 
     projection: Projection
+    """Kind of projection: "orthographic" or "perspective"."""
     width: int
+    """Width of the image, in pixels."""
     height: int
+    """Height of the image, in pixels."""
     focal: NDArray[np.float64]
+    """(2,) float64. Along x and y: the focal length in pixels if perspective, the pixels per world unit if
+    orthographic."""
     centre: NDArray[np.float64] = None  # type: ignore[assignment]  # never None once made
+    """(2,) float64. Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top.
+    The image centre by default."""
     world_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    """(4, 4) float64. Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's
+    and OpenGL's)."""
 
     def __post_init__(self) -> None:
         if self.projection not in ("orthographic", "perspective"):

@@ -121,19 +121,20 @@ def _signs(convention: Convention) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class _Storage:
-    """How a file stores normals.
-
-    z: whether blue holds z as red holds x, or z from 0 to 1, or no z. x_in_alpha: whether x is in alpha, not in red.
-    levels: the highest level, see _BYTE; None for floats. zeros: the levels of x = 0, y = 0 and z = 0. flat: levels
-    of x and y that are 0 as well, as a flat area has them. signed: whether floats hold n itself.
-    """
+    """How a file stores normals."""
 
     z: Literal["alike", "from 0", "none"] = "alike"
+    """How blue holds z: "alike", as red holds x; "from 0", from 0 to 1; "none", not at all."""
     x_in_alpha: bool = False
+    """Whether x is in alpha, not in red."""
     levels: float | None = None
+    """The highest level, see _BYTE; None for floats."""
     zeros: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    """The levels of x = 0, y = 0 and z = 0."""
     flat: tuple[int | None, int | None] = (None, None)
+    """Levels of x and y that are 0 as well, as a flat area has them."""
     signed: bool = False
+    """Whether floats hold the normal's components themselves, from -1 to 1."""
 
     def decode(
         self, colours: NDArray[np.float32], alpha: NDArray[np.floating[Any]] | None, convention: Convention

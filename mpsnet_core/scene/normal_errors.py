@@ -18,10 +18,12 @@ from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
 @dataclass(frozen=True)
 class NormalErrors:
-    """Angular errors. degrees: (H, W) float32. mask: (H, W) bool, where both normals are known; not empty."""
+    """Angular errors between two normal maps."""
 
     degrees: NDArray[np.float32]
+    """(H, W) float32. Angles in degrees."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. Where both normals are known; not empty."""
 
     @property
     def mean(self) -> float:

@@ -59,11 +59,14 @@ class TakesMesh(Operation):
 
 @dataclass(frozen=True)
 class CamerasWritten(Result):
-    """The folder, the camera files in it, and the number of photos that were undistorted."""
+    """Cameras of photogrammetry as camera files."""
 
     folder: str
+    """Folder of the files."""
     cameras: list[str]
+    """The camera files."""
     photos: int
+    """Number of photos that were undistorted."""
 
 
 @dataclass(frozen=True)
@@ -145,13 +148,16 @@ class WriteCameras(ReadsPictures):
 
 @dataclass(frozen=True)
 class NormalsCompared(Result):
-    """The error image, if requested, and the mean and median error in degrees. share: fraction of the pixels with a
-    normal that were compared."""
+    """The angles between two normal maps."""
 
     output: str | None
+    """File of the error image, if requested."""
     mean: float
+    """Mean error, in degrees."""
     median: float
+    """Median error, in degrees."""
     share: float
+    """Fraction of the pixels with a normal that were compared."""
 
 
 @dataclass(frozen=True)
@@ -208,10 +214,12 @@ class CompareNormals(Operation):
 
 @dataclass(frozen=True)
 class LightsPreviewed(Result):
-    """The image file, and the fractions of the mesh's pixels that no light, one, two and three lights reach."""
+    """The lights on a mesh."""
 
     output: str
+    """File of the image."""
     shares: list[float]
+    """(4,). Fractions of the mesh's pixels that no light, one, two and three lights reach."""
 
 
 @dataclass(frozen=True)

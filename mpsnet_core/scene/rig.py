@@ -59,16 +59,6 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
 class NearLights:
     """Point lights near the object: their direction and irradiance vary over it.
 
-    Parameters
-    ----------
-    positions : (3, 3) float64 array
-        A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and the mesh.
-    target : (3,) float64 array
-        The point that the lights face. The rig's directions and mixing are valid there.
-    lobe : float, optional
-        Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc
-        or a bare LED chip, more for LEDs with a lens.
-
     Raises
     ------
     GeometryError
@@ -81,8 +71,13 @@ class NearLights:
     """
 
     positions: NDArray[np.float64]
+    """(3, 3) float64. A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and
+    the mesh."""
     target: NDArray[np.float64]
+    """(3,) float64. The point that the lights face. The rig's directions and mixing are valid there."""
     lobe: float = 0.0
+    """Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc or
+    a bare LED chip, more for LEDs with a lens."""
 
     def __post_init__(self) -> None:
         positions, target = _matrix(self.positions, "light positions"), _three(self.target, "the lights' target")
@@ -116,19 +111,6 @@ class NearLights:
 class LightRig:
     """Three lights in camera space, distant or near (:func:`near_rig`), and the mixing of their colours.
 
-    Parameters
-    ----------
-    directions : (3, 3) float64 array
-        Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera channels R,
-        G, B. For near lights, the directions at the target.
-    mixing : (3, 3) float64 array, optional
-        The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity (no crosstalk)
-        by default. For near lights, the mixing at the target.
-    near : NearLights, optional
-        The positions of the lights, if they are near.
-    exact : bool, optional
-        Whether directions and mixing are known exactly, as those of a render are. The default network then trusts them.
-
     Raises
     ------
     GeometryError
@@ -142,9 +124,16 @@ class LightRig:
     """
 
     directions: NDArray[np.float64]
+    """(3, 3) float64. Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera
+    channels R, G, B. For near lights, the directions at the target."""
     mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3) float64. The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity
+    (no crosstalk) by default. For near lights, the mixing at the target."""
     near: "NearLights | None" = None
+    """The positions of the lights, if they are near."""
     exact: bool = False
+    """Whether directions and mixing are known exactly, as those of a render are. The default network then trusts
+    them."""
 
     def __post_init__(self) -> None:
         directions = _matrix(self.directions, "light directions")

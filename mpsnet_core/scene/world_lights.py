@@ -17,17 +17,6 @@ from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, r
 class WorldLights:
     """Three lights in the world space of mesh and cameras.
 
-    Parameters
-    ----------
-    directions : (3, 3) float64 array
-        Per row a vector from the surface to a light, in world space; in rig order.
-    mixing : (3, 3) float64 array, optional
-        As in :class:`LightRig`.
-    near : NearLights, optional
-        The positions of the lights, if they are near, and their target, in world space.
-    exact : bool, optional
-        As in :class:`LightRig`.
-
     Raises
     ------
     GeometryError
@@ -35,9 +24,13 @@ class WorldLights:
     """
 
     directions: NDArray[np.float64]
+    """(3, 3) float64. Per row a vector from the surface to a light, in world space; in rig order."""
     mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3) float64. The mixing matrix, as in :class:`LightRig`."""
     near: NearLights | None = None
+    """The positions of the lights, if they are near, and their target, in world space."""
     exact: bool = False
+    """Whether directions and mixing are known exactly, as in :class:`LightRig`."""
 
     def __post_init__(self) -> None:
         try:

@@ -41,39 +41,26 @@ SQUARE = 1.005
 
 @dataclass(frozen=True)
 class CameraFound(Result):
-    """The camera of a photo.
-
-    Attributes
-    ----------
-    output
-        The camera file.
-    outline_pixels
-        Median distance of the mesh's outline from the mask's, in the photo's pixels.
-    normals_degrees
-        Median angle between the mesh's normals and the photo's.
-    overlap
-        Intersection over union of mesh and mask.
-    poor
-        Whether the fit is too poor to bake with.
-    mirrored
-        Whether the mirror image of the mesh fits better; such a fit is poor.
-    residuals
-        Reprojection error of each pair, in the photo's pixels.
-    left_out
-        Numbers of the pairs that contradict the others, from 1.
-    others
-        Camera files of the next best views, if there was no start.
-    """
+    """The camera of a photo."""
 
     output: str
+    """The camera file."""
     outline_pixels: float
+    """Median distance of the mesh's outline from the mask's, in the photo's pixels."""
     normals_degrees: float
+    """Median angle between the mesh's normals and the photo's."""
     overlap: float
+    """Intersection over union of mesh and mask."""
     poor: bool
+    """Whether the fit is too poor to bake with."""
     mirrored: bool
+    """Whether the mirror image of the mesh fits better; such a fit is poor."""
     residuals: list[float] | None = None
+    """Reprojection error of each pair, in the photo's pixels."""
     left_out: list[int] | None = None
+    """Numbers of the pairs that contradict the others, from 1."""
     others: list[str] | None = None
+    """Camera files of the next best views, if there was no start."""
 
 
 @dataclass(frozen=True)
@@ -368,16 +355,18 @@ def _quality(fit: "Fit") -> str:
 
 @dataclass(frozen=True)
 class _Part:
-    """The part of a photo with the object and a margin, reduced by an integer factor.
-
-    width, height: of the photo.
-    """
+    """The part of a photo with the object and a margin, reduced by an integer factor."""
 
     rows: slice
+    """Its rows in the photo."""
     columns: slice
+    """Its columns in the photo."""
     factor: int
+    """The factor."""
     width: int
+    """Width of the photo."""
     height: int
+    """Height of the photo."""
 
     @classmethod
     def of(cls, mask: "NDArray[np.bool_]") -> "_Part":

@@ -35,24 +35,16 @@ FOCAL_SPREAD = 0.2  # prior standard deviation of the log focal length about its
 
 @dataclass(frozen=True)
 class Fit:
-    """A camera, and how well the mesh through it fits the photo.
-
-    Parameters
-    ----------
-    camera
-        Perspective, with the image's size.
-    outline
-        Median distance of the mesh's outline from the mask's, in the photo's pixels.
-    degrees
-        Median angle between the mesh's normals and the photo's, where mesh and mask overlap.
-    overlap
-        Intersection over union of mesh and mask.
-    """
+    """A camera, and how well the mesh through it fits the photo."""
 
     camera: Camera
+    """The camera: perspective, with the image's size."""
     outline: float
+    """Median distance of the mesh's outline from the mask's, in the photo's pixels."""
     degrees: float
+    """Median angle between the mesh's normals and the photo's, where mesh and mask overlap."""
     overlap: float
+    """Intersection over union of mesh and mask."""
 
     @property
     def cost(self) -> float:
@@ -62,21 +54,24 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Scale:
-    """The photo on one scale, cropped to the object and a margin.
-
-    factor: size of its pixels in the photo's pixels. place: (row, column) of its first pixel in the photo. normals,
-    detail: (h, w, 3). inside, core: (h, w) the mask, and the mask eroded. outline, across: (N, 2) points of the mask's
-    outline and their outward normals.
-    """
+    """The photo on one scale, cropped to the object and a margin."""
 
     factor: int
+    """Size of its pixels, in the photo's pixels."""
     place: tuple[int, int]
+    """(row, column) of its first pixel in the photo."""
     normals: Floats
+    """(h, w, 3). The photo's normals."""
     detail: Floats
+    """(h, w, 3). The normals minus their Gaussian mean."""
     inside: NDArray[np.bool_]
+    """(h, w). The mask."""
     core: NDArray[np.bool_]
+    """(h, w). The mask, eroded."""
     outline: Floats
+    """(N, 2). Points of the mask's outline."""
     across: Floats = field(repr=False)
+    """(N, 2). Outward normals of the outline at these points."""
 
 
 def refine_camera(

@@ -90,10 +90,12 @@ def _distinct_fits(fits: list[Fit]) -> list[Fit]:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Place and size of an object in an image. middle: (2,) x, y in pixels. spread: root of its second moment."""
+    """Place and size of an object in an image."""
 
     middle: Floats
+    """(2,). x and y of its centre, in pixels."""
     spread: float
+    """Root of its second moment, in pixels."""
 
     @classmethod
     def of(cls, mask: NDArray[np.bool_]) -> "_Frame":

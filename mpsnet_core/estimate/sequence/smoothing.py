@@ -40,12 +40,16 @@ KERNEL_GAIN = 6.0
 
 @dataclass(frozen=True)
 class Shot:
-    """A frame's linear photo (H, W, 3) and its normals. wanted: whether its smoothed normals are needed."""
+    """A frame of which the normals are estimated."""
 
     number: int
+    """Frame number."""
     photo: NDArray[np.floating[Any]]
+    """(H, W, 3). Linear photo."""
     normals: NormalMap
+    """Its estimated normals."""
     wanted: bool = True
+    """Whether its smoothed normals are needed."""
 
 
 def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple[int, NormalMap]]:

@@ -53,15 +53,20 @@ _SHORT = 0.02
 
 @dataclass(frozen=True)
 class Video:
-    """A video's header. width, height: as stored, before rotation. frame_rate: average frames per second. count:
-    approximate number of frames, 0 if unknown. decoder: the program that decodes it, None for PyAV."""
+    """A video's header."""
 
     path: Path
+    """The file."""
     width: int
+    """Width as stored, before rotation."""
     height: int
+    """Height as stored, before rotation."""
     frame_rate: float
+    """Average number of frames per second."""
     count: int
+    """Approximate number of frames, 0 if unknown."""
     decoder: VideoDecoder | None = None
+    """The program that decodes it; None for PyAV."""
 
 
 def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:

@@ -63,13 +63,16 @@ PAIRS = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 
 
 class _Pixels(NamedTuple):
-    """Pixels (...). light: (..., 3) unmixed image. lights: (..., 3, 3), or (3, 3) for all: directions times brightness,
-    one light per row. normals: (..., 3) the network's. error: (...) their expected error in radians."""
+    """Pixels (...) of a photo."""
 
     light: Floats
+    """(..., 3). Unmixed image."""
     lights: NDArray[np.float64]
+    """(..., 3, 3), or (3, 3) for all. Light directions times brightness, one light per row."""
     normals: Floats
+    """(..., 3). The network's normals."""
     error: Floats
+    """(...). Their expected error, in radians."""
 
     def at(self, chosen: NDArray[np.bool_], columns: slice = slice(None)) -> "_Pixels":
         """The chosen pixels of some columns of an image."""
@@ -80,14 +83,18 @@ class _Pixels(NamedTuple):
 
 
 class _Hypothesis(NamedTuple):
-    """normals: (N, 3) unit vectors. likelihood: (N,). error: (N,) of the normals, in radians. own: (N,) error of the
-    network's normals. left: lower limit of the resulting error, as a share of the network's expected error."""
+    """Normals of N pixels if certain lights reach them."""
 
     normals: Floats
+    """(N, 3). Unit vectors."""
     likelihood: Floats
+    """(N,). Likelihood of the hypothesis."""
     error: Floats
+    """(N,). Error of the normals, in radians."""
     own: Floats
+    """(N,). Error of the network's normals, in radians."""
     left: float = 0.0
+    """Lower limit of the resulting error, as a share of the network's expected error."""
 
 
 def refine_normals(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:

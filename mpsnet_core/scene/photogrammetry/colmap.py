@@ -66,11 +66,18 @@ MAX_NAME = 4096
 
 @dataclass(frozen=True)
 class _Intrinsics:
+    """A camera of COLMAP."""
+
     width: int
+    """Width of the image, in pixels."""
     height: int
+    """Height of the image, in pixels."""
     focal: tuple[float, float]
+    """Focal lengths along x and y, in pixels."""
     centre: tuple[float, float]
+    """Principal point, in pixels."""
     lens: Lens
+    """The distortion."""
 
 
 def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:

@@ -37,8 +37,11 @@ class _Similarity:
     """The map of p to turn · scale · p + shift, from chunk to world."""
 
     turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3). Rotation."""
     shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """(3,). Translation, in the world's unit."""
     scale: float = 1.0
+    """Scale."""
 
 
 def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
