@@ -99,7 +99,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         from mpsnet_core.io.image_writing import write_photo
 
         with write_transaction():
-            write_rig(sidecar(path, "rig"), replace(rig, exact=True))
+            write_rig(sidecar(path, "rig"), replace(rig, is_ground_truth=True))
             write_camera(sidecar(path, "camera"), taken_by)
             write_photo(path, superpose(parts), bits=32, description=line or None)
     return Rendered(path, notes, files)

@@ -218,9 +218,9 @@ def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
 
 def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArray[np.int32], Vector]:
     """Merge ties between the same two unknowns, and drop those from one to itself."""
-    apart = ties[:, 0] != ties[:, 1]
-    keys, which = np.unique(ties[apart, 0] * count + ties[apart, 1], return_inverse=True)
-    summed = np.bincount(which.reshape(-1), weights[apart], len(keys)).astype(np.float32)
+    distinct = ties[:, 0] != ties[:, 1]
+    keys, which = np.unique(ties[distinct, 0] * count + ties[distinct, 1], return_inverse=True)
+    summed = np.bincount(which.reshape(-1), weights[distinct], len(keys)).astype(np.float32)
     return np.stack(np.divmod(keys, count), axis=1).astype(np.int32), summed
 
 

@@ -1,4 +1,4 @@
-"""BakeSettings: camera-space normals of one or more views onto the UVs of one or more meshes."""
+"""Baking: camera-space normals of one or more views onto the UVs of one or more meshes."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -123,7 +123,7 @@ def bake_texture_sets(
     """
     bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Unseen textures are held back until some texel is known to be seen: if none is, that is an error.
-    mesh_seen = any(triangles.any() for triangles in bake.seen)
+    any_face_seen = any(triangles.any() for triangles in bake.seen)
     any_seen, any_covered, waiting = False, False, list[TextureSet]()
     for number, texture_set in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
@@ -133,7 +133,7 @@ def bake_texture_sets(
                 log.info("%s: no texel lies on its UVs, so there is no texture of it", texture_set.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
-        if not (any_seen or mesh_seen):
+        if not (any_seen or any_face_seen):
             waiting.append(texture_set)
             continue
         step(0.9, "growing the margin")
@@ -143,16 +143,16 @@ def bake_texture_sets(
         width, height = width_and_height(baking.size)
         raise GeometryError(f"no texel of a {width} x {height} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        raise GeometryError(_why_unseen(meshes, bake, mesh_seen))
+        raise GeometryError(_why_unseen(meshes, bake, any_face_seen))
     for texture_set in waiting:
         texture = bake.texture(texture_set, part(progress, 1.0, 1.0))
         if texture is not None:
             yield texture_set, _finished(texture, baking)
 
 
-def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", mesh_seen: bool) -> str:
-    """Why no view sees a texel. mesh_seen: whether some view sees some triangle."""
-    if mesh_seen:
+def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", any_face_seen: bool) -> str:
+    """Why no view sees a texel. any_face_seen: whether some view sees some triangle."""
+    if any_face_seen:
         return (
             "none of what the views see lands in the texture: in tangent space, it may not point away from the "
             "mesh's normals. Was the object or the camera moved since the photo? If not, check the normals, or bake in "
@@ -261,7 +261,7 @@ class _Bake:
             return None
         inside = ((corners > -1) & (corners < fine_size)).all(axis=(1, 2))
         if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
-            _say_that_uvs_overlap(self.meshes, texture_set)
+            _warn_of_overlapping_uvs(self.meshes, texture_set)
         return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
 
     def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
@@ -378,7 +378,7 @@ class _Under:
             yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
 
 
-def _say_that_uvs_overlap(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
+def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
     level, mend = logging.INFO, ""
     if texture_set.material is None and any(mesh.materials and len(mesh.materials.names) > 1 for mesh in meshes):
         # As of photogrammetry: each has a texture of its own.

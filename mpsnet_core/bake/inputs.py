@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mpsnet_core.bake.base_detail_removal import BaseMap, log_shares, remove_base_details
-from mpsnet_core.bake.low_frequency_correction import apply_levelling, find_levelling
+from mpsnet_core.bake.low_frequency_correction import apply_low_frequency_correction, find_low_frequency_correction
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.errors import FileError
@@ -71,7 +71,7 @@ class BakeInputs:
 class ViewReader:
     """Reads views and prepares them to be baked."""
 
-    level: float
+    correction_scale: float
     """Scale of the low-frequency correction as a fraction of the mesh's size, 0 for none."""
     base_maps: Sequence[BaseMap] = ()
     """The mesh's base maps, whose relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`)."""
@@ -117,10 +117,15 @@ class ViewReader:
         the shares of the relief that were removed (`known`, if given)."""
         normals, shares = remove_base_details(view.normals, view.camera, mesh, scene, self.base_maps, known)
         estimated = replace(view, normals=normals)
-        if not self.level:
+        if not self.correction_scale:
             return estimated, estimated, 0.0, shares
-        levelling = find_levelling(normals, view.camera, mesh, scene, scale=self.level)
-        return estimated, replace(view, normals=apply_levelling(normals, levelling)), levelling.mean_angle, shares
+        correction = find_low_frequency_correction(normals, view.camera, mesh, scene, scale=self.correction_scale)
+        return (
+            estimated,
+            replace(view, normals=apply_low_frequency_correction(normals, correction)),
+            correction.mean_angle,
+            shares,
+        )
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:

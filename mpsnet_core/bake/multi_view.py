@@ -154,26 +154,28 @@ class CachedView:
         return View(camera, normals, read_albedo(self.albedo) if self.coloured else None)
 
 
-def sources_of(views: Sequence[ViewPhoto], photography: ViewCaptureSettings, mesh: Mesh, recipe: str) -> list[str]:
+def sources_of(
+    views: Sequence[ViewPhoto], photography: ViewCaptureSettings, mesh: Mesh, settings_fingerprint: str
+) -> list[str]:
     """For each view a line that changes with everything its normals depend on: photo, camera, rig, mask and settings.
 
-    The mesh is included if masks or depth come from it. recipe: fingerprint of the settings that all views share: the
+    The mesh is included if masks or depth come from it. settings_fingerprint: of the settings that all views share: the
     model, how photos are read, dark frame and flat field.
 
     Raises InputError, which names the view, if a mask is missing, two views would share one from a folder, a light is
     behind the object, or a white photo cannot be read or has another size than its camera, by its header.
     """
-    shape, whose, sources = _shape(mesh), dict[str, str](), []
+    shape, owners, sources = _shape(mesh), dict[str, str](), []
     for view in views:
         with prefix_errors(f"view {view.name}"):
             mask = photography.mask_of(view)
-            if photography.masks and whose.setdefault(mask, view.name) != view.name:
-                raise FileError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
-            sources.append(_source(view, photography, mask, shape, recipe))
+            if photography.masks and owners.setdefault(mask, view.name) != view.name:
+                raise FileError(f"its mask would be that of view {owners[mask]}, {mask}; add one named {view.name}")
+            sources.append(_source(view, photography, mask, shape, settings_fingerprint))
     return sources
 
 
-def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape: str, recipe: str) -> str:
+def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape: str, settings_fingerprint: str) -> str:
     rig = photography.rig_of(view.camera)
     needs_mesh = photography.mask == MESH or rig.near is not None
     white = photography.white_of(view)
@@ -183,7 +185,7 @@ def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape:
         check_same_size("the camera", camera, f"white photo {file}", size or camera)
     return provenance_line(
         "normals",
-        recipe,
+        settings_fingerprint,
         fingerprint(view.photo),
         json.dumps(camera_data(view.camera)),
         repr(view.lens),
@@ -202,7 +204,7 @@ def _shape(mesh: Mesh) -> str:
 
 
 class CachedViews(Sequence[View]):
-    """Views whose normals are on disk. Each access reads a view and levels it against the mesh.
+    """Views owners normals are on disk. Each access reads a view and levels it against the mesh.
 
     shares: how much of each base map's relief each view shows, known once the view was read. gains: (V, 3) factors on
     the views' colours.

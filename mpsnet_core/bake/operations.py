@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.multi_view import ViewCaptureSettings
     from mpsnet_core.bake.settings import BakeSettings
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureTarget
+    from mpsnet_core.bake.texture_files import BakePlan, TextureTarget
     from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.bake.written_texture import WrittenTexture
@@ -219,7 +219,9 @@ class BakesDetail(MakesTextures):
             fill=self.fill,
         )
 
-    def planned(self, target: "TextureTarget", protected_paths: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
+    def planned(
+        self, target: "TextureTarget", protected_paths: "Sequence[Path]", *, albedo: bool = False
+    ) -> "BakePlan":
         """The textures to bake, see :func:`mpsnet_core.bake.texture_files.planned`."""
         from mpsnet_core.bake.texture_files import planned
 
@@ -412,13 +414,15 @@ class Bake(BakesDetail):
             baking,
             target,
             read_mesh=self.read_mesh,
-            recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
+            settings_fingerprint=operation_facts(
+                self, convention=target.convention, bits=str(target.bits), level=str(level)
+            ),
             progress=progress,
         )
         textures = {number: file for number, file in zip(numbers, frames, strict=True) if file not in outcome.failed}
         first, last = min(textures), max(textures)
         output = textures[first]
-        there = f", {outcome.there} there already" if outcome.there else ""
+        existing = f", {outcome.existing} there already" if outcome.existing else ""
         failed = f", {len(outcome.failed)} failed" if outcome.failed else ""
         return FramesBaked(
             target.output,
@@ -427,10 +431,10 @@ class Bake(BakesDetail):
             last,
             len(textures),
             outcome.made,
-            outcome.there,
+            outcome.existing,
             outcome.seen,
             outcome.filled,
-            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}{failed}",
+            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{existing}{failed}",
             failed=[*outcome.failed.values()] or None,
         )
 
@@ -579,8 +583,8 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         protected_paths = [*inputs, *photos, *map(Path, outputs[1:]), *kept_files]
         plan = self.planned(target, protected_paths, albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)
-        recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
-        sources = sources_of(views, photography, mesh, recipe)
+        settings_fingerprint = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
+        sources = sources_of(views, photography, mesh, settings_fingerprint)
         scene = RayScene.of(mesh)
         estimator = self.estimator(self.passes)
         with contextlib.ExitStack() as stack:
@@ -669,7 +673,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
 
     def _written(
         self,
-        plan: "Plan",
+        plan: "BakePlan",
         baked: "Iterable[tuple[TextureSet, Texture]]",
         table: "Sequence[ViewAgreement]",
         model: str,

@@ -86,9 +86,11 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
         counts = on_background(palette[np.minimum(texture.views[few], len(palette) - 1)], covered)
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
-        _, apart = scaled_error_bands(spread, shared)
+        _, spread_bands = scaled_error_bands(spread, shared)
         maps.append(
-            TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart(np.s_[:]))
+            TextureMap(
+                "how far the views, as they were baked, lie apart where several see it (°)", spread_bands(np.s_[:])
+            )
         )
     return maps
 

@@ -91,7 +91,7 @@ def texture_target(
 
 
 @dataclass(frozen=True)
-class Plan:
+class BakePlan:
     """Textures to bake for meshes."""
 
     target: TextureTarget
@@ -123,12 +123,12 @@ def planned(
     onto_shown: BaseMapInPhotos = "auto",
     albedo: bool = False,
     coverage: str | None = None,
-) -> Plan:
+) -> BakePlan:
     """Read the meshes, and plan the textures of the target.
 
     protected_paths: files that no texture may overwrite. read_mesh: reads a mesh file. onto, onto_convention: as for
     :func:`base_map_files`. onto_shown: whether the photos show that map. albedo: whether the views' colours are baked
-    as well. coverage: see :class:`Plan`.
+    as well. coverage: see :class:`BakePlan`.
 
     Raises InputError if a mesh cannot be read, no texture has a base map, or a texture cannot be written.
     """
@@ -148,7 +148,7 @@ def planned(
     check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
     check_no_overwrite(files, seen)
     base_maps = BaseMaps(base_files, chosen, meshes, onto_shown)
-    return Plan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
+    return BakePlan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
@@ -157,7 +157,7 @@ def _named(mesh: Mesh, name: str) -> Mesh:
 
 
 def write_textures(
-    plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]
+    plan: BakePlan, baked: Iterable[tuple[TextureSet, Texture]]
 ) -> Iterator[tuple[TextureSet, WrittenTexture, Texture]]:
     """Write textures one by one, as they are baked. Yields each texture's set, the record of it, and the texture.
 

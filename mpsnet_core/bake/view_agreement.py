@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 POINTS = 20_000
 # Degrees. Estimates of the same surface differ by less, with any network.
-MAX_APART = 20.0
+MAX_DIFFERENCE = 20.0
 # Roberts' additive sequence for two dimensions, from the plastic number.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -123,13 +123,13 @@ def _angles_to_the_others(samples: Sequence[NDArray[np.float32]]) -> list[float]
 def warn_of_doubts(views: Sequence[ViewAgreement]) -> None:
     """Warn of views whose angle to the others, or to the mesh, exceeds that between estimates."""
     for view in views:
-        if max(np.nan_to_num(view.before), view.level) > MAX_APART:
-            apart = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
+        if max(np.nan_to_num(view.before), view.level) > MAX_DIFFERENCE:
+            difference = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
             log.warning(
                 "view %s %swas levelled by %.0f°: check that rig, camera and mesh belong together, and "
                 "check --lights-in [views-apart]",
                 view.name,
-                apart,
+                difference,
                 view.level,
             )
 

@@ -10,7 +10,7 @@ from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.projection import View
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, world_from_file
-from mpsnet_core.scene.mesh_seen import mesh_seen
+from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ def view_fit(view: View, camera: Camera, mesh: Mesh, scene: RayScene) -> ViewFit
     rows, columns = chosen_pixels(*reduced_shape(height, width, PIXELS), height, width)
     shown = view.normals.mask[np.ix_(rows, columns)]
     row, column = np.nonzero(shown)
-    seen = mesh_seen(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
+    seen = mesh_hits(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
     facets = mesh.outwards[seen.triangle] @ camera.rotation
     facets[(facets * seen.directions).sum(axis=1) > 0] *= -1  # the mesh may be open
     normals = view.normals.vectors[rows[row], columns[column]][seen.hit]

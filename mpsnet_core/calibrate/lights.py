@@ -197,10 +197,12 @@ def meeting_point(
 
 def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
     """Report a distant light whose direction differs between places: it is near, or something moved."""
-    apart = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
-    worst = int(apart.argmax())
-    if apart[worst] > MISSED * found.uncertainties[worst]:
-        log.info("light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * apart[worst])
+    deviations = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
+    worst = int(deviations.argmax())
+    if deviations[worst] > MISSED * found.uncertainties[worst]:
+        log.info(
+            "light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * deviations[worst]
+        )
     return found
 
 

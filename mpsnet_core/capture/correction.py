@@ -41,7 +41,7 @@ class Correction:
     orientation: int | None = None
     """The EXIF orientation by which the frames were turned, as :attr:`mpsnet_core.io.image.Image.orientation`."""
 
-    def turned_like(self, photo: Image) -> "Correction":
+    def oriented_like(self, photo: Image) -> "Correction":
         """The correction in the frame of a photo: turned by the photo's orientation, if that makes the sizes equal."""
         ways = self.orientation, photo.orientation
         frame = self.dark if self.dark is not None else self.gain
@@ -128,7 +128,7 @@ def corrected(image: Image, correction: Correction | None) -> Image:
     """
     if correction is None:
         return image
-    correction = correction.turned_like(image)
+    correction = correction.oriented_like(image)
     for name, frame in (("dark frame", correction.dark), ("flat field", correction.gain)):
         if frame is not None:
             check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)

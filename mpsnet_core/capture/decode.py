@@ -55,7 +55,7 @@ class PhotoReadOptions:
 AS_STATED: PhotoReadOptions = PhotoReadOptions()  # the encoding that the files state
 
 
-def straightened(image: Image, camera: Camera, lens: Lens | None) -> Image:
+def undistorted_photo(image: Image, camera: Camera, lens: Lens | None) -> Image:
     """An image of the camera's size without lens distortion."""
     if lens is None:
         return image

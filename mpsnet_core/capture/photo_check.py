@@ -219,22 +219,22 @@ def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
 
 def _lights(rig: LightRig) -> Finding:
     pairs = [(0, 1), (0, 2), (1, 2)]
-    apart = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
-    first, second = (CHANNELS[light] for light in pairs[int(apart.argmin())])
+    angles = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
+    first, second = (CHANNELS[light] for light in pairs[int(angles.argmin())])
     condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
     figures: Figures = {
-        "apart_deg": _listed(apart),
+        "apart_deg": _listed(angles),
         "slants_deg": _listed(rig.slants),
         "condition": round(condition, 2),
     }
-    close, low = _level(float(apart.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
+    close, low = _level(float(angles.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
     in_line = _level(condition, IN_LINE)
     level = _worse(close, low, in_line)
     if level == "good":
-        words = f"the lights stand {apart.min():.0f}° apart or more, {rig.slants.min():.0f}° to "
+        words = f"the lights stand {angles.min():.0f}° apart or more, {rig.slants.min():.0f}° to "
         return Finding("lights", level, f"{words}{rig.slants.max():.0f}° from the camera's axis", figures)
     if close == level:
-        words = f"the {first} and the {second} light stand only {apart.min():.0f}° apart; move them apart"
+        words = f"the {first} and the {second} light stand only {angles.min():.0f}° apart; move them apart"
     elif in_line == level:
         words = "the lights stand nearly in one line, or close around the camera; move one out of it, or all outwards"
     else:

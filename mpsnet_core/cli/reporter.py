@@ -27,7 +27,7 @@ def log_level() -> int:
     return _LEVELS[name.lower()]
 
 
-class Notes(logging.Handler):
+class NoteCollector(logging.Handler):
     """Collects the core's notes, to be shown once the work is done."""
 
     def __init__(self) -> None:

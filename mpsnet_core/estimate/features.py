@@ -63,7 +63,7 @@ class PhotoCrop(NamedTuple):
     """(3,). Mean of `light` over the whole mask."""
     previous: NDArray[np.float32] | None = None
     """(H, W, 4). The map "previous"; None on the first scale."""
-    exact: bool = False
+    is_ground_truth: bool = False
     """Whether the lights are known exactly."""
     grey: bool = False
     """Whether a white photo removed the surface's colour."""
@@ -76,7 +76,7 @@ def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np
         capture.mask,
         capture.rig.directions,
         mean_light(capture),
-        exact=capture.rig.exact,
+        is_ground_truth=capture.rig.is_ground_truth,
         grey=capture.white is not None,
     )
     return {name: feature_map(name, crop) for name in names}
@@ -102,7 +102,7 @@ def feature_map(name: str, crop: PhotoCrop) -> NDArray[np.float32]:
     if name == "given":
         return np.array([crop.previous is not None, crop.grey], np.float32).reshape(2, 1, 1)
     if name == "exact":
-        return np.full((1, 1, 1), crop.exact, np.float32)
+        return np.full((1, 1, 1), crop.is_ground_truth, np.float32)
     if name in ("photo", "initial_normals"):
         values = divide_by_means(light, means.mean())
     elif name in ("grey_world", "initial_normals_grey_world"):

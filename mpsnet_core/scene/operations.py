@@ -105,25 +105,27 @@ class WriteCameras(ReadsPictures):
         views = posed_photos(self.cameras, self.photos)
         folder = ensure_folder(self.output, "cameras")
         check_no_overwrite([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
-        straightened = 0
+        corrected_photos = 0
         for number, view in enumerate(views):
             progress(number / len(views), view.name)
             camera = folder / f"{view.name}{CAMERA_SUFFIX}"
             if view.lens is None:
                 write_camera(camera, view.camera)
                 continue
-            self._straighten(view, camera, folder / f"{view.name}.exr")
-            straightened += 1
+            self._undistort(view, camera, folder / f"{view.name}.exr")
+            corrected_photos += 1
         progress(1.0, "done")
-        lenses = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"
+        lenses = (
+            f", {corrected_photos} photo(s) without their lens" if corrected_photos else ", whose lenses bend nothing"
+        )
         return CamerasWritten(
             str(folder),
             [f"{view.name}{CAMERA_SUFFIX}" for view in views],
-            straightened,
+            corrected_photos,
             text=f"{folder}: {len(views)} camera(s){lenses}",
         )
 
-    def _straighten(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
+    def _undistort(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
         """Write the camera and the undistorted photo, both or neither."""
         import numpy as np
 

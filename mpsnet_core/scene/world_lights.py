@@ -29,7 +29,7 @@ class WorldLights:
     """(3, 3) float64. The mixing matrix, as in :class:`LightRig`."""
     near: NearLights | None = None
     """The positions of the lights, if they are near, and their target, in world space."""
-    exact: bool = False
+    is_ground_truth: bool = False
     """Whether directions and mixing are known exactly, as in :class:`LightRig`."""
 
     def __post_init__(self) -> None:
@@ -44,19 +44,19 @@ class WorldLights:
     def seen_by(self, camera: Camera) -> LightRig:
         """The lights in the camera's space. Raises GeometryError if one is behind the object, seen by the camera."""
         if self.near is None:
-            return LightRig(self.directions @ camera.rotation, self.mixing, exact=self.exact)
+            return LightRig(self.directions @ camera.rotation, self.mixing, is_ground_truth=self.is_ground_truth)
         places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
         *positions, target = places @ camera.rotation
-        return near_rig(positions, target, self.mixing, self.near.lobe, exact=self.exact)
+        return near_rig(positions, target, self.mixing, self.near.lobe, is_ground_truth=self.is_ground_truth)
 
 
 def in_world(rig: LightRig, camera: Camera) -> WorldLights:
     """A rig from the space of `camera` in world space: the inverse of :meth:`WorldLights.seen_by`."""
     directions = rig.directions @ camera.rotation.T
     if rig.near is None:
-        return WorldLights(directions, rig.mixing, exact=rig.exact)
+        return WorldLights(directions, rig.mixing, is_ground_truth=rig.is_ground_truth)
     places = np.vstack([rig.near.positions, rig.near.target]) @ camera.rotation.T + camera.world_from_camera[:3, 3]
-    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.exact)
+    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.is_ground_truth)
 
 
 def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
@@ -73,7 +73,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
         exact = data.get("exact", False)
         lights = np.array([_three(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)])
         if not is_near:
-            return WorldLights(lights, mixing, exact=exact)
+            return WorldLights(lights, mixing, is_ground_truth=exact)
         near = NearLights(lights, data["target"], data.get("lobe", 0.0))
         return WorldLights(near.positions - near.target, mixing, near, exact)
 
@@ -81,7 +81,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
 def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
     """Write a rig file with lights in world space atomically."""
     distant = [{"direction": direction.tolist()} for direction in lights.directions]
-    write_rig_data(path, distant, lights.near, lights.mixing, lights.exact)
+    write_rig_data(path, distant, lights.near, lights.mixing, lights.is_ground_truth)
 
 
 def _three(light: Any, key: str, name: str) -> list[float]:

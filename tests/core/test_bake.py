@@ -1,4 +1,4 @@
-"""BakeSettings, where the answer is known: spheres under any transform, and planes whose views disagree."""
+"""Baking, where the answer is known: spheres under any transform, and planes whose views disagree."""
 
 from dataclasses import replace
 

@@ -212,12 +212,12 @@ def test_two_balls_give_a_rig_with_positions(photos: Path, tmp_path: Path, lens:
 
 def test_the_mixing_goes_into_the_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
     rig, overlay = tmp_path / "rig.json", tmp_path / "overlay.png"
-    write_rig(rig, replace(read_rig(photos / "rig.json"), exact=True))
+    write_rig(rig, replace(read_rig(photos / "rig.json"), is_ground_truth=True))
     command = ["calibrate", "mixing", photos / "grey.exr", "--rig", rig, "--overlay", overlay, "-o", rig]
     done = mpsnet(*command, "--progress", "json")
     assert (done.returncode, done.stderr) == (0, "")
     found = read_rig(rig)
-    assert np.abs(found.mixing - CROSSTALK).max() < 0.01 and not found.exact
+    assert np.abs(found.mixing - CROSSTALK).max() < 0.01 and not found.is_ground_truth
     assert degrees_between(found.directions, FACING).max() < 1e-6
     result = result_of(done.stdout)
     assert result["mixing"] == found.mixing.tolist()

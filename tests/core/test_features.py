@@ -67,7 +67,7 @@ def test_a_white_photo_is_marked() -> None:
 
 @pytest.mark.parametrize("exact", [False, True])
 def test_a_rig_that_is_known_exactly_is_marked(exact: bool) -> None:
-    capture = replace(SPHERE.capture(), rig=replace(SPHERE.rig, exact=exact))
+    capture = replace(SPHERE.capture(), rig=replace(SPHERE.rig, is_ground_truth=exact))
     np.testing.assert_array_equal(feature_maps(capture, ["exact"])["exact"], np.full((1, 1, 1), float(exact)))
 
 

@@ -54,7 +54,7 @@ def scene(pixels: Array) -> Array:
     return np.stack([np.sin(x / 9), np.cos(y / 7 + x / 30), np.sin((x - 2 * y) / 20)], axis=-1).astype(np.float32)
 
 
-def straightened(points: Array) -> Array:
+def undistorted_photo(points: Array) -> Array:
     """The pinhole camera's pixels of what the photo shows at `points`, by iteration."""
     found = points.copy()
     for _ in range(60):
@@ -72,7 +72,7 @@ def test_points_are_bent_by_the_equation() -> None:
 
 
 def test_a_photo_taken_through_the_lens_becomes_the_pinhole_cameras() -> None:
-    photo = scene(straightened(middles()))
+    photo = scene(undistorted_photo(middles()))
     assert np.abs(photo - scene(middles())).max() > 0.2
     seen = undistorted_mask(np.ones((HEIGHT, WIDTH), bool), CAMERA, BENT)
     straight = undistorted(photo, CAMERA, BENT)

@@ -8,7 +8,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, find_levelling
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, find_low_frequency_correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
@@ -132,7 +132,7 @@ def test_where_the_mesh_is_not_seen_the_nearest_turn_holds() -> None:
     away = camera_looking((1, 0, 0), size=64, target=(0, 50, 0))
     untouched = NormalMap(np.broadcast_to([0.6, 0, 0.8], (64, 64, 3)), np.ones((64, 64), bool))
     assert np.array_equal(correct_low_frequencies(untouched, away, MESH).vectors, untouched.vectors)
-    assert find_levelling(untouched, away, MESH).mean_angle == 0
+    assert find_low_frequency_correction(untouched, away, MESH).mean_angle == 0
 
 
 @pytest.mark.long

@@ -44,12 +44,14 @@ def test_directions_are_normalised_and_cannot_be_changed() -> None:
 
 def test_a_rig_file_gives_the_rig_back(tmp_path: Path) -> None:
     for exact in (False, True):
-        rig = LightRig(direction_from_angles([12.5, 40, 71], [0, 133.7, 359]), np.array(CROSSTALK), exact=exact)
+        rig = LightRig(
+            direction_from_angles([12.5, 40, 71], [0, 133.7, 359]), np.array(CROSSTALK), is_ground_truth=exact
+        )
         write_rig(tmp_path / "rig.json", rig)
         back = read_rig(tmp_path / "rig.json")
         np.testing.assert_allclose(back.directions, rig.directions, atol=1e-12)
         np.testing.assert_array_equal(back.mixing, rig.mixing)
-        assert back.exact is exact
+        assert back.is_ground_truth is exact
 
 
 def test_a_rig_file_may_give_directions_or_angles_and_leave_out_the_mixing(tmp_path: Path) -> None:

@@ -260,7 +260,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
-        apart = None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
+        residuals = (
+            None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
+        )
         return CameraFound(
             self.output,
             round(best.outline, 2),
@@ -268,7 +270,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             round(best.overlap, 4),
             poor or turned_over,
             turned_over,
-            apart,
+            residuals,
             [number + 1 for number in left_out] or None,
             [str(path) for path, _ in others] or None,
             text=f"{self.output}: camera with a lens of {best.camera.focal_35mm:.0f} mm; {quality}",

@@ -83,7 +83,7 @@ def _distinct_fits(fits: list[Fit]) -> list[Fit]:
     """Fits without those that are close to a better one."""
     kept: list[Fit] = []
     for fit in fits:
-        if all(_apart(fit.camera.rotation, other.camera.rotation) > SAME for other in kept):
+        if all(_angle_between(fit.camera.rotation, other.camera.rotation) > SAME for other in kept):
             kept.append(fit)
     return kept
 
@@ -122,7 +122,7 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     for choice in np.argsort(-scores, axis=None):
         number, roll = divmod(int(choice), ROLLS)
         angle = float(_rolls()[roll])
-        if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
+        if any(_angle_between((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
         cameras.append(_place_camera(estimate.mask, faces, looks[number], focal, lens.centre, frames[number], angle))
         if len(cameras) == TRIED:
@@ -179,7 +179,7 @@ def _similarity(photo: Floats, view: Floats) -> Floats:
     return likeness
 
 
-def _apart(rotation: Floats, other: Floats) -> float:
+def _angle_between(rotation: Floats, other: Floats) -> float:
     """Degrees between two rotations."""
     return float(np.degrees(np.arccos(np.clip((np.trace(rotation.T @ other) - 1) / 2, -1, 1))))
 

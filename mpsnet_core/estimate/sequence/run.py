@@ -14,7 +14,7 @@ from typing import TypeVar
 from mpsnet_core.batch import Batch
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError, NoObject
-from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
+from mpsnet_core.estimate.sequence.smoothing import EstimatedFrame, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import check_own, ensure_folder, remove_abandoned
 from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
@@ -177,7 +177,7 @@ class _Run:
         except InputError as error:
             return error
 
-    def _estimates(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[Shot]:
+    def _estimates(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[EstimatedFrame]:
         for number, (step, capture) in enumerate(captures):
             total = max(self.count, number + 1)
             share = part(self.progress, number / total, (number + 1) / total)
@@ -196,7 +196,7 @@ class _Run:
                 continue
             if step.stale:
                 self.unwritten[step.frame.number] = step.frame
-            yield Shot(step.frame.number, capture.image, normals, step.stale)
+            yield EstimatedFrame(step.frame.number, capture.image, normals, step.stale)
 
     def _write(self, frame: Frame, normals: NormalMap) -> None:
         if not self.outcome.made:

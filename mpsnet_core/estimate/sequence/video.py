@@ -77,7 +77,7 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
     """
     path = existing_file(path, "video")
     check_choice("encoding", encoding, ENCODINGS)
-    if not _pyav_there() and VIDEO_DECODER in os.environ:
+    if not _has_pyav() and VIDEO_DECODER in os.environ:
         decoder = VideoDecoder(path)
         _check_size(path, decoder.width, decoder.height)
         curve = _curve(path, UNKNOWN_TRANSFER, encoding)
@@ -215,7 +215,7 @@ def _check_size(path: Path, width: int, height: int) -> None:
         )
 
 
-def _pyav_there() -> bool:
+def _has_pyav() -> bool:
     try:
         import av  # noqa: F401
     except ImportError:
@@ -225,7 +225,7 @@ def _pyav_there() -> bool:
 
 def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
-    if not _pyav_there():
+    if not _has_pyav():
         raise FileError(
             f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository, or give frames"
         )

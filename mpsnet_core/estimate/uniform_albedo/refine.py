@@ -122,8 +122,8 @@ def _refine_normals(
 
     If noise hides the albedo, or makes the lengths differ, the normals are first corrected at half the resolution.
     """
-    exact = albedo is not None and albedo.spread <= MIN_SPREAD
-    if not exact and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
+    well_fitted = albedo is not None and albedo.spread <= MIN_SPREAD
+    if not well_fitted and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
         small, before = halve(capture, estimate)
         found = find_uniform_albedo(*_sample(small, before, SAMPLED_HALVED))
         if albedo is None or (found is not None and found.spread < QUIETER * albedo.spread):

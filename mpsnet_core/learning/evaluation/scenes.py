@@ -81,6 +81,6 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
         raise GeometryError("no pixel shows the object completely, or no light reaches it; take another sample")
-    rig = LightRig(sample.recipe.light_directions, exact=True)
+    rig = LightRig(sample.recipe.light_directions, is_ground_truth=True)
     beside = np.stack([channel(k, sample.lights.sum(axis=0)) for k in range(3)], axis=-1) if white else None
     return Capture(image * np.float32(1 / bright), sample.mask, rig, white=beside)

@@ -193,7 +193,7 @@ def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[
     capture = Capture(
         whole(shot[0]),
         whole(_known(mask, draws.mask_error[:1], finer[:1])[0])[..., 0],
-        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing, exact=draw.exact),
+        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing, is_ground_truth=draw.exact),
         clip=1.0 if draw.bits else np.inf,
         white=whole(shot[1]) if draw.white else None,
         white_clipped=np.repeat(~whole(_unclipped(shot[1:], draws.bits[1:])[0]), 3, axis=2)

@@ -13,7 +13,7 @@ from mpsnet_core.scene.rays import RayScene
 
 
 @dataclass(frozen=True)
-class MeshSeen:
+class MeshHits:
     """The hits of a camera's rays through N pixels on a mesh."""
 
     mesh: Mesh
@@ -49,11 +49,11 @@ class MeshSeen:
         return facing
 
 
-def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshSeen:
+def mesh_hits(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshHits:
     """Cast a camera's rays through pixels (N, 2) onto the mesh. scene: of the same mesh."""
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
     hit = np.flatnonzero(hits.triangle >= 0)
     hits = hits.subset(hit)
     points = origins[hit] - scene.middle + directions[hit] * hits.distance[:, None]
-    return MeshSeen(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)
+    return MeshHits(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)
