@@ -130,7 +130,7 @@ def bake_texture_sets(
         texture = bake.texture(texture_set, step)
         if texture is None:
             if texture_set.named:
-                log.info("%s: no texel lies on its UVs, so there is no texture of it", texture_set.named)
+                log.info("%s: no texel lies on its UVs, so it gets no texture", texture_set.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
         if not (any_seen or any_face_seen):
@@ -154,8 +154,8 @@ def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", any_face_seen: bool) -> s
     """Why no view sees a texel. any_face_seen: whether some view sees some triangle."""
     if any_face_seen:
         return (
-            "none of what the views see lands in the texture: in tangent space, it may not point away from the "
-            "mesh's normals. Was the object or the camera moved since the photo? If not, check the normals, or bake in "
+            "nothing that the views see lands in the texture: in tangent space, normals must not point away from the "
+            "mesh's own. Was the object or the camera moved since the photo? If not, check the normals, or bake in "
             "object space"
         )
     if masks_hide_all(meshes, bake.projectors):
@@ -379,18 +379,18 @@ class _Under:
 
 
 def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
-    level, mend = logging.INFO, ""
+    level, remedy = logging.INFO, ""
     if texture_set.material is None and any(mesh.materials and len(mesh.materials.names) > 1 for mesh in meshes):
         # As of photogrammetry: each has a texture of its own.
         level = logging.WARNING
-        mend = "; if each material has its own texture, put <MATERIAL> into the output's name"
+        remedy = "; if each material has its own texture, put <MATERIAL> into the output's name"
     elif len(meshes) > 1:
-        mend = "; pack the objects' UVs together, or give each object a texture of its own"
+        remedy = "; pack the objects' UVs together, or give each object a texture of its own"
     log.log(
         level,
-        "UVs overlap: where they do, the texture shows only one of the surfaces, of those that a view sees if there "
-        "are any%s [overlapping-uvs]",
-        mend,
+        "UVs overlap: there, the texture shows only one of the surfaces, if possible one that a view sees"
+        "%s [overlapping-uvs]",
+        remedy,
     )
 
 

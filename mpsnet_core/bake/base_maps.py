@@ -77,7 +77,9 @@ def one_base_map(file: str, convention: Convention, shown: BaseMapInPhotos) -> B
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
-        raise SettingsError(f"{file} lists existing maps for several textures; name the one image to go on top of")
+        raise SettingsError(
+            f"{file} lists existing maps for several textures; name the one image that the detail goes on top of"
+        )
     return BaseMap(read_base_map(file, convention=convention), shown)
 
 

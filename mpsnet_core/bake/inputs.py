@@ -142,7 +142,7 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
     if isinstance(meshes, dict):
         numbers = [number for number in numbers if number in meshes]
     if not numbers:
-        raise FileError("no number is common to the frames of all views and meshes; check the patterns")
+        raise FileError("the frames of all views and meshes have no number in common; check the patterns")
     left_out = max(map(len, numbered)) - len(numbers)
     if left_out:
         log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)

@@ -80,18 +80,14 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
     ]
     if texture.colours is not None:
         colours = on_background(linear_to_srgb(texture.colours[few][..., :3]), covered)
-        maps.append(TextureMap("the albedo; what no view sees continues what is near", colours))
+        maps.append(TextureMap("the albedo; what no view sees is filled from its surroundings", colours))
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / np.float32(255)
         counts = on_background(palette[np.minimum(texture.views[few], len(palette) - 1)], covered)
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
         _, spread_bands = scaled_error_bands(spread, shared)
-        maps.append(
-            TextureMap(
-                "how far the views, as they were baked, lie apart where several see it (°)", spread_bands(np.s_[:])
-            )
-        )
+        maps.append(TextureMap("how much the baked views differ where several see it (°)", spread_bands(np.s_[:])))
     return maps
 
 

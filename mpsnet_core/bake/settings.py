@@ -47,7 +47,7 @@ class BakeSettings:
         check_texture(self.size, self.space, self.margin)
         check_choice("padding", self.padding, PADDINGS)
         if self.samples not in SAMPLES:
-            raise SettingsError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
+            raise SettingsError(f"{self.samples} x {self.samples} samples per texel cannot be baked; choose 1, 2 or 4")
         if not 0 <= self.feather <= 1:
             raise SettingsError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
         if not 0 <= self.strength <= MAX_STRENGTH:

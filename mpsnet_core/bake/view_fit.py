@@ -79,8 +79,8 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     found = view_fit(view, view.camera, mesh, scene)
     if found.cost < DOUBTFUL and found.covered >= TINY:
         return
-    mend = _mend(found, view, mesh, scene)
-    if not (mend or found.poor):
+    remedy = _remedy(found, view, mesh, scene)
+    if not (remedy or found.poor):
         return
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
@@ -88,11 +88,11 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
         name,
         f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
         found.degrees,
-        mend or "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)",
+        remedy or "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)",
     )
 
 
-def _mend(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
+def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
     """The change of the mesh's axes or unit with which it fits, "" if there is none."""
     turn = world_from_file("y", 1.0)
     tried = [

@@ -133,9 +133,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     if len(sightings) == 1:
         return found
     if sightings[0].ball.camera.projection == "orthographic":
-        log.info(
-            "several places give positions only where the camera's focal length is known; these are directions alone"
-        )
+        log.info("positions need the camera's focal length, which is unknown; only directions were found")
         return _with_spread(found, rays)
     return _with_positions(found, origins, rays, np.radians(blur))
 
@@ -156,8 +154,8 @@ def _with_positions(
     if unsure_lights.any():
         names = ", ".join(str(k + 1) for k in np.flatnonzero(unsure_lights))
         log.info(
-            "light %s: the rays from the ball's places are nearly parallel, so it is far away; "
-            "these are directions alone",
+            "light %s: the rays from the ball's places are nearly parallel, so it is far away; only "
+            "directions were found",
             names,
         )
         return _with_spread(found, rays)

@@ -265,7 +265,7 @@ def mixing_from_card(
         if usable.sum() < MIN_PIXELS:
             raise GeometryError(
                 f"the photo of the {LIGHT_NAMES[light]} light has fewer than {MIN_PIXELS} usable pixels of the card; "
-                "expose shorter, or mark more of it"
+                "use a shorter exposure, or mark more of it"
             )
         columns.append(inside[usable] / cosines[light])
     return _from_columns(columns, None)
@@ -419,7 +419,7 @@ def _checked(found: MixingFound) -> MixingFound:
         )
     if np.abs(found.ambient).max() > AMBIENT:
         log.info(
-            "there is light from everywhere, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
+            "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
             "photo with the lamps off [room-light]",
             100 * np.abs(found.ambient).max(),
         )

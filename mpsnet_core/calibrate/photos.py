@@ -114,7 +114,7 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
                 )
             if not (0 <= circle.x <= width and 0 <= circle.y <= height):
                 raise GeometryError(
-                    f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its middle outside the photo, which "
+                    f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its centre outside the photo, which "
                     f"is {size(image.shape)}; x and y count pixels from the top left corner"
                 )
         return [ball_from_circle(circle, camera, photos.radius) for circle in photos.circles]

@@ -93,7 +93,7 @@ class Capture:
         if image.dtype != np.float16:
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
-            raise FormatError(f"a photo has three channels a pixel; this one has shape {image.shape}")
+            raise FormatError(f"a photo has three channels per pixel; this one has shape {image.shape}")
         self._check_sizes(mask.shape, image.shape)
         if not mask.any():
             raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
@@ -188,7 +188,7 @@ def checked_white(
 ) -> NDArray[np.float32]:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
-        raise FormatError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
+        raise FormatError(f"a white photo has three channels per pixel; this one has shape {white.shape}")
     check_same_size("the white photo", white.shape[:2], "the photo", mask.shape, SAME_CAMERA)
     white = _finite_and_lit(white, mask, "white photo", "was the light on, and is it of the same pose?")
     if clipped is not None:
@@ -218,7 +218,7 @@ def depth_within(
         return None
     if depth is None:
         depth = -float(rig.near.target[2])
-        log.info("the object is assumed flat, %.4g in front of the camera as the lights' target is", depth)
+        log.info("the object is assumed to be flat and %.4g in front of the camera, like the lights' target", depth)
     if not isinstance(depth, np.ndarray):
         if not (np.isfinite(depth) and depth > 0):
             raise SettingsError(f"the object's distance is a number above 0, not {depth:g}")
@@ -242,7 +242,7 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
     """Report an object far from the lights' target: its distance is probably in another unit."""
     expected = -float(near.target[2])
     if not expected / MAX_OFF < distance < expected * MAX_OFF:
-        words = "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?"
+        words = "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in the same unit?"
         log.info(words, distance, expected)
 
 

@@ -106,7 +106,7 @@ def read_correction(
         mean = mean if first is None else in_frame_of(mean, flat, first, dark)
         field, clipped = mean.pixels, mean.saturated
         if clipped.mean() > BAD_SHARE:
-            raise FormatError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; expose it shorter")
+            raise FormatError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; use a shorter exposure")
         if level is not None:
             check_same_size(f"the dark frame {dark}", level.shape, f"the flat field {flat}", field.shape, SAME_CAMERA)
             field = field - level

@@ -189,7 +189,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
     if level == "good":
         words = "almost nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
     else:
-        words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
+        words += f"; use a shorter exposure, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
@@ -238,7 +238,7 @@ def _lights(rig: LightRig) -> Finding:
     elif in_line == level:
         words = "the lights stand nearly in one line, or close around the camera; move one out of it, or all outwards"
     else:
-        words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and throws long "
+        words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and casts long "
         words += "shadows; move it towards the camera"
     return Finding("lights", level, words, figures)
 

@@ -108,7 +108,7 @@ def run(arguments: Sequence[str]) -> int:
         if isinstance(error, OSError):
             sentence = f"{error.filename or 'output'}: {error.strerror or error}; check the path and its permissions"
         elif isinstance(error, MemoryError):
-            sentence = "there is not enough memory; take a smaller size, or smaller photos"
+            sentence = "there is not enough memory; use a smaller size, or smaller photos"
         refuse(sentence, arguments)
         return EXIT_BAD_INPUT
     finally:
@@ -127,7 +127,7 @@ def _run(arguments: Sequence[str], notes: NoteCollector) -> bool:
     """Run a verb and report its result. Returns whether inputs of a batch failed."""
     notes.setLevel(log_level())
     if "" in arguments:
-        raise SettingsError("an argument is empty; is a shell variable that it comes from not set?")
+        raise SettingsError("an argument is empty; check that the shell variable that it comes from is set")
     if not arguments:
         argument_parser().print_help()
         return False

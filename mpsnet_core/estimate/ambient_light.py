@@ -49,7 +49,7 @@ def warn_of_ambient_light(capture: Capture, normals: NormalMap) -> None:
         log.warning(
             "where a light cannot reach the object, its channel still shows %.0f%% of it, which makes normals flatter: "
             "light comes from elsewhere, or the rig is wrong about where the lights stand or how their colours mix; "
-            "darken the room, or give a photo with the three lights off by --dark [room-light]",
+            "darken the room, or give a photo with the three lights off with --dark [room-light]",
             100 * share,
         )
 

@@ -65,7 +65,7 @@ _MODELS = (
         0,
         DEFAULT_MODEL,
         "Multiscale",
-        "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is",
+        "The default: one network from coarse to fine, with equation 2 inside, which states how certain it is",
         MODELS_FOLDER / "multiscale.onnx",
         STILL_PASSES,
     ),
@@ -103,7 +103,7 @@ _MODELS = (
         sha256="6b355a5b53681663a7fff50806dc57162557dc0cef8431b855255db49b60d998",
     ),
     RegisteredModel(
-        7, LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
+        7, LAMBERTIAN, "Lambertian", "The baseline, instantly: for matt surfaces of one grey (equation 2 of the paper)"
     ),
     RegisteredModel(
         8,

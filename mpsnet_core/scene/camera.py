@@ -24,8 +24,8 @@ MIN_FOCAL = 1e-6
 FULL_FRAME = 36.0  # mm, the longer side of the sensor that 35 mm equivalent focal lengths refer to
 
 # The remedies if a camera and a photo differ in aspect ratio.
-THIS_PHOTO = "give the camera of this photo, which was neither cropped nor turned since; scaled it may be"
-AS_SOLVED = "give the photo as photogrammetry had it, neither cropped nor turned; for a raw file, its own JPEG"
+THIS_PHOTO = "give the camera of this photo; the photo may have been scaled since, but neither cropped nor turned"
+AS_SOLVED = "give the photo as it was in photogrammetry, neither cropped nor turned; for a raw file, its own JPEG"
 
 Projection = Literal["orthographic", "perspective"]
 

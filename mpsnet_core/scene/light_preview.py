@@ -77,7 +77,7 @@ def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
     hits = scene.hits(origins, directions)
     seen = np.flatnonzero(hits.triangle >= 0)
     if not len(seen):
-        raise GeometryError("the camera does not see the mesh; check that it looks at it")
+        raise GeometryError("the camera does not see the mesh; check that it faces the mesh")
     points = origins[seen] + hits.distance[seen, None] * directions[seen]
     normals, starts = _surface(mesh, hits.subset(seen), points, -directions[seen], OFFSET * scene.size)
     irradiance = _irradiance(camera, rig, scene, points, normals, starts)

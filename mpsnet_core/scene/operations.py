@@ -36,7 +36,7 @@ class TakesMesh(Operation):
     unit: str = option(
         default="1",
         metavar="LENGTH|mm|cm|m|in|ft",
-        help="length of the mesh file's unit in that of the camera; a name, if that is the metre",
+        help="length of the mesh file's unit, in the camera's unit; or a name, if the camera's unit is the metre",
         numbers=True,
     )
 
@@ -47,7 +47,7 @@ class TakesMesh(Operation):
         except ValueError:
             length = 0.0
         if not 1e-9 <= length <= 1e9:
-            raise SettingsError(f"--unit {self.unit} is no length; give {', '.join(UNITS)}, or a number above 0")
+            raise SettingsError(f"--unit {self.unit} is not a length; give {', '.join(UNITS)}, or a number above 0")
         return length
 
     def read_mesh(self, path: "str | Path", *, shape_only: bool = False) -> "Mesh":
@@ -116,7 +116,7 @@ class WriteCameras(ReadsPictures):
             corrected_photos += 1
         progress(1.0, "done")
         lenses = (
-            f", {corrected_photos} photo(s) without their lens" if corrected_photos else ", whose lenses bend nothing"
+            f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", whose lenses have no distortion"
         )
         return CamerasWritten(
             str(folder),

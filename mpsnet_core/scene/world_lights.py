@@ -66,7 +66,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
     """
     if Path(path).suffix.lower() == ".lp":
         raise FormatError(
-            f"{path}: an .lp file's lights stand before the camera; for lights in the world give a rig .json"
+            f"{path}: the lights of an .lp file are relative to the camera; for lights in the world give a rig .json"
         )
     with rig_data(path) as (data, is_near):
         key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))

@@ -168,7 +168,7 @@ def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(
     given = {"width": 16, "height": 16, "samples": 1, "output": str(tmp_path / "photo.exr")}
     bpy.ops.mps.render_photo(**given)
     before = (tmp_path / "photo.exr").read_bytes()
-    sentence = "the photo shows nothing, all of it is transparent; show the object in renders, and let the camera see"
+    sentence = "the photo is completely transparent; make the object visible in renders"
     sphere.hide_render = True
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.mps.render_photo(**given)

@@ -139,7 +139,7 @@ class TestPoints:
         with pytest.raises(GeometryError, match="3 pairs do not determine"):
             camera_from_points(pixels_of(true, surface_points(3)), surface_points(3), WIDTH, HEIGHT)
         line = np.linspace(-1, 1, 6)[:, None] * (0.2, 0.5, 0.3)
-        with pytest.raises(GeometryError, match="lie in one line"):
+        with pytest.raises(GeometryError, match="lie on one line"):
             camera_from_points(pixels_of(true, line), line, WIDTH, HEIGHT)
 
 
@@ -444,7 +444,7 @@ class TestCommand:
         write_file(files / "photo.exr", np.full((*shape, 3), 0.5), "float")
         done = self.align(mpsnet, files, "--mask", "none")
         assert done.returncode == 2
-        assert f"the object is {shape[1]} x {shape[0]} pixels, too little to place a mesh by" in done.stderr
+        assert f"the object is {shape[1]} x {shape[0]} pixels, too few to align a mesh with" in done.stderr
 
     @pytest.mark.parametrize(
         ("text", "sentence"),

@@ -53,7 +53,7 @@ def test_a_mesh_of_other_axes_and_unit_is_placed_by_options(bench: Bench) -> Non
     one, other = (read_normals(bench / name).vectors for name in ("m.png", "f.png"))
     assert one.shape == (16, 32, 3) and one.std() > 0.1
     assert one == pytest.approx(other, abs=1e-4)
-    assert "--unit furlong is no length" in bench.refused("--unit", "furlong", output="s.png")
+    assert "--unit furlong is not a length" in bench.refused("--unit", "furlong", output="s.png")
 
 
 def test_materials_whose_uvs_overlap_are_said_to_need_their_own_textures(bench: Bench) -> None:
@@ -209,7 +209,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         ("..", "s.png", "is a folder, not a file"),
     ]:
         assert said in bench.refused("--onto", bench / given, "--space", "tangent", output=output), given
-    assert "names no file" in bench.refused("--onto", ".", "--space", "tangent", output="s.png")
+    assert "is not a file name" in bench.refused("--onto", ".", "--space", "tangent", output="s.png")
     assert not (bench / "s.1001.png").exists()
 
 

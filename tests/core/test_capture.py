@@ -149,7 +149,7 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
             for text in ("low", "", "1.5", "nan")
         ),
         ("black", lambda b: read_capture(b.photo(pixels=0 * SPHERE.image), SPHERE.rig), "black inside the mask"),
-        ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels a pixel…(16, 16)"),
+        ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels per pixel…(16, 16)"),
         (lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))), "camera is 20 x 10 but the photo is"),
     ]
 )

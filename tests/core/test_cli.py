@@ -256,7 +256,7 @@ def test_too_little_memory_is_one_sentence(tmp_path: Path, rig_file: Path, photo
     words = [sys.executable, "-c", limit + command, *map(str, estimate)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "mpsnet: there is not enough memory; take a smaller size, or smaller photos\n"
+    assert done.stderr == "mpsnet: there is not enough memory; use a smaller size, or smaller photos\n"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -332,7 +332,7 @@ class TestCancelling:
 def test_an_empty_argument_is_not_this_folder(mpsnet: Mpsnet, rig_file: Path, tmp_path: Path) -> None:
     done = mpsnet("estimate", "", "--rig", rig_file, "-o", tmp_path / "out")
     assert done.returncode == 2
-    assert done.stderr == "mpsnet: an argument is empty; is a shell variable that it comes from not set?\n"
+    assert done.stderr == "mpsnet: an argument is empty; check that the shell variable that it comes from is set\n"
 
 
 test_a_bad_command_gets_one_clear_sentence = gets_one_clear_sentence(

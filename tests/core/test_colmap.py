@@ -172,7 +172,7 @@ IMAGE = binary_images("a.jpg")
         (CAMERA, IMAGE[:40], "images.bin: it states 1 records, more than fit"),
         (CAMERA, IMAGE[:-4], "images.bin: it is cut short"),
         (CAMERA, IMAGE[:-8] + struct.pack("<Q", 2**61), "more than fit into it"),
-        (CAMERA, IMAGE[:72] + b"a" * 100, "a photo's name without an end"),
+        (CAMERA, IMAGE[:72] + b"a" * 100, "a photo's name that does not end"),
         (CAMERA, struct.pack("<Q", 0) + IMAGE[8:], "images.bin: it is longer than it states"),
         (CAMERA, struct.pack("<Q", 0), "holds no photo with a pose"),
         (CAMERA, binary_images("a.jpg", camera=4), "photo 'a.jpg': its camera 4 is not"),

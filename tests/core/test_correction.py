@@ -208,7 +208,7 @@ class TestBadInput:
     def test_an_overexposed_flat_field(self, shots: Shots) -> None:
         flat = shots.write("flat.tif", np.minimum(1.1 * fall_off(), 1))
         sentence = refused(lambda: self.read(flat=flat))
-        assert "flat.tif is overexposed; expose it shorter" in sentence
+        assert "flat.tif is overexposed; use a shorter exposure" in sentence
 
     def test_an_overexposed_dark_frame(self, shots: Shots) -> None:
         assert "dark.tif is not a dark frame" in refused(lambda: self.read(dark=shots.write("dark.tif", 1)))

@@ -315,4 +315,4 @@ def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -
 @pytest.mark.parametrize(("distance", "told"), [("3.1", False), ("3100", True), ("1.2", True)])
 def test_another_unit_is_reported(bench: Path, capsys: pytest.CaptureFixture[str], distance: str, told: bool) -> None:
     assert estimate(bench, "--focal", "50", "--distance", distance) == 0
-    assert ("in one unit?" in capsys.readouterr().err) == told
+    assert ("in the same unit?" in capsys.readouterr().err) == told

@@ -137,7 +137,7 @@ def test_names_are_made_fit_for_files_and_stay_apart() -> None:
     [
         ("a.<TILE>.png", "<TILE> stands for nothing; use <UDIM>, <MATERIAL> or <OBJECT>"),
         ("a.<udim>.png", "in capital letters"),
-        ("<OBJECT>/a.png", "stands in a folder's name; put it into the file's name"),
+        ("<OBJECT>/a.png", "is in a folder's name; put it into the file's name"),
         ("a_<OBJECT>.png", "has <OBJECT>, but the textures are not split that way"),
         ("a.png", "several textures would be called a.png"),
     ],

@@ -595,7 +595,9 @@ def test_lights_in_the_world_are_refused_as_those_of_a_camera(tmp_path: Path, da
 def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
     lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
     (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
-    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights stand before the camera; .* rig .json"):
+    with pytest.raises(
+        InputError, match=r"lights.LP: the lights of an .lp file are relative to the camera; .* rig .json"
+    ):
         read_world_lights(tmp_path / "lights.LP")
 
 

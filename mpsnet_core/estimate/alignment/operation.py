@@ -100,7 +100,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         low=MIN_FOCAL,
         high=MAX_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
-        unset="estimated too, from the one that the photo's EXIF data state",
+        unset="estimated too, starting from the one in the photo's EXIF data",
     )
     lens: str | None = option(
         default=None,
@@ -335,7 +335,7 @@ def _check_size(mask: "NDArray[np.bool_]") -> None:
     height, width = (side.stop - side.start for side in bounding_box(mask))
     if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < MIN_SIDE:
         raise GeometryError(
-            f"the object is {width} x {height} pixels, too little to place a mesh by; take a larger photo of it"
+            f"the object is {width} x {height} pixels, too few to align a mesh with; take a larger photo of it"
         )
 
 
@@ -425,8 +425,8 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     if camera.focal.max() > SQUARE * camera.focal.min():
         along_x, along_y = camera.focal
         raise GeometryError(
-            f"the {what}'s focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square "
-            f"pixels only; resize the photo so that its pixels are square, and give a {what} with one focal length"
+            f"the {what}'s focal lengths are {along_x:g} along x and {along_y:g} along y, but align supports "
+            f"square pixels only; resize the photo so that they are square, and give a {what} with one focal length"
         )
     scale = max(width, height) / max(camera.width, camera.height)
     size = np.array([width, height])

@@ -69,10 +69,10 @@ def camera_from_points(
     """
     pixels, points = np.asarray(pixels, np.float64), np.asarray(points, np.float64)
     if len(points) < MIN_PAIRS:
-        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {MIN_PAIRS} or more, best 6 to 12")
+        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {MIN_PAIRS} or more, ideally 6 to 12")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:
-        raise GeometryError("the points on the mesh lie in one line; choose some beside it")
+        raise GeometryError("the points on the mesh lie on one line; choose some that do not")
     least = MIN_PAIRS + 1 if lens else MIN_PAIRS + 2
     fits = [np.ones(len(points), bool)]
     if len(points) >= least:

@@ -101,8 +101,8 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         aspect = stream.sample_aspect_ratio
         if aspect and aspect != 1:
             log.warning(
-                "the video's pixels are not square (%s:%s), and its normals are of the stored picture; convert it to "
-                "square pixels",
+                "the video's pixels are not square (%s:%s), and the normals are those of the stored picture; convert "
+                "it to square pixels",
                 aspect.numerator,
                 aspect.denominator,
             )
@@ -192,7 +192,7 @@ def _image(picture: "VideoFrame", linear: bool, name: str) -> Image:
         values: NDArray[Any] = picture.to_ndarray(format=kind[deep, alpha], src_colorspace=matrix, interpolation=_EXACT)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FormatError(f"{name}: its colours cannot be brought to RGB ({reason}); convert the video") from None
+        raise FormatError(f"{name}: its colours cannot be converted to RGB ({reason}); convert the video") from None
     values = np.rot90(values, round(picture.rotation / 90))
     steps = np.linspace(0, 1, 65536 if deep else 256)
     curve = (steps if linear else srgb_to_linear(steps)).astype(np.float32)

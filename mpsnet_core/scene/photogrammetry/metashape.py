@@ -84,7 +84,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
     system = (chunk.findtext("reference") or "LOCAL_CS").strip()
     if not system.startswith("LOCAL_CS"):
         log.warning(
-            "the chunk has geographic coordinates, in which Metashape writes its meshes otherwise than its cameras; "
+            "the chunk has geographic coordinates, in which Metashape writes meshes differently from cameras; "
             "export both in local coordinates"
         )
     photos = []
