@@ -208,7 +208,7 @@ class Running:
 
     @functools.cached_property
     def named(self) -> frozenset[str]:
-        """The absolute paths that its options name. A text that is no path counts as one, which does no harm."""
+        """The absolute paths that its options name. A text that is not a path counts as one, which is harmless."""
         return frozenset(map(os.path.abspath, self.operation.texts()))
 
     @functools.cached_property

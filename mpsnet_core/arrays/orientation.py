@@ -1,7 +1,7 @@
 """Whether normals belong to a surface as they are, or turned or mirrored in the image.
 
 The gradients of a surface have no curl, and mirrored or exchanged they have much. A turn by 180° leaves none either: it
-makes hollows of bumps. But at an object's outline before its background, normals point outwards.
+turns bumps into hollows. But at an object's outline before its background, normals point outwards.
 """
 
 from collections.abc import Sequence

@@ -43,7 +43,7 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     FileError
         If the file cannot be read.
     FormatError
-        If it is no normal map, or an object-space one.
+        If it is not a normal map, or is one in object space.
     """
     vectors, alpha = read_vectors(path, convention)
     length = np.empty(vectors.shape[:2], np.float32)

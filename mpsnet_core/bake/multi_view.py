@@ -204,7 +204,7 @@ def _shape(mesh: Mesh) -> str:
 
 
 class CachedViews(Sequence[View]):
-    """Views owners normals are on disk. Each access reads a view and levels it against the mesh.
+    """Views whose normals are on disk. Each access reads a view and levels it against the mesh.
 
     shares: how much of each base map's relief each view shows, known once the view was read. gains: (V, 3) factors on
     the views' colours.

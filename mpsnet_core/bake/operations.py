@@ -651,7 +651,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         return ViewCaptureSettings(rig_of, self.mask, self.read_options(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
-        """The files that keep the views. Raises FileError if one exists that is not ours."""
+        """The files that keep the views. Raises FileError if one exists that this program did not make."""
         from mpsnet_core.bake.multi_view import CachedView
         from mpsnet_core.io.files import check_own
 

@@ -169,7 +169,7 @@ def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0)
             np.stack([columns + 0.5, bottom], axis=-1),
         ]
     )
-    # Points on the image border are no outline.
+    # Points on the image border do not belong to the outline.
     x, y = points.T
     return fit_ball(points[(x > 0) & (x < width) & (y > 0) & (y < height)], camera, radius)
 

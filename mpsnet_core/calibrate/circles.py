@@ -22,7 +22,7 @@ CANDIDATES = 12
 # Circles whose centres and radii differ by less, as a share of the radius, are duplicates: of candidates, and after
 # they were moved to outlines.
 ALIKE, SAME = 0.1, 0.02
-# A circle with less of its outline visible, or a larger residual (as a share of the radius), is no ball.
+# A circle with less of its outline visible, or a larger residual (as a share of the radius), is not a ball.
 MIN_SEEN = 0.2
 ROUGHEST = 0.01
 # Pixels above this share of the brightest are mirrored lights, if they are a small share of the photo.

@@ -336,7 +336,7 @@ def _sharpest_edges(
     small = block_means(pixels[part], factor)
     inside = mask[part][::factor, ::factor]
     near = dilated(inside, 2)
-    # The image border is no edge.
+    # The image border is not an edge.
     near[:6], near[-6:], near[:, :6], near[:, -6:] = False, False, False, False
     if not near.any():
         return None

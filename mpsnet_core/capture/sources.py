@@ -1,4 +1,4 @@
-"""Sources: photos that have not been opened yet, with all that is known of them."""
+"""Sources: photos that have not been opened yet, with all that is known about them."""
 
 import os
 from collections.abc import Callable, Sequence

@@ -19,7 +19,7 @@ _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ER
 def log_level() -> int:
     """The level of the notes to show, by the environment variable MPSNET_LOG_LEVEL; all by default.
 
-    Raises SettingsError if it is none.
+    Raises SettingsError if it is unknown.
     """
     name = os.environ.get("MPSNET_LOG_LEVEL") or "info"
     if name.lower() not in _LEVELS:

@@ -80,7 +80,7 @@ def shadow_brightness(capture: Capture, normals: NormalMap) -> float | None:
 def rim_brightness(capture: Capture, normals: NormalMap) -> float | None:
     """As :func:`shadow_brightness`, at the outline of a round object alone, where the surface faces outwards.
 
-    How far it does there is known by the normals all around. None if it may be no round object.
+    The normals all around show how far it does. None if the object may not be round.
     """
     vectors, photo = blocks_of(normals.vectors, capture.mask), blocks_of(capture.image, capture.mask)
     if capture.rig.near is not None or vectors is None or photo is None:

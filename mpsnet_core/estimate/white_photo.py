@@ -148,7 +148,7 @@ def fit_white_photo(capture: Capture) -> WhitePhoto | None:
 
 
 def _share_in_one_only(capture: Capture, fit: WhitePhoto) -> float:
-    """Fraction of the object's pixels that the photo shows lit and the white photo black, which is no light's doing."""
+    """Fraction of the object's pixels that the photo shows lit and the white photo black, which no light can cause."""
     assert capture.white is not None
     step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
     grid = slice(None, None, step), slice(None, None, step)

@@ -207,7 +207,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
     FormatError
         If it is damaged, or not in one of these formats.
     GeometryError
-        If the mesh has no faces or no UVs, or is no valid :class:`Mesh`.
+        If the mesh has no faces or no UVs, or is not a valid :class:`Mesh`.
     """
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:

@@ -104,7 +104,7 @@ def read_vectors(
     if alpha is None or storage.x_in_alpha:
         return colours, None
     if not _is_cover(alpha):
-        log.info("%s: its alpha is no mask but other data, such as heights, and is ignored", path)
+        log.info("%s: its alpha is not a mask but other data, such as heights, and is ignored", path)
         return colours, None
     return colours, alpha
 
@@ -169,7 +169,7 @@ class _Storage:
 
     @property
     def note(self) -> str:
-        """What a user should know of it; "" for a file that holds what it should."""
+        """What a user should know about it; "" for a file that holds what it should."""
         words = []
         if self.x_in_alpha:
             words.append("x is in alpha, y in green (DXT5nm), and z is made from them")
@@ -259,7 +259,7 @@ def _are_horizontal(x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
 
 
 def _levels(some: NDArray[np.float64]) -> float | None:
-    """The highest level of a file with such values, wherever they were stored since; None if they are floats."""
+    """The highest level of the integer file that such values come from, even if they were converted since; None for floats."""
     if some.min() < 0 or some.max() > 1:
         return None
     in_half = (some == some.astype(np.float16)).all()

@@ -73,7 +73,7 @@ def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
 
 
 def errors_inside(mask: NDArray[np.bool_], inside: NDArray[np.float32], truth: NormalMap) -> NormalErrors:
-    """:func:`normal_errors` of an estimate of which only the normals inside its mask, (N, 3), are at hand."""
+    """:func:`normal_errors` of an estimate of which only the normals inside its mask, (N, 3), are available."""
     sizes = [f"{shown.shape[1]} x {shown.shape[0]}" for shown in (mask, truth.mask)]
     if sizes[0] != sizes[1]:
         raise GeometryError(f"the normals are {sizes[0]} but the true ones {sizes[1]}; they must show one view")

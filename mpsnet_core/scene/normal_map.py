@@ -114,7 +114,7 @@ def read_normals(
 ) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 
-    It is found out which level is 0 in a file of 8 bits, and how z is stored: see
+    Which level is 0 in a file of 8 bits, and how z is stored, is detected: see
     :func:`mpsnet_core.scene.normal_encoding.read_vectors`.
 
     Parameters

@@ -41,7 +41,7 @@ class TakesMesh(Operation):
     )
 
     def unit_length(self) -> float:
-        """The length of the mesh file's unit. Raises SettingsError if it is none."""
+        """The length of the mesh file's unit. Raises SettingsError if it is invalid."""
         try:
             length = UNITS[self.unit] if self.unit in UNITS else float(self.unit)
         except ValueError:
@@ -228,7 +228,8 @@ class LightsPreviewed(Result):
 class PreviewLights(TakesMesh):
     """The three lights on a mesh: its photo if it were matt and white, beside it how many lights reach each pixel.
 
-    Right are the normals as colours where three lights reach, orange where two do, red where one does, else black.
+    On the right are the normals as colours where three lights reach, orange where two do, red where one does, and black
+    elsewhere.
     """
 
     command: ClassVar[str] = "preview"

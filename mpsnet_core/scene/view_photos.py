@@ -74,7 +74,7 @@ def posed_photos(
     FileError
         If a file, or the photo of a camera file, is missing, or several photos match a camera.
     FormatError, GeometryError
-        If the cameras are malformed, or a photo is no image or has another aspect ratio than its camera.
+        If the cameras are malformed, or a photo is not an image or differs from its camera in aspect ratio.
     SettingsError
         If `photos` is required but missing.
     """

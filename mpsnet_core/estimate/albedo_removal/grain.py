@@ -9,7 +9,7 @@ is divided by its albedo relative to the mean, which is the length of equation 2
   each edge between them has curl;
 * most lengths are near their mean.
 
-Deep shadows and highlights are no grain and do not change.
+Deep shadows and highlights are not grain and do not change.
 """
 
 from dataclasses import dataclass, replace
