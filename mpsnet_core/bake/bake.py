@@ -223,7 +223,7 @@ class _Bake:
         # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
-        under = _Under(surfaces, order, Raster(corners[order], fine_size))
+        under = _RasterisedSurfaces(surfaces, order, Raster(corners[order], fine_size))
         texture = _blank((height, width), self.baking.space, colours=self.projectors.values > 4)
         island_of = self._islands(texture_set)
         filled = (0, 0) if island_of is None else (height, width)
@@ -275,7 +275,7 @@ class _Bake:
         together: NDArray[np.int32] = np.concatenate(numbers)
         return together
 
-    def _sample(self, points: Texture, under: "_Under", rows: slice, progress: Progress) -> None:
+    def _sample(self, points: Texture, under: "_RasterisedSurfaces", rows: slice, progress: Progress) -> None:
         """Write the views' samples at these rows of the texture into `points`, (R, C), which holds those rows alone."""
         width = points.covered.shape[1]
         jobs = bands(rows.stop - rows.start, max(1, POINTS_AT_ONCE // width))
@@ -351,7 +351,7 @@ class _Bake:
 
 
 @dataclass(frozen=True)
-class _Under:
+class _RasterisedSurfaces:
     """The surfaces under a texture's sample points."""
 
     surfaces: Sequence[TexelSampler]

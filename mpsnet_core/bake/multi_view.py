@@ -68,7 +68,7 @@ class ViewCaptureSettings:
 
     def white_of(self, view: ViewPhoto) -> list[Path]:
         """The view's photos under white light, one from each folder. Raises FileError if a folder has none."""
-        return [_beside(view, folder, "white", "white photo") for folder in self.white_folders]
+        return [_companion_image(view, folder, "white", "white photo") for folder in self.white_folders]
 
     def mask_of(self, view: ViewPhoto) -> str:
         """The source of the view's mask for :func:`read_capture`.
@@ -78,7 +78,7 @@ class ViewCaptureSettings:
         """
         if self.masks is None:
             return self.mask
-        return os.fspath(_beside(view, self.masks, "mask", "mask"))
+        return os.fspath(_companion_image(view, self.masks, "mask", "mask"))
 
     def source(self, view: ViewPhoto, scene: RayScene) -> Source:
         """The view's photo, to be opened."""
@@ -94,7 +94,7 @@ class ViewCaptureSettings:
         )
 
 
-def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
+def _companion_image(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
     """The view's image in a folder: the one at the photo's relative path, else the one with the view's or the photo's
     name, with or without the suffix _`ending`. Raises FileError if there is none, or several match."""
     photo, top = view.photo, folder.path
@@ -136,7 +136,7 @@ class CachedView:
     def files(self) -> list[Path]:
         return [self.normals, self.confidence, *([self.albedo] if self.coloured else [])]
 
-    def is_of(self, source: str) -> bool:
+    def is_made_from(self, source: str) -> bool:
         """Whether all files exist, are complete, and were made from `source`, a line of :func:`sources_of`."""
         return all(is_up_to_date(file, source) for file in self.files)
 
@@ -260,7 +260,7 @@ def estimate_views(
         step = part(progress, number / len(views), (number + 1) / len(views))
         step(0.0, named)
         kept = stored.kept[number]
-        if kept.is_of(source):
+        if kept.is_made_from(source):
             known += 1
         else:
             capture = photos.open(photos.sources[number])

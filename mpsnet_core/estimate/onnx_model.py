@@ -66,8 +66,8 @@ class OnnxModel:
 
     passes: replaces the number on the card of networks in the canonical frame.
 
-    Raises FileError if the file is missing, FormatError if it is not an MPS-Net model or its inputs do not match its card,
-    SettingsError if an option is out of range or the provider is not available.
+    Raises FileError if the file is missing, FormatError if it is not an MPS-Net model or its inputs do not match its
+    card, SettingsError if an option is out of range or the provider is not available.
     """
 
     def __init__(

@@ -259,7 +259,7 @@ def _are_horizontal(x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
 
 
 def _levels(some: NDArray[np.float64]) -> float | None:
-    """The highest level of the integer file that such values come from, even if they were converted since; None for floats."""
+    """The highest level of the integer file that such values come from, even if converted since; None for floats."""
     if some.min() < 0 or some.max() > 1:
         return None
     in_half = (some == some.astype(np.float16)).all()

@@ -67,7 +67,7 @@ class Grain:
     """The second of three eigenvalues of the fit's normal equations, per pixel."""
     share: float
     """Share of the pixels that count in the fit."""
-    turned: float
+    direction_spread: float
     """Standard deviation of equation 2's directions, in radians."""
     curl: float = np.inf
     """Curl of equation 2's gradients, relative to random gradients."""
@@ -105,7 +105,7 @@ def find_grain(capture: Capture) -> Grain | None:
         or grain.share < MIN_SHARE
     ):
         return None
-    flat = grain.turned < FLAT
+    flat = grain.direction_spread < FLAT
     if not flat and grain.determined < DETERMINED:
         return None
     grain = _with_curl(capture, grain)

@@ -204,31 +204,31 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             rough = _of_size(read_camera(self.start), width, height, "start")
             if lens is not None:
                 rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
-        shown = _Part.of(capture.mask)
-        small = shown.capture(capture)
+        crop = _ObjectCrop.of(capture.mask)
+        small = crop.capture(capture)
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
         if rough is None:
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
-            begin, rest = shown.camera(lens or free), part(progress, 0.4, 0.9)
+            begin, rest = crop.camera(lens or free), part(progress, 0.4, 0.9)
             usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
             fits = search_cameras(
                 estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest
             )
         else:
             progress(0.4, "aligning")
-            begin = shown.camera(rough)
+            begin = crop.camera(rough)
             if by_points is None:
                 begin = move_onto_mask(estimate, faces, begin)
             fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
-        if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
+        if by_points and pairs and _contradicts(crop.whole(fits[0]).camera, by_points, *pairs):
             log.warning("the mesh contradicts the pairs of points; the camera is found from the pairs alone")
             fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
         progress(0.9, "comparing with the mirrored mesh")
         image = find_better_mirrored(estimate, faces, best)
         turned_over = image is not None and not _is_poor(image, small.mask)
-        return [shown.whole(fit) for fit in fits], by_points, turned_over
+        return [crop.whole(fit) for fit in fits], by_points, turned_over
 
     def _written(
         self,
@@ -308,12 +308,12 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         from mpsnet_core.estimate.alignment.overlay import overlay
         from mpsnet_core.scene.pictures import contact_sheet
 
-        shown = replace(_Part.of(capture.mask), factor=1)
-        here = shown.rows, shown.columns
+        crop = replace(_ObjectCrop.of(capture.mask), factor=1)
+        here = crop.rows, crop.columns
         image, mask = capture.image[here].astype(np.float32, copy=False), capture.mask[here]
         if pairs is not None:
-            pairs = pairs[0] - (shown.columns.start, shown.rows.start), pairs[1]
-        pictures = [overlay(image, mask, faces.scene, shown.camera(fit.camera), pairs, left_out) for fit in fits]
+            pairs = pairs[0] - (crop.columns.start, crop.rows.start), pairs[1]
+        pictures = [overlay(image, mask, faces.scene, crop.camera(fit.camera), pairs, left_out) for fit in fits]
         if len(fits) == 1:
             return pictures[0]
         titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]
@@ -356,7 +356,7 @@ def _quality(fit: "Fit") -> str:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _ObjectCrop:
     """The part of a photo with the object and a margin, reduced by an integer factor."""
 
     rows: slice
@@ -371,7 +371,7 @@ class _Part:
     """Height of the photo."""
 
     @classmethod
-    def of(cls, mask: "NDArray[np.bool_]") -> "_Part":
+    def of(cls, mask: "NDArray[np.bool_]") -> "_ObjectCrop":
         from mpsnet_core.arrays.mask_regions import bounding_box
         from mpsnet_core.estimate.alignment.refine import MARGIN
 

@@ -58,7 +58,7 @@ class _Scale:
 
     factor: int
     """Size of its pixels, in the photo's pixels."""
-    place: tuple[int, int]
+    origin: tuple[int, int]
     """(row, column) of its first pixel in the photo."""
     normals: Floats
     """(h, w, 3). The photo's normals."""
@@ -66,7 +66,7 @@ class _Scale:
     """(h, w, 3). The normals minus their Gaussian mean."""
     inside: NDArray[np.bool_]
     """(h, w). The mask."""
-    core: NDArray[np.bool_]
+    eroded_mask: NDArray[np.bool_]
     """(h, w). The mask, eroded."""
     outline: Floats
     """(N, 2). Points of the mask's outline."""
@@ -179,7 +179,7 @@ def _scale(estimate: NormalMap, longest: int) -> _Scale:
 def _image(scale: _Scale, local: Poses, faces: MeshFaces) -> SeenFaces:
     """What the camera sees of the mesh on a scale."""
     height, width = scale.inside.shape
-    top, left = scale.place
+    top, left = scale.origin
     x = left + (np.arange(width) + 0.5) * scale.factor
     y = top + (np.arange(height) + 0.5) * scale.factor
     camera = _world(local, faces.scene).camera(width * scale.factor + left, height * scale.factor + top)
@@ -247,7 +247,7 @@ def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[
 
 def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
     """Weighted residuals of normals and of their detail, and their derivatives."""
-    both = scale.core & eroded(image.mask, 2)
+    both = scale.eroded_mask & eroded(image.mask, 2)
     rows, columns = np.nonzero(both)
     if not len(rows):
         return []
