@@ -356,7 +356,7 @@ def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_
     bpy.ops.mps.add_rig()
     layer = scene.view_layers[0].layer_collection.children["Outer"]
     layer.exclude = True
-    with pytest.raises(RuntimeError, match="the photo shows nothing"):
+    with pytest.raises(RuntimeError, match="the photo is completely transparent"):
         small_photo(tmp_path)
     layer.children["Inner"].exclude = False
     small_photo(tmp_path)
