@@ -7,7 +7,6 @@ from functools import cache
 
 import bumpy_ball
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from bumpy_ball import Photo
 from exif import write_jpeg
@@ -159,13 +158,6 @@ class TestFromAStart:
         assert fit.overlap > 0.98
         assert fit.degrees < 3
 
-    def test_a_known_focal_length_stays(self):
-        photo = photographed()
-        start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 800.0), None, looking(44, 12, 10).world_from_camera)
-        fit = refine_camera(evidence(photo), faces(), start, fix_focal=True)
-        assert fit.camera.focal.tolist() == [800, 800]
-        assert_the_same(fit.camera, photo.camera)
-
     def test_normals_that_err_smoothly_do_not_turn_it(self):
         """As estimates err: towards the viewer, by up to some 10 degrees."""
         photo = photographed()
@@ -190,13 +182,6 @@ def test_without_a_start_the_best_view_is_the_right_one():
     best, *others = search_cameras(evidence(photo), faces(), looking(0, 0, 0, lens=700.0))
     assert_the_same(best.camera, photo.camera)
     assert all(other.cost > best.cost for other in others)
-
-
-@pytest.mark.long
-def test_without_a_start_a_likely_focal_length_that_is_wrong_does_no_harm():
-    photo = photographed(-120, -35, 170)
-    best, *_ = search_cameras(evidence(photo), faces(), looking(0, 0, 0, lens=2400.0), usual_focal=700.0)
-    assert_the_same(best.camera, photo.camera)
 
 
 def test_without_a_start_a_known_principal_point_stays(monkeypatch: pytest.MonkeyPatch):
@@ -259,11 +244,6 @@ class TestCommand:
         assert (used in done.stderr) == (stated >= 60 and not given)
         assert (refused in done.stderr) == (stated == 1)
 
-    def test_the_pairs_are_not_overwritten(self, mpsnet, files):
-        given = self.pairs(files, np.zeros((4, 2)), np.zeros((4, 3)))
-        done = self.align(mpsnet, files, *given, "-o", files / "pairs.json")
-        assert done.returncode == 2 and "would overwrite" in done.stderr
-
     def test_a_rough_start_is_refined(self, mpsnet, files):
         write_camera(files / "start.json", looking(46, 10, 4))
         done = self.align(mpsnet, files, "--start", files / "start.json", "--progress", "json")
@@ -325,17 +305,6 @@ class TestCommand:
         assert f"the {given}'s focal lengths are 800 along x and 600 along y" in done.stderr
         assert not (files / "camera.json").exists()
 
-    def test_the_overlay_is_a_picture_of_srgb_values_as_others_are(self, mpsnet, files):
-        write_camera(files / "start.json", looking(46, 10, 4))
-        shown = []
-        for name in ("overlay.png", "overlay.exr"):
-            done = self.align(mpsnet, files, "--start", files / "start.json", "--overlay", files / name)
-            assert done.returncode == 0, done.stderr
-            shown.append(read_image(files / name).pixels)
-        assert oiio.ImageInput.open(str(files / "overlay.png")).spec().format == oiio.UINT8
-        # On the mean: outlines of two searches may differ by a fraction of a pixel. With the wrong curve it is 0.058.
-        assert np.abs(np.subtract(*shown)).mean() < 0.003
-
     def test_a_large_photo_under_near_lights_is_made_smaller(self, mpsnet, files, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("mpsnet_core.estimate.alignment.operation.LONGEST", 240)
         rig, true = published_rig(30, 90), photographed().camera
@@ -382,15 +351,6 @@ class TestCommand:
         assert done.returncode == 0, done.stderr
         assert "the fit is poor" not in done.stderr
         assert_the_same(read_camera(files / "camera.json"), photographed().camera)
-
-    def test_a_photo_of_something_else_fits_poorly_and_that_is_reported(self, mpsnet, files):
-        stretched = bumpy_ball.mesh()
-        stretched.vertices[:, 2] *= 2.5
-        write_mesh(files / "mesh.npz", stretched)
-        write_camera(files / "start.json", looking(46, 10, 4))
-        done = self.align(mpsnet, files, "--start", files / "start.json")
-        assert done.returncode == 0, done.stderr
-        assert "the fit is poor" in done.stderr
 
     @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (2600, 1800)], ids=["large in the photo", "small in it"])
     def test_outlines_that_are_apart_by_a_share_of_the_object_are_a_poor_fit(self, mpsnet, files, size):
@@ -450,12 +410,9 @@ class TestCommand:
         ("text", "sentence"),
         [
             ("{", "is not valid JSON"),
-            ("[]", "holds no list"),
             ('{"pairs": []}', "holds no list"),
-            ('{"pairs": [{"pixel": [1, 2]}]}', 'pair 1 is not made of "pixel" and "point"'),
             ('{"pairs": [{"pixel": [1, 2], "point": [1, 2]}]}', 'the "point" of pair 1 is not 3 numbers'),
             ('{"pairs": [{"pixel": [1, NaN], "point": [1, 2, 3]}]}', 'the "pixel" of pair 1 is not 2 numbers'),
-            ('{"pairs": [{"pixel": [1, 2], "point": [1, 2, 3]}]}', "1 pairs do not determine a camera"),
         ],
     )
     def test_bad_pairs_get_one_sentence(self, mpsnet, files, text: str, sentence: str):

@@ -100,25 +100,6 @@ def test_the_environment_says_which_notes_are_shown(
         assert done.returncode == 0 and len(done.stderr.splitlines()) == shown
 
 
-def test_a_folder_of_frames_becomes_a_folder_of_normals(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
-) -> None:
-    (tmp_path / "shots").mkdir()
-    for number in (1, 2, 3):
-        write_file(tmp_path / "shots" / f"frame_{number:04d}.exr", sphere.image, "half")
-    done = mpsnet(
-        *("estimate", tmp_path / "shots", "--rig", rig_file, "--format", "tif", "-o", tmp_path / "out"),
-        *("--progress", "json"),
-    )
-    assert done.returncode == 0
-    told, last = events(done.stdout)
-    assert told == sorted(told)
-    names = [f"frame_{number:04d}_normals.tif" for number in (1, 2, 3)]
-    assert listing(tmp_path / "out") == names
-    assert last["result"]["first_output"] == str(tmp_path / "out" / names[0])
-    assert (last["result"]["pattern"], last["result"]["count"]) == ("frame_####_normals.tif", 3)
-
-
 def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
     tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
 ) -> None:
@@ -154,18 +135,6 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, mpsnet: Mpsnet, p
     assert not out.exists()
 
 
-@pytest.mark.parametrize("suffix", [".png", ".exr", ".tif", ".jpg"])
-def test_image_libraries_do_not_add_to_stderr(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere, suffix: str
-) -> None:
-    photo = tmp_path / f"cut{suffix}"
-    write_file(photo, sphere.image, "uint8" if suffix != ".exr" else "half")
-    photo.write_bytes(photo.read_bytes()[: photo.stat().st_size * 2 // 3])
-    done = mpsnet("estimate", photo, "--rig", rig_file, "-o", tmp_path / "n.png")
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(f"mpsnet: {photo} is damaged or cut short")
-
-
 def test_models_are_listed(mpsnet: Mpsnet) -> None:
     done = mpsnet("models", "--progress", "json")
     assert done.returncode == 0
@@ -178,13 +147,6 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
     first, _, second = mpsnet("models").stdout.partition("\nto compare with")
     assert [line.split()[0] for line in first.splitlines() if line] == offered
     assert [line.split()[0] for line in second.splitlines()[1:]] == compared
-
-
-@pytest.mark.parametrize("asked", [("--help",), ()])
-def test_help_names_the_verbs(mpsnet_process: Mpsnet, asked: tuple[str, ...]) -> None:
-    done = mpsnet_process(*asked)
-    assert done.returncode == 0
-    assert all(verb in done.stdout for verb in ("estimate", "bake", "evaluate", "models"))
 
 
 def test_an_unknown_verb_gets_those_that_the_help_lists(mpsnet: Mpsnet) -> None:
@@ -338,7 +300,6 @@ def test_an_empty_argument_is_not_this_folder(mpsnet: Mpsnet, rig_file: Path, tm
 test_a_bad_command_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("two hyphens for a value", lambda b: b.run("integrate", "n.png", "--open=--"), "--open: expected a value"),
-        ("no verb", lambda b: b.run("--progress", "none"), "see mpsnet --help"),
         ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
         ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
         ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet estimate --help"),
@@ -349,7 +310,6 @@ test_a_bad_command_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"), "passes 2 is not"),
         (lambda b: estimate_normals(SPHERE.capture(), "psfcn", passes=3), 'psfcn.onnx…needs the "frame" "canonical"'),
-        ("unknown progress", lambda b: b.run("models", "--progress", "loud"), "--progress…'loud'…auto"),
     ]
 )
 

@@ -113,24 +113,6 @@ def test_materials_are_listed_and_loaded_by_name(file: Path) -> None:
         material_names(str(file.with_name("other.npz")))
 
 
-def test_other_files_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "other.npz"
-    path.write_bytes(b"PK\x03\x04 cut short")
-    with pytest.raises(InputError, match="is not a file of fits"):
-        read_fits(path)
-    good = networks(["a", "b"])
-    for change, message in (
-        ({"b3": None}, "b3"),
-        ({"names": np.array(["a", "a"])}, "distinct names"),
-        ({"names": np.array(["a", {}], object)}, "is not a file of fits"),
-        ({"fc2": good["fc2"][:1]}, r'"fc2" is \(1, 21, 21\), expected 2 by 21 by 21'),
-        ({"fc3": good["fc3"] * np.nan}, "not finite"),
-    ):
-        np.savez(path, **{key: value for key, value in {**good, **change}.items() if value is not None})
-        with pytest.raises(InputError, match=message):
-            read_fits(path)
-
-
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
 def test_a_damaged_file_is_reported_wherever_the_damage_is(tmp_path: Path, save: Callable[..., None]) -> None:
     path = tmp_path / "fits.npz"

@@ -119,26 +119,6 @@ def test_half_the_resolution_shows_means_of_the_mask(scenes: dict[str, Scene], m
             np.testing.assert_allclose(normals.vectors[row, column], total / np.linalg.norm(total), atol=1e-5)
 
 
-def test_what_changed_at_half_the_resolution_is_the_same_in_one_band_and_in_several(
-    scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene, odd = scenes["distant"], (slice(0, 121), slice(0, 97))
-    mask, random = scene.mask[odd], np.random.default_rng(1)
-    half = halving.halve(Capture(scene.image[odd], mask, scene.rig), NormalMap(scene.normals[odd], mask))[1]
-    turn = 0.1 * random.normal(size=(61, 49, 3)).astype(np.float32) * half.mask[..., None]
-    trust = -0.2 * half.mask.astype(np.float32)
-    mended = []
-    for rows in (256, 16):
-        monkeypatch.setattr(halving, "ROWS", rows)
-        mended.append(NormalMap(scene.normals[odd].astype(np.float32), mask))
-        halving.add_upsampled_changes(mended[-1], half, turn, trust)
-    whole, banded = mended
-    np.testing.assert_array_equal(banded.vectors, whole.vectors)
-    # The same of all pixels of the mask, up to its border.
-    np.testing.assert_allclose(whole.confidence[mask], 1 - 0.2 * halving.SURE, atol=1e-5)
-    assert not whole.confidence[~mask].any() and not whole.vectors[~mask].any()
-
-
 def glossy(scene: Scene) -> np.ndarray:
     half = DIRECTIONS + np.array([0, 0, 1])
     half /= np.linalg.norm(half, axis=1, keepdims=True)
