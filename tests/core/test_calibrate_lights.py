@@ -319,17 +319,6 @@ def test_a_mask_that_also_holds_the_stand() -> None:
         ball_from_mask(np.zeros((50, 50), bool), pixel_camera(50, 50))
 
 
-def test_sightings_that_do_not_fit_each_other() -> None:
-    scene = afar()
-    image = photograph(scene)
-    ball = find_balls(image, pixel_camera(*scene.size))[0]
-    spots = find_coloured_highlights(taken(image), ball)
-    with pytest.raises(InputError, match="same number of lights"):
-        find_lights([Sighting(ball, spots), Sighting(ball, spots[:2])])
-    with pytest.raises(InputError, match="give at least one"):
-        find_lights([])
-
-
 # --- photographs ------------------------------------------------------------------------------------------------------
 
 

@@ -262,14 +262,6 @@ def test_changing_one_range_leaves_the_other_numbers() -> None:
         np.testing.assert_array_equal(getattr(before, name), getattr(after, name), err_msg=name)
 
 
-def test_every_draw_makes_a_capture(coloured: Sample) -> None:
-    rng = generator(9)
-    for _ in range(60):
-        capture = taken(coloured, CaptureModel().draw(rng))
-        assert capture.image.dtype == np.float32 and capture.image.min() >= 0 and capture.image.max() <= 1
-        assert np.isfinite(capture.rig.unmixed(capture.image)).all()
-
-
 def test_without_light_there_is_no_photograph(white: Sample) -> None:
     with pytest.raises(InputError, match="the photo is black inside the mask; were the lights on"):
         taken(replace(white, lights=np.zeros_like(white.lights)), ideal())

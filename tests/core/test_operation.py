@@ -233,16 +233,3 @@ def test_commands_of_one_group_stand_together() -> None:
     assert "taste it" in listed and "smell" not in listed
     with pytest.raises(InputError, match="required: TEST"):
         parser.parse_args(["evaluate"])
-
-
-def test_help_shows_choices_and_defaults_and_leaves_out_what_has_no_help() -> None:
-    verbs = Parser().add_subparsers()
-    add_operation(verbs, Parser(add_help=False), Grind)
-    text = " ".join(verbs.choices["grind"].format_help().split())
-    assert "of the grains (default: 0.5)" in text and "between the stones (default: 0)" in text
-    rest, mill = text.split("the mill:")
-    assert "--output OUTPUT" in rest and "--stones STONES a millstone; may be repeated --gap GAP" in mill
-    assert "how they were roasted: light or dark (bitter) (default: light)" in text
-    assert "goes round (default: until it is empty)" in text and "a spring; may be repeated --slow" in text
-    assert "in a row; may be repeated (default: 3, 5)" in text and "--crank" not in text
-    assert on_the_command_line("a", "-o", "bag", "--crank", "x", "--sieves", "7")["given"]["sieves"] == (7,)

@@ -183,14 +183,6 @@ def test_the_command_bakes_what_the_photos_show(table: Table) -> None:
     assert "side0" in (table / "report.html").read_text()
 
 
-def test_what_no_photo_shows_is_filled(table: Table) -> None:
-    """The four sides look from below; the sphere is one island."""
-    words = table.run("--space", "tangent", "--fill", "--coverage", table / "seen", "--json", table / "figures.json")
-    figures = json.loads((table / "figures.json").read_text())
-    assert figures["filled"] > 0.1 and figures["seen"] + figures["filled"] == pytest.approx(1, abs=1e-3)
-    assert f"{figures['filled']:.1%} filled" in words and (table / "seen/texture.png").is_file()
-
-
 def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     """Only those whose photo, camera, rig, mask, mesh or model changed; the texture is the same as without."""
     table.run()
