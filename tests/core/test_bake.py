@@ -278,11 +278,6 @@ def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
     ]:
         with pytest.raises(InputError, match=said):
             bake_normals(mesh, *arguments)
-    for settings, said in [
-        ({"space": "world"}, "tangent or object"),
-    ]:
-        with pytest.raises(InputError, match=said):
-            bake_normals(mesh, [view], **settings)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="camera is 64 x 64 but its normal map is 32 x 16"):
         View(camera_looking((0, 0, 1), size=64), NormalMap(np.ones((16, 32, 3)), np.ones((16, 32), bool)))
     speck = Mesh(mesh.vertices, mesh.triangles, mesh.corner_normals, 1e-3 * mesh.uvs)

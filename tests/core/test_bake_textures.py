@@ -43,8 +43,7 @@ def test_a_mesh_of_other_axes_and_unit_is_placed_by_options(bench: Bench) -> Non
     write_mesh(bench / "m.npz", mesh)
     normals = mesh.corner_normals @ to_file.T / 100
     write_mesh(
-        bench / "f.npz",
-        replace(mesh, vertices=mesh.vertices @ to_file.T, corner_normals=normals, given_tangents=None),
+        bench / "f.npz", replace(mesh, vertices=mesh.vertices @ to_file.T, corner_normals=normals, given_tangents=None)
     )
     how = "--space", "tangent", "--size", "32x16", "--mesh"
     bench.run(*how, bench / "m.npz", output="m.png")

@@ -20,11 +20,10 @@ from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.capture import decode
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.rig import LightRig, near_rig, read_rig, write_lp, write_rig
+from mpsnet_core.scene.rig import LightRig, read_rig, write_lp, write_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
@@ -240,19 +239,6 @@ def test_a_camera_without_colours_calibrates_both_ways(photos: Path, tmp_path: P
     assert np.count_nonzero(mixing) == 3 and (np.diag(mixing) > 0.2).all()
 
 
-@pytest.mark.parametrize("where", [["--card", "--circle", "130,105,9"], ["--circle", CIRCLE]], ids=["card", "ball"])
-def test_a_photo_of_one_light_is_read_once(
-    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: list[str]
-) -> None:
-    """Camera raw takes seconds to develop."""
-    read: list[Path] = []
-    monkeypatch.setattr(decode, "read_image", lambda file, **how: (read.append(file), read_image(file, **how))[1])
-    files = [photos / f"grey{light}.exr" for light in range(3)]
-    given = [*map(str, files), "--rig", str(photos / "rig.json"), *where, "-o", str(tmp_path / "mixed.json")]
-    assert main(["calibrate", "mixing", *given]) == 0
-    assert read == files
-
-
 @pytest.mark.parametrize("card", [False, True])
 def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card: bool) -> None:
     files = [str(photos / f"grey{light}.exr") for light in range(3)]
@@ -358,36 +344,6 @@ def test_bad_input_gets_one_sentence(
     options, words = case
     sentence = said(verb, options)
     assert re.search(".*".join(re.escape(part.strip()) for part in words.split("…")), sentence), sentence
-
-
-def test_near_lights_and_the_ball_that_they_light_have_one_unit(photos: Path, tmp_path: Path) -> None:
-    """A grey ball of radius 0.12 before a lens, a tenth of whose distance its lamps are away, traced by hand."""
-    middle, radius, focal, size = np.array([0.02, -0.01, -0.9]), 0.12, 500.0, 300
-    places = middle + 0.5 * FACING
-    x, y = np.meshgrid(np.arange(size) + 0.5 - size / 2, size / 2 - 0.5 - np.arange(size))
-    rays = np.stack([x, y, np.full_like(x, -focal)], axis=-1)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    along = rays @ middle
-    root = along**2 - middle @ middle + radius**2
-    points = rays * (along - np.sqrt(np.maximum(root, 0)))[..., None]
-    normals = (points - middle) / radius
-    shares = []
-    for place in places:
-        towards = place - points
-        distance = np.linalg.norm(towards, axis=-1)
-        shares.append(np.maximum((normals * towards).sum(axis=-1) / distance, 0) * (0.5 / distance) ** 2)
-    light = np.where(root[..., None] > 0, np.stack(shares, axis=-1) @ CROSSTALK.T, 0)
-    grey = write_file(tmp_path / "near.exr", light, "float")
-    write_camera(tmp_path / "camera.json", Camera("perspective", size, size, np.array([focal, focal])))
-    write_rig(tmp_path / "near.json", near_rig(places, middle))
-    command = ["calibrate", "mixing", grey, "--rig", tmp_path / "near.json", "--camera", tmp_path / "camera.json"]
-    assert main([*map(str, command), "--radius", "0.12", "-o", str(tmp_path / "mixed.json")]) == 0
-    mixed = read_rig(tmp_path / "mixed.json")
-    assert mixed.near is not None
-    np.testing.assert_allclose(mixed.mixing, CROSSTALK, atol=0.01)
-    with contextlib.redirect_stderr(io.StringIO()) as told:
-        assert main([*map(str, command), "-o", str(tmp_path / "again.json")]) == 2
-    assert "its size counts; give --radius" in told.getvalue()
 
 
 def test_a_mixing_that_is_written_over_is_reported(photos: Path, tmp_path: Path) -> None:

@@ -9,12 +9,7 @@ from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, la
 from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.calibrate.ball import (
-    Circle,
-    ball_from_circle,
-    ball_from_mask,
-    fit_ball,
-)
+from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, fit_ball
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights
@@ -136,17 +131,6 @@ def test_directions_in_perspective(middle: Sequence[float], radius: float) -> No
     assert found.sightings[0].ball.centre == pytest.approx(middle, abs=0.003)
     # Taken as far away, the same photo misleads by the angle at which the ball is seen.
     assert degrees_between(lights_of(image, pixel_camera(*scene.size)).directions, FACING).min() > 4
-
-
-def test_an_outline_in_perspective_is_the_ellipse_that_the_formulas_give() -> None:
-    """The outline's points are where rays touch the ball: their distance from its middle is the radius."""
-    camera = Camera("perspective", 400, 300, (500.0, 500.0))
-    radius = 0.2
-    ball = fit_ball(ball_from_circle(Circle(378, 78, 74), camera, radius).outline(), camera, radius)
-    for x, y in ball.outline()[::20]:
-        ray = np.array([(x - 200) / 500, (150 - y) / 500, -1.0])
-        ray /= np.linalg.norm(ray)
-        assert np.linalg.norm(np.cross(ray, ball.centre)) == pytest.approx(radius, rel=1e-6)
 
 
 def near_scene(distance: float = 0.8) -> tuple[Scene, np.ndarray]:

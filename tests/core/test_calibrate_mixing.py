@@ -11,12 +11,7 @@ from synthetic import degrees_between
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.calibrate.circles import find_balls
-from mpsnet_core.calibrate.mixing import (
-    equation_2_error,
-    mixing_from_ball,
-    mixing_from_ball_by_light,
-    mixing_from_card,
-)
+from mpsnet_core.calibrate.mixing import equation_2_error, mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_reading import read_image, read_mask

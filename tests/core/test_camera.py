@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bad_input import gets_one_clear_sentence
 
-from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera, write_camera
+from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 
 # Looks along world -x from (5, 2, 1): camera x is world y, camera y is world z, camera z is world x.
 SIDEWAYS = np.array([[0, 0, 1, 5], [1, 0, 0, 2], [0, 1, 0, 1], [0, 0, 0, 1.0]])
@@ -29,12 +29,6 @@ def test_orthographic_pixels_do_not_depend_on_depth_and_rows_count_down() -> Non
         assert project(camera, [depth, 2 + 1.5, 1 + 0.25]) == pytest.approx([30 + 15, 16 - 5])
 
 
-def test_perspective_shrinks_with_distance() -> None:
-    camera = Camera("perspective", 64, 32, (100, 50), (30, 16), SIDEWAYS)
-    assert project(camera, [5 - 4, 2 + 1, 1 + 1]) == pytest.approx([30 + 25, 16 - 12.5])
-    assert project(camera, [5 - 8, 2 + 1, 1 + 1]) == pytest.approx([30 + 12.5, 16 - 6.25])
-
-
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 def test_rays_go_through_the_pixels_they_were_asked_for(projection: str) -> None:
     camera = Camera(projection, 64, 48, (80, 90), (31, 20), SIDEWAYS)
@@ -51,11 +45,6 @@ def test_depth_is_measured_along_the_axis() -> None:
     camera = Camera("perspective", 64, 48, (80, 90), None, SIDEWAYS)
     assert camera.depth_row() @ [1, 7, 9, 1] == pytest.approx(4)
     assert camera.depth_row() @ [6, 0, 0, 1] == pytest.approx(-1)
-
-
-@pytest.mark.parametrize(("width", "height"), [(300, 200), (200, 300)])
-def test_a_lens_has_the_focal_length_that_it_was_made_of(width: int, height: int) -> None:
-    assert camera_of_lens(85, width, height).focal_35mm == pytest.approx(85)
 
 
 def test_a_camera_file_gives_the_camera_back(tmp_path: Path) -> None:

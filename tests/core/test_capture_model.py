@@ -252,16 +252,6 @@ def test_a_mask_is_off_by_its_error(pixels: int) -> None:
     assert np.sqrt(mask.sum() / np.pi) == pytest.approx(40 + pixels, abs=0.2 * abs(pixels))
 
 
-def test_changing_one_range_leaves_the_other_numbers() -> None:
-    changed = replace(CaptureModel(), blur=(5.0, 5.0), full_well=(np.inf, np.inf), crosstalk=(0.0, 0.0), jpeg=0.0)
-    changed = replace(changed, bits=(16,), jpeg_quality=(80, 80), srgb=1.0, grain=1.0)
-    before, after = CaptureModel().draw(generator(8)), changed.draw(generator(8))
-    assert (after.blur, after.bits, after.srgb) == (5.0, 16, True)
-    assert before.grain == 0 and 0.01 <= after.grain <= 0.2
-    for name in ("colours", "direction_errors", "exposure", "read_noise", "mask_error", "noise_seed"):
-        np.testing.assert_array_equal(getattr(before, name), getattr(after, name), err_msg=name)
-
-
 def test_without_light_there_is_no_photograph(white: Sample) -> None:
     with pytest.raises(InputError, match="the photo is black inside the mask; were the lights on"):
         taken(replace(white, lights=np.zeros_like(white.lights)), ideal())

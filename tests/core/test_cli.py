@@ -155,25 +155,6 @@ def test_an_unknown_verb_gets_those_that_the_help_lists(mpsnet: Mpsnet) -> None:
     assert offered == listed and "estimate" in listed and "job" not in listed
 
 
-def test_evaluate_reports_rows_skipped_objects_and_progress(tmp_path: Path, mpsnet: Mpsnet) -> None:
-    diligent_object(tmp_path / "pmsData", "ball")
-    report, rows = tmp_path / "report.html", tmp_path / "rows.json"
-    done = mpsnet(
-        *("evaluate", "diligent", tmp_path / "pmsData", "--lights", "1,2,3", "--lights", "3,2,1"),
-        *("--protocol", "white", "--model", "lambertian", "--model", "lambertian-grey-world"),
-        *("--json", rows, "-o", report, "--progress", "json"),
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    told, last = events(done.stdout)
-    assert told == sorted(told) and told[-1] == 1
-    assert json.loads(rows.read_text())["rows"] == last["result"]["rows"]
-    assert [(row["lights"], row["model"]) for row in last["result"]["rows"]] == [
-        (lights, model) for lights in ([1, 2, 3], [3, 2, 1]) for model in ("lambertian", "lambertian-grey-world")
-    ]
-    assert "cat" in last["result"]["skipped"][0]
-    assert report.stat().st_size > 10_000
-
-
 # Runs the command line where the library that photos are read with cannot be loaded, or stops the process meanwhile.
 LOADING = """
 import os, signal, sys

@@ -6,15 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from colmap_files import (
-    SIZE,
-    TEXT_CAMERAS,
-    TRANSLATION,
-    binary_cameras,
-    binary_images,
-    write_binary,
-    write_text,
-)
+from colmap_files import SIZE, TEXT_CAMERAS, TRANSLATION, binary_cameras, binary_images, write_binary, write_text
 from photogrammetry_scene import POINTS, TURN, Array, opencv, refusal, seen
 
 from mpsnet_core.scene.photogrammetry import read_cameras

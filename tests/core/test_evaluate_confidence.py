@@ -66,11 +66,7 @@ def test_a_networks_confidence_is_reported(tmp_path: Path) -> None:
     nodes = [conv("x", "normals", "w"), conv("x", "confidence", "z")]
     model = write_model(tmp_path / "faces.onnx", nodes, weights, card(), outputs=outputs)
     test = EvaluateDiligent(
-        folder=tmp_path / "pmsData",
-        lights="1,2,3",
-        protocol="separated",
-        model=model,
-        output=tmp_path / "report.html",
+        folder=tmp_path / "pmsData", lights="1,2,3", protocol="separated", model=model, output=tmp_path / "report.html"
     )
     told = test.run()
     (row,), (calibration,) = told.rows, told.confidence

@@ -13,13 +13,7 @@ from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
-from mpsnet_core.scene.pictures import (
-    GAP,
-    TITLE_HEIGHT,
-    contact_sheet,
-    cropped,
-    error_picture,
-)
+from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, contact_sheet, cropped, error_picture
 
 
 def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:

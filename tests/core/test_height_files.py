@@ -99,10 +99,7 @@ def test_a_picture_that_another_program_wrote_again_is_read(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("name", "bits", "words"),
-    [
-        ("h.png", 8, "heights in 8 bits show steps"),
-        ("h.exr", 16, "heights in 16 bits show steps"),
-    ],
+    [("h.png", 8, "heights in 8 bits show steps"), ("h.exr", 16, "heights in 16 bits show steps")],
 )
 def test_what_cannot_be_written(tmp_path: Path, name: str, bits: int | None, words: str) -> None:
     with pytest.raises(InputError, match=words):

@@ -176,10 +176,7 @@ def brute_force(normals: NormalMap) -> np.ndarray:
         return abs(change(a, b) + change(b, e) - change(d, e) - change(a, d))
 
     for r, c in np.argwhere(mask):
-        for other, asked, loops in (
-            ((r, c + 1), -n_x, ((r - 1, c), (r, c))),
-            ((r + 1, c), n_y, ((r, c - 1), (r, c))),
-        ):
+        for other, asked, loops in (((r, c + 1), -n_x, ((r - 1, c), (r, c))), ((r + 1, c), n_y, ((r, c - 1), (r, c)))):
             if not inside(other):
                 continue
             trust = min(1 / (1 + (loose(*loop) / float(LOOSE)) ** 2) for loop in loops)

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from eight_views import bumpy_normals, smoothly_wrong, turn, unit
+from eight_views import bumpy_normals, smoothly_wrong, turn
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
-from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.bake.bake import View
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, find_levelling
 from mpsnet_core.scene.camera import Camera
@@ -125,14 +124,3 @@ def test_a_large_view_is_levelled_as_a_small_one() -> None:
     thinned = after(large.normals.vectors @ tilt.T, large)[1::3, 1::3]
     change = degrees_between(thinned, after(small.normals.vectors @ tilt.T, small))
     assert change[in_front(small)].max() < 0.2
-
-
-def test_rotations_are_what_they_say() -> None:
-    rng = np.random.default_rng(0)
-    vectors, axes = unit(rng.normal(size=(50, 3))), unit(rng.normal(size=(50, 3)))
-    degrees = rng.uniform(0, 179, 50)
-    expected = np.stack([turn(a, d) @ v for a, d, v in zip(axes, degrees, vectors, strict=True)])
-    turns = (axes * np.radians(degrees)[:, None]).astype(np.float32)
-    assert degrees_between(rotated(vectors.astype(np.float32), turns), expected).max() < 1e-2
-    there = rotation_between(vectors.astype(np.float32), expected.astype(np.float32))
-    assert degrees_between(rotated(vectors.astype(np.float32), there), expected).max() < 0.1

@@ -138,25 +138,6 @@ def test_patches_of_table_1_end_in_one_pixel(side: int) -> None:
         assert network(*inputs_of(network, side)).normals.shape == (2, 3)
 
 
-def test_dropout_takes_single_places_away_in_training_alone() -> None:
-    network = small("mpsnet", width=0.2)
-    seen: list[tuple[Tensor, Tensor]] = []
-    network.dropout.register_forward_hook(lambda module, given, out: seen.append((given[0], out)))
-    inputs = inputs_of(network, 5, count=20)
-    with torch.no_grad():
-        network(*inputs)
-        assert len(seen) == 2, "after conv3 and conv5"
-        assert all(torch.equal(given, out) for given, out in seen)
-        seen.clear()
-        network.train()(*inputs)
-    for given, out in seen:
-        gone = (out == 0) & (given != 0)
-        assert gone.float().mean() == pytest.approx(0.1, abs=0.01)
-        whole = gone.float().mean(dim=0)  # in training, values are stored place by place
-        assert not (whole == 1).any(), "no map is lost as a whole"
-        torch.testing.assert_close(out[~gone], given[~gone] / 0.9)
-
-
 @pytest.mark.parametrize("normals", [True, False])
 def test_the_form_that_multiplies_least_answers_as_the_layers_do(normals: bool) -> None:
     network = small("mpsnet", width=0.1, normals=normals)

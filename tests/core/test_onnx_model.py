@@ -102,24 +102,6 @@ def test_tiled_and_untiled_agree(tmp_path: Path, odd: Capture, network, halo: in
     assert np.ptp(untiled.vectors[odd.mask], axis=0).min() > 0.1
 
 
-@pytest.mark.parametrize(("network", "halo"), NETWORKS)
-def test_the_network_sees_the_masks_box(tmp_path: Path, odd: Capture, network, halo: int) -> None:
-    """The same network run by hand on the features of the mask's bounding box."""
-    path = network(tmp_path / "n.onnx", halo)
-    rows, columns = (slice(np.flatnonzero(o)[0], np.flatnonzero(o)[-1] + 1) for o in (odd.mask.any(1), odd.mask.any(0)))
-    names = ["photo", "initial_normals_grey_world"] if network is plain else ["initial_normals"]
-    maps = feature_maps(odd, names)
-    box = np.concatenate([maps[name] for name in names])[:, rows, columns]
-    grain = 1 if network is plain else 4
-    box = np.pad(box, [(0, 0), (0, -box.shape[1] % grain), (0, -box.shape[2] % grain)])
-    (answer,) = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"]).run(None, {"x": box[None]})
-    by_hand = np.zeros((*odd.mask.shape, 3), np.float32)
-    size = rows.stop - rows.start, columns.stop - columns.start
-    by_hand[rows, columns] = answer[0].transpose(1, 2, 0)[: size[0], : size[1]]
-    expected = np.where(odd.mask[..., None], normalised(by_hand), 0)
-    assert difference(estimate_normals(odd, path).vectors, expected) < 1e-4
-
-
 def test_patches_are_centred_and_zero_outside_the_mask(tmp_path: Path) -> None:
     """Against loops over every pixel; more pixels than one batch holds."""
     capture, side = shaded_sphere(49).capture(), 5

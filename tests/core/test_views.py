@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eight_views import CORNERS, all_levelled, outcome, shot, sphere_texels, turn, wrong_views
+from eight_views import CORNERS, all_levelled, outcome, shot, sphere_texels, wrong_views
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
@@ -33,7 +33,7 @@ from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_encoding import read_vectors
-from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
+from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
@@ -330,17 +330,6 @@ def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
     assert saturated.startswith("view side2: ") and saturated.endswith("[clipped-photo]")
 
 
-def test_a_photo_whose_shading_is_that_of_linear_values_is_reported(table: Table) -> None:
-    """As a raw converter's TIFF is: without a word about its curve, read as sRGB."""
-    for number in range(4):
-        photo = table / "photos" / f"side{number}.exr"
-        pixels = read_image(photo).pixels
-        photo.unlink()
-        write_file(photo.with_suffix(".tif"), np.clip(pixels, 0, 1), "uint16")
-    assert "side0.tif does not state its colour encoding" in table.notes()
-    assert "does not say" not in table.notes("--encoding", "linear")
-
-
 def test_passes_are_chosen(table: Table) -> None:
     """By what is kept: a network with other passes is another model, and equation 2 has none."""
     network = ["--model", "multiscale", "--keep", table / "kept"]
@@ -489,25 +478,6 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(table: Table, case: str)
     with pytest.raises(InputError, match=said):
         table.run(*arguments)
     assert listing(table.folder) == before
-
-
-def test_bake_levels_when_asked(table: Table) -> None:
-    """A tilted normal map, baked as it is and levelled."""
-    camera = camera_looking((1, 0.2, 0.3), size=96)
-    view = sphere_view(camera)
-    write_camera(table / "camera.json", camera)
-    tilted = NormalMap(view.normals.vectors @ turn(np.array([1.0, 0, 0]), 10).T, view.normals.mask)
-    write_normals(table / "tilted.png", tilted)
-    texels = sphere_texels(64)
-    errors = []
-    for level in ("off", "on"):
-        good = ["--mesh", table / "mesh.npz", "--view", f"{table / 'camera.json'}={table / 'tilted.png'}"]
-        good += ["--size", "64", "--space", "object", "--level", level, "-o", table / "texture.png"]
-        with contextlib.redirect_stdout(io.StringIO()):
-            assert main(["bake", *map(str, good)]) == 0
-        ahead = texels.points @ camera.rotation[:, 2] > 0.5
-        errors.append(degrees_between(table.texture()[texels.row, texels.column], texels.points)[ahead].mean())
-    assert errors[0] > 6 and errors[1] < 0.7
 
 
 def test_near_lights_in_the_world_are_where_each_camera_sees_them(tmp_path: Path) -> None:
@@ -718,27 +688,3 @@ def test_views_that_do_not_belong_together_are_reported(table: Table) -> None:
     write_rig(table / "wrong.json", LightRig(lights[[1, 2, 0]]))
     assert "belong together" in table.notes("--rig", table / "wrong.json")
     assert "belong together" not in table.notes()
-
-
-def test_a_preset_names_the_texture_and_detail_goes_on_top_of_a_map(table: Table) -> None:
-    """Of all views together: where none sees, the existing map stays as it is."""
-    v, u = np.mgrid[:64, :64] / 64 * 2 * np.pi
-    waves = np.stack([0.4 * np.sin(u), 0.3 * np.cos(v), np.ones_like(u)], -1)
-    waves /= np.linalg.norm(waves, axis=-1, keepdims=True)
-    (table / "out").mkdir()
-    preset = ["--space", "tangent", "--preset", "unreal", "-o", table / "out", "--progress", "none"]
-    table.run(*preset)
-    (written,) = (table / "out").iterdir()
-    assert written.name == "T_mesh_N.png"
-    detail = normalised(read_vectors(written, "directx")[0])
-    map_file = write_file(table / "map.png", 0.5 + 0.5 * waves, "uint16")
-    table.run(*preset, "--onto", map_file, "--onto-shown", "no")
-    laid = normalised(read_vectors(written, "directx")[0])
-    flat = degrees_between(detail, np.array([0, 0, 1.0])) < 0.01
-    assert 0.03 < flat.mean() < 0.7
-    assert degrees_between(laid, waves)[flat].max() < 0.05
-    assert degrees_between(laid, waves)[~flat].mean() == pytest.approx(
-        degrees_between(detail, np.array([0, 0, 1.0]))[~flat].mean(), rel=0.05
-    )
-    with pytest.raises(InputError, match="would overwrite"):
-        table.run("--space", "tangent", "--onto", map_file, "-o", map_file)
