@@ -82,6 +82,7 @@ def pooled(path: Path, halo: int) -> Path:
     weights = random_weights(2, a=(8, 3, 3, 3), b=(8, 8, 5, 5), c=(3, 8, 3, 3))
     nodes = [
         conv("x", "h1", "a", pads=[1] * 4),
+        helper.make_node("MaxPool", ["h1"], ["h2"], kernel_shape=[2, 2], strides=[2, 2]),
         helper.make_node("AveragePool", ["h2"], ["h3"], kernel_shape=[2, 2], strides=[2, 2]),
         conv("h3", "h4", "b", pads=[2] * 4),
         helper.make_node("Resize", ["h4", "", "s"], ["h5"], mode="linear", coordinate_transformation_mode="half_pixel"),
@@ -323,7 +324,6 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
         ("a patch of another size", use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))), "m.onnx…7, 7]"),
         ("no output called normals", use(dense("depth")), 'm.onnx…no output called "normals"'),
         ("four channels out", use(dense(answers=4)), 'm.onnx…output "normals" is (1, 4,…expected (1, 3,'),
-        (use(dense(nodes=[conv("x", "normals", "w", strides=[2, 2])])), 'output "normals" is (1, 3, 8, 8), expected'),
         (
             "patches that give too much",
             use(lambda path: pass_through(path, card(kind="patch", patch=3), inputs={"x": ("n", 3, 3, 3)})),
