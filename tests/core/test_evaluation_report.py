@@ -13,7 +13,7 @@ from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
-from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, contact_sheet, cropped, error_picture
+from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, cropped, error_picture
 
 
 def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:
@@ -24,15 +24,6 @@ def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> Non
         ["lambertian", "white", "6.33", "11.75", "9.94"],
         ["ours", "white", "-", "4.00", "4.00"],
     ]
-
-
-def test_a_sheet_holds_every_tile_whole() -> None:
-    tiles = [(name, np.full((20, width, 3), value, np.float32)) for name, width, value in
-             [("a", 20, 0.3), ("b", 40, 0.5), ("c", 10, 0.7)]]  # fmt: skip
-    picture = contact_sheet(tiles, columns=2, tile_height=40)
-    assert picture.shape == (2 * (40 + TITLE_HEIGHT + GAP) + GAP, 40 + 80 + 3 * GAP, 3)
-    for value, area in ((0.3, 40 * 40), (0.5, 40 * 80), (0.7, 40 * 20)):
-        assert (np.abs(picture - value) < 1e-3).all(axis=-1).sum() == pytest.approx(area, abs=20)
 
 
 def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:

@@ -1,7 +1,6 @@
 """Files appear whole or not at all, whatever stops the writing."""
 
 import contextlib
-import inspect
 import itertools
 import json
 import os
@@ -10,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType, SimpleNamespace
+from types import FrameType
 
 import pytest
 from synthetic import left_by, listing
@@ -28,7 +27,6 @@ from mpsnet_core.io.files import (
     write_json,
     write_transaction,
 )
-from mpsnet_core.uninterrupted import uninterrupted
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows flushes no folders")
@@ -123,30 +121,6 @@ def test_a_signal_at_any_time_leaves_all_files_old_or_all_new_and_no_litter(tmp_
         if ran_through == 300:
             break
     assert stopped > 300
-
-
-def test_a_signal_waits_for_what_is_marked_whatever_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also in a function that it calls; the signal comes again a moment later."""
-    waiting: list[object] = []
-    monkeypatch.setattr(
-        "mpsnet_core.cli.threading.Timer", lambda *given: SimpleNamespace(start=lambda: waiting.append(given))
-    )
-
-    def work() -> None:
-        _stop(signal.SIGTERM, inspect.currentframe())
-
-    def _remove() -> None:  # not marked
-        work()
-
-    @uninterrupted
-    def tidy() -> None:
-        work()
-
-    tidy()
-    assert len(waiting) == 1
-    with pytest.raises(KeyboardInterrupt):
-        _remove()
-    assert len(waiting) == 1
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")

@@ -135,10 +135,3 @@ def test_metal_is_coloured_where_plastic_is_not() -> None:
     )
     assert (plastic - black)[0] / (plastic - black)[1] == pytest.approx(9, rel=0.01)
     assert black[0] == black[1] == black[2]
-
-
-def test_numbers_out_of_range_are_held_at_its_ends() -> None:
-    wild = Material(metallic=-1.0, roughness=7.0, coat=-2.0, sheen=-1.0, specular=-0.5, ior=-3.0, base_color=(2, -1, 0))
-    tame = Material(metallic=0.0, roughness=1.0, specular=0.0, base_color=(1.0, 0.0, 0.0))
-    lights, views = hemisphere(100, 13), hemisphere(100, 14)
-    assert np.allclose(PrincipledBsdf(wild)(up(100), lights, views), PrincipledBsdf(tame)(up(100), lights, views))
