@@ -1,6 +1,6 @@
 """What many large photos cost beside their estimates, and the peak memory: 40 of 24 megapixels onto 8192 x 8192 texels.
 
-    PYTHONPATH=tests/core python tests/benchmarks/many_photos.py [--megapixels 24] [--size 8192]
+    PYTHONPATH=tests/core/made python tests/benchmarks/many_photos.py [--megapixels 24] [--size 8192]
 
 Estimating all of them takes long and shows nothing that one does not: a sphere looks the same from all sides, so one
 photo of it is estimated, as `mpsnet views` does it, and its normals on disk are those of every other view. What the

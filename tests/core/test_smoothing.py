@@ -119,13 +119,6 @@ def test_a_moving_edge_does_not_smear() -> None:
         assert after[wall].mean() < 0.5 * before[wall].mean()
 
 
-def test_a_plain_mean_fails_what_is_asked_here() -> None:
-    """The tests above can tell: with every frame weighed alike, edges smear."""
-    scenes = [ball(-0.3 + number * 4 * 2 / SIZE) for number in range(7)]
-    mean = NormalMap(np.mean([normals for normals, _ in scenes], axis=0), np.ones((SIZE, SIZE), bool))
-    assert error(mean, scenes[3][0]) > 3
-
-
 def test_confident_frames_count_more() -> None:
     image = photo(relief(), np.random.default_rng(1))
     inside = np.ones((SIZE, SIZE), bool)
@@ -170,13 +163,6 @@ def test_numbers_may_rise_by_more_than_one() -> None:
         np.testing.assert_array_equal(same.vectors, normals.vectors)
 
 
-def test_no_reach_leaves_normals_as_they_are() -> None:
-    shots = scene([relief()] * 3)
-    assert [(number, normals is shots[number].normals) for number, normals in smoothed(shots, 0)] == [
-        (0, True), (1, True), (2, True),
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("reach", [1, 3])
 def test_no_more_shots_are_asked_for_than_an_answer_needs(reach: int) -> None:
     asked = []
@@ -191,12 +177,6 @@ def test_no_more_shots_are_asked_for_than_an_answer_needs(reach: int) -> None:
         assert asked[-1] <= number + reach
         if number == 10:
             break
-
-
-@pytest.mark.parametrize("reach", [-1, 13])
-def test_a_reach_out_of_range_is_refused(reach: int) -> None:
-    with pytest.raises(InputError, match=f"smoothing over {reach} frames each way is out of range; choose 0 to 12"):
-        next(smoothed([], reach))
 
 
 def test_frames_of_two_sizes_are_refused() -> None:

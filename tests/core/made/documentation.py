@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).parents[2]
+PROJECT = Path(__file__).parents[3]
 # The pages that docs/generated_pages.py writes.
 GENERATED = {PROJECT / "docs" / "reference" / name for name in ("command_line.md", "python.md", "blender.md")}
 PAGES = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").rglob("*.md"))]
