@@ -2,10 +2,7 @@
 
 import itertools
 import math
-import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -385,35 +382,6 @@ def test_the_mean_of_the_weights_is_what_becomes_the_model(ball: Path, tmp_path:
     for ema, same_bits in ((0.0, True), (0.9, False)):
         mean, last = network_of(ema)
         assert all(torch.equal(mean[name], last[name]) for name in mean) == same_bits
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="PyTorch's wheels for Windows start no processes this way")
-def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
-    toml = tmp_path / "tiny.toml"
-    toml.write_text(
-        'name = "tiny"\ntitle = "a test"\nnetwork = "multiscale"\noptions = {widths = [4, 6, 8, 10]}\n'
-        "steps = 3\nbatch = 4\ncrop = 32\nwarm_up = 0\n"
-    )
-    model = tmp_path / "model.onnx"
-    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "--minutes", "9", "-o", model]
-    done = subprocess.run(
-        [sys.executable, *map(str, launcher + verb), "--threads", "1"],
-        capture_output=True,
-        text=True,
-        timeout=180,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == f"wrote {model}\n", "one of the two writes"
-    assert OnnxModel(model).card.name == "tiny"
-    assert read_checkpoint(tmp_path / "model.checkpoint").step == 3
-    assert sorted(file.name for file in tmp_path.iterdir()) == [
-        "model.checkpoint",
-        "model.onnx",
-        "model.packed",
-        "tiny.toml",
-    ]
 
 
 @pytest.mark.parametrize(
