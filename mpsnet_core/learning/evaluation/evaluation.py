@@ -18,7 +18,7 @@ from mpsnet_core.progress import Progress
 
 
 class Evaluation(ABC):
-    """A test: its photos, and the report of its results. Constructor arguments are the options of its operation, see
+    """A test: its photos, and the report of its results. Its constructor takes the operation, of
     :mod:`mpsnet_core.learning.evaluation.operations`.
 
     title: of the report. cases: functions that each make one photo. always: models that are always measured.

@@ -8,6 +8,7 @@ from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_meas
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
+from mpsnet_core.learning.evaluation.operations import EvaluateStatues
 from mpsnet_core.learning.evaluation.scenes import ideal_photograph
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.sample import Sample
@@ -28,25 +29,15 @@ class Statues(Evaluation):
 
     title = "Matt grey statues"
 
-    def __init__(
-        self,
-        meshes: Sequence[str],
-        *,
-        views: int,
-        slant: float,
-        tilts: Sequence[float],
-        bounces: int,
-        magnify: Sequence[int],
-        size: int,
-    ) -> None:
-        for tilt in tilts:
-            published_rig(slant, tilt)
-        self.bounces = bounces
+    def __init__(self, options: EvaluateStatues) -> None:
+        for tilt in options.tilt:
+            published_rig(options.slant, tilt)
+        self.bounces = options.bounces
         self.cases = [
-            partial(_case, view, slant, tilt, bounces, size, times)
-            for view in mesh_views(meshes, views)
-            for tilt in tilts
-            for times in magnify
+            partial(_case, view, options.slant, tilt, options.bounces, options.size, times)
+            for view in mesh_views(options.mesh, options.views)
+            for tilt in options.tilt
+            for times in options.magnify
         ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
