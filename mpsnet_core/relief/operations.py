@@ -304,7 +304,6 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 
     def _products(self) -> "dict[str, Product]":
         """The requested products by option. Raises InputError if there are none, or one cannot be made or written."""
-        from mpsnet_core.bake.texture_names import check_one_texture
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.frames import is_folder_or_pattern
         from mpsnet_core.relief.products import (
@@ -314,6 +313,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             OcclusionPicture,
             RelitPicture,
         )
+        from mpsnet_core.scene.texture_names import check_one_texture
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)

@@ -18,8 +18,6 @@ from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
 from mpsnet_core.arrays.unit_vectors import dot
-from mpsnet_core.bake.settings import check_texture
-from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
@@ -29,6 +27,7 @@ from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import Space, check_texture
 
 # Number of solves. Changes of height along a curved surface, and the trust in gradients, depend on the heights, which
 # are known from the second solve on. After the third, little changes.

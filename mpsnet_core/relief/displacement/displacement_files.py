@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
-from mpsnet_core.bake.texture import Space
-from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
 from mpsnet_core.io.image_reading import read_size
@@ -24,6 +21,9 @@ from mpsnet_core.relief.height_files import HeightFacts, HeightScale, height_fil
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_encoding import Convention, write_vectors
 from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.texture import Space
+from mpsnet_core.scene.texture_names import check_one_texture, split_by, texture_files
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 log = logging.getLogger(__name__)
 

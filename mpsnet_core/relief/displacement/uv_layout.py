@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
-from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.uv_islands import Islands, islands_of
 
 # Triangles below this fraction of the largest area are degenerate, apart from rounding.
 MIN_AREA = 1e-12
