@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from mpsnet_core.learning.evaluation.evaluation import Evaluation
 
 
+# The work is imported when it is done, and takes the operation.
+_HERE = "mpsnet_core.learning.evaluation"
+
 # Weights of a light's red, green and blue in a channel of the photo.
 PROTOCOLS = {"separated": "its own alone", "published": "5/9 its own, 2/9 each of the others", "white": "all alike"}
 
@@ -58,7 +61,7 @@ class MeasuresModels(Operation):
 
     def evaluation(self) -> "Evaluation":
         """The test. Raises InputError if its data is missing or an option is unusable."""
-        found: Evaluation = resolve_name(f"mpsnet_core.learning.evaluation.{self.test}")(self)
+        found: Evaluation = resolve_name(f"{_HERE}.{self.test}")(self)
         return found
 
     def run(self, progress: Progress = silent) -> Measured:
@@ -205,6 +208,5 @@ class EvaluatePatchSizes(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Train and measure the ten networks, and write rows and report if requested."""
-        from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
-
-        return evaluate_patch_sizes(self, progress)
+        made: Measured = resolve_name(f"{_HERE}.patch_sizes:evaluate_patch_sizes")(self, progress)
+        return made
