@@ -1,9 +1,8 @@
 """The operations ``integrate`` (products of a normal map) and ``material`` (a seamless material from a photo)."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
@@ -26,12 +25,10 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
 from mpsnet_core.operation import Operation, Result, option, settings
-from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.progress import Progress, silent
 
-if TYPE_CHECKING:
-    from mpsnet_core.capture.capture import Capture
-    from mpsnet_core.relief.displacement.displacement_files import HeightsOnUVs
-    from mpsnet_core.relief.products import SurfaceMade
+# The work is imported when it is done, and takes the operation.
+_HERE = "mpsnet_core.relief"
 
 # Options that apply to a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
@@ -44,7 +41,6 @@ _NEEDED = {
     **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
     **dict.fromkeys(("space", "base", "object_space", "scale", "mean", "margin"), "uvs"),
 }
-_ONE_SCALE = "give one of --width, --pixel-size or --ruler"
 
 
 @dataclass(frozen=True)
@@ -213,25 +209,14 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         help="whether the surface may break",
     )
 
-    def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
+    def run(self, progress: Progress = silent) -> Result:
         """Write the requested products, or the heights on a mesh's UVs."""
         self._check_together()
-        if self.uvs is None:
-            made: SurfaceMade = resolve_name("mpsnet_core.relief.products:make_products")(self, progress)
-            return made
-        if self.height is None:
+        if self.uvs and not self.height:
             raise SettingsError("--uvs makes heights; name their file with --height")
-        from mpsnet_core.relief.displacement.displacement_files import BakedNormals, HeightTarget, write_displacement
-
-        return write_displacement(
-            BakedNormals(self.normals, self.uvs, self.space, self.convention),
-            HeightTarget(self.height, self.object_space, self.height_bits, self.unit or "unit"),
-            base=self.base,
-            scale=self.scale,
-            mean=self.mean,
-            margin=self.margin,
-            progress=progress,
-        )
+        work = "displacement.displacement_files:write_displacement" if self.uvs else "products:make_products"
+        made: Result = resolve_name(f"{_HERE}.{work}")(self, progress)
+        return made
 
     def _check_together(self) -> None:
         """Raise SettingsError if an option is set that has no effect with the others."""
@@ -251,21 +236,6 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 
 
 @dataclass(frozen=True)
-class MaterialMade(Result):
-    """The textures of a flat material.
-
-    files: by content. width_mm, height_mm: size of the tile. relief_mm: depth of its relief. seam: the step of the
-    normals across the tile's border, divided by that between other neighbours.
-    """
-
-    files: dict[str, str]
-    width_mm: float
-    height_mm: float
-    relief_mm: float
-    seam: float
-
-
-@dataclass(frozen=True)
 class MeasuresPhoto(Operation):
     """The scale of the photo."""
 
@@ -282,21 +252,6 @@ class MeasuresPhoto(Operation):
         metavar="X1,Y1,X2,Y2=LENGTH",
         help="in place of --width, the distance between two places in pixels: 120,80,1620,95=50mm",
     )
-
-    def _scale(self) -> tuple[float, float | None]:
-        """A length in millimetres, and in pixels of the photo; None for the photo's width, which is not yet known."""
-        from mpsnet_core.relief.material.scale import millimetres, parse_ruler
-
-        if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
-            raise SettingsError(f"several options state the material's size; {_ONE_SCALE}")
-        if self.width is not None:
-            return millimetres(self.width), None
-        if self.pixel_size is not None:
-            return millimetres(self.pixel_size), 1.0
-        if self.ruler is not None:
-            ruler = parse_ruler(self.ruler)
-            return ruler.length_mm, ruler.pixels
-        raise SettingsError(f"no option states the material's size; {_ONE_SCALE}")
 
 
 @dataclass(frozen=True)
@@ -345,78 +300,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     name: str | None = option(default=None, help="prefix of the file names", unset="the photo's name")
     output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")
 
-    def run(self, progress: Progress = silent) -> MaterialMade:
+    def run(self, progress: Progress = silent) -> Result:
         """Write the material's textures into the folder."""
-        from mpsnet_core.io.files import check_no_overwrite, creatable_folder
-        from mpsnet_core.relief.material.material import check_material, flat_material
-        from mpsnet_core.relief.material.material_files import material_files, write_material
-        from mpsnet_core.relief.material.scale import parse_crop
-
-        check_material(self.size, self.overlap, self.bend)
-        crop = parse_crop(self.crop) if self.crop else None
-        length_mm, pixels = self._scale()
-        name = self._checked_name()
-        folder = creatable_folder(self.output, "material")
-        inputs = self.inputs(self.image, self.rig, self.camera, self.mesh)
-        check_no_overwrite(inputs, material_files(folder, name).values())
-        estimator = self.estimator()
-        progress(0.0, f"reading {Path(self.image).name}")
-        capture, pixel_mm = self._capture(length_mm, pixels, crop)
-        material = flat_material(
-            capture,
-            estimator(capture, part(progress, 0.05, 0.5)),
-            pixel_mm,
-            size=self.size,
-            overlap=self.overlap,
-            bend=self.bend,
-            grey=self.grey,
-            progress=part(progress, 0.5, 0.85),
-        )
-        progress(0.85, f"writing {folder.name}")
-        files = write_material(folder, name, material, convention=self.convention)
-        progress(1.0, "done")
-        rows, columns = material.height.shape
-        deep, seam = float(material.height.max()) - float(material.height.min()), material.seam.border[0]
-        size = f"{material.width_mm:.4g} x {material.height_mm:.4g} mm"
-        return MaterialMade(
-            {what: str(file) for what, file in files.items()},
-            material.width_mm,
-            material.height_mm,
-            deep,
-            seam,
-            text=f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {deep:.3g} mm deep; "
-            f"{_repeats(material.tiling.correlation)}; seam {seam:.2f}, where 1 is none",
-        )
-
-    def _checked_name(self) -> str:
-        """The prefix of the file names. Raises SettingsError if name or folder is invalid."""
-        from mpsnet_core.io.files import IMAGE_SUFFIXES
-
-        name = Path(self.image).stem if self.name is None else self.name
-        if Path(name).name != name:
-            raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
-        if Path(self.output).suffix.lower() in IMAGE_SUFFIXES:
-            raise SettingsError(f"--output {self.output} looks like an image file; give a folder for all of them")
-        return name
-
-    def _capture(
-        self, length_mm: float, pixels: float | None, crop: tuple[int, int, int, int] | None
-    ) -> "tuple[Capture, float]":
-        """The part of the photo to use, and the size of a pixel in millimetres."""
-        from mpsnet_core.capture.masks import ALPHA_OR_NONE
-        from mpsnet_core.capture.open import open_captures
-        from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.relief.material.material import crop_to_filled_part
-        from mpsnet_core.relief.material.scale import parse_ruler
-
-        [capture] = open_captures([self.source(self.image, self.rig, ALPHA_OR_NONE)], self.read_options())
-        with prefix_errors(self.image):
-            height, width = capture.mask.shape
-            if self.ruler:
-                parse_ruler(self.ruler).check_within(height, width)
-            return crop_to_filled_part(capture, crop), length_mm / (pixels or width)
-
-
-def _repeats(correlation: tuple[float | None, float | None]) -> str:
-    repeats = [f"{share:.0%} alike {way}" for share, way in zip(correlation, ("across", "down"), strict=True) if share]
-    return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"
+        made: Result = resolve_name(f"{_HERE}.material.material_files:make_material")(self, progress)
+        return made
