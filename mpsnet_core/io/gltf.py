@@ -366,5 +366,4 @@ def _triangles(order: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     if mode != FAN:
         raise ValueError(f"mode {mode}")
     first = np.arange(max(len(order) - 2, 0))
-    fan: NDArray[np.int64] = order[np.stack([first + 1, first + 2, 0 * first], axis=1)]
-    return fan
+    return order[np.stack([first + 1, first + 2, 0 * first], axis=1)]

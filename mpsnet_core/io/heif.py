@@ -66,8 +66,7 @@ class HeifReader:
 
     def read_image(self, _: int, __: int, first: int, end: int, kind: Any) -> NDArray[Any]:
         """(H, W, end - first) stored values."""
-        values: NDArray[Any] = self._values[..., first:end]
-        return values
+        return self._values[..., first:end]
 
     def format_name(self) -> str:
         """As for OpenImageIO's readers."""

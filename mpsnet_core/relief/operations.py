@@ -215,8 +215,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         if self.uvs and not self.height:
             raise SettingsError("--uvs makes heights; name their file with --height")
         work = "displacement.displacement_files:write_displacement" if self.uvs else "products:make_products"
-        made: Result = resolve_name(f"{_HERE}.{work}")(self, progress)
-        return made
+        return resolve_name(f"{_HERE}.{work}")(self, progress)
 
     def _check_together(self) -> None:
         """Raise SettingsError if an option is set that has no effect with the others."""
@@ -302,5 +301,4 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> Result:
         """Write the material's textures into the folder."""
-        made: Result = resolve_name(f"{_HERE}.material.material_files:make_material")(self, progress)
-        return made
+        return resolve_name(f"{_HERE}.material.material_files:make_material")(self, progress)

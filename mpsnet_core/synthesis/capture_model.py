@@ -228,16 +228,14 @@ def blur_weights(sigma: float) -> NDArray[np.float32]:
     frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
     half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
     weights = np.concatenate([half[:0:-1], half])
-    normalised_weights: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)
-    return normalised_weights
+    return (weights / weights.sum()).astype(np.float32)
 
 
 def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
     across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
     angle = np.linalg.norm(across, axis=1, keepdims=True)
-    result: NDArray[np.float64] = np.cos(angle) * directions + np.sin(angle) * normalised(across)
-    return result
+    return np.cos(angle) * directions + np.sin(angle) * normalised(across)
 
 
 def _overlap(rng: np.random.Generator, limits: Range, shares: Range) -> NDArray[np.float64]:

@@ -61,8 +61,7 @@ class MeasuresModels(Operation):
 
     def evaluation(self) -> "Evaluation":
         """The test. Raises InputError if its data is missing or an option is unusable."""
-        found: Evaluation = resolve_name(f"{_HERE}.{self.test}")(self)
-        return found
+        return resolve_name(f"{_HERE}.{self.test}")(self)
 
     def run(self, progress: Progress = silent) -> Measured:
         """Run the test, and write rows and report if requested."""
@@ -208,5 +207,4 @@ class EvaluatePatchSizes(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Train and measure the ten networks, and write rows and report if requested."""
-        made: Measured = resolve_name(f"{_HERE}.patch_sizes:evaluate_patch_sizes")(self, progress)
-        return made
+        return resolve_name(f"{_HERE}.patch_sizes:evaluate_patch_sizes")(self, progress)

@@ -8,10 +8,9 @@ import numpy as np
 
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.measure import Case, Row
-from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.operations import EvaluateRendered
 from mpsnet_core.learning.evaluation.published import FIGURE_6
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, ideal_photograph
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, MeshView, ideal_photograph, mesh_views
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import material_names

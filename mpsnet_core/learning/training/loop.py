@@ -4,7 +4,11 @@ import hashlib
 import logging
 import math
 import platform
+import signal
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,10 +29,30 @@ from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
-from mpsnet_core.learning.training.signals import delay_signals
 from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
+
+
+@contextmanager
+def delay_signals() -> Iterator[None]:
+    """Hold back the signals that stop the process (Ctrl-C, SIGTERM, SIGBREAK) until the block is done."""
+    received: list[int] = []
+    handlers = {}
+    # Other threads receive no signals and may not set handlers. A handler not set from Python cannot be restored.
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not None:
+                handlers[number] = signal.signal(number, lambda number, frame: received.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number in received:
+        signal.raise_signal(number)
+
 
 log = logging.getLogger(__name__)
 

@@ -382,35 +382,19 @@ def _cut(whole: Scale, size: int, rng: np.random.Generator) -> Scale:
 # --- the camera -------------------------------------------------------------------------------------------------------
 
 
-class _Draws(NamedTuple):
-    """Capture draws of N examples, as tensors (N, ...)."""
-
-    known_mixing: Tensor
-    exposure: Tensor
-    highlights: Tensor
-    full_well: Tensor
-    read_noise: Tensor
-    bits: Tensor
-    srgb: Tensor
-    jpeg_quality: Tensor
-    halved_chroma: Tensor
-    blur: Tensor
-    mosaic: Tensor
-    mask_error: Tensor
-    white: Tensor
-    exact: Tensor
+class _Draws(dict[str, Tensor]):
+    """Capture draws of N examples, as tensors (N, ...), by the names of :class:`CaptureDraw`."""
 
     @classmethod
     def of(cls, draws: Sequence[CaptureDraw], device: torch.device) -> "_Draws":
-        return cls(
-            *(
-                torch.tensor(np.array([getattr(draw, name) for draw in draws]).astype(np.float32), device=device)
-                for name in cls._fields
-            )
-        )
+        columns = {name: np.array([vars(draw)[name] for draw in draws], np.float32) for name in vars(draws[0])}
+        return cls({name: torch.tensor(values, device=device) for name, values in columns.items()})
+
+    def __getattr__(self, name: str) -> Tensor:
+        return self[name]
 
     def subset(self, which: Tensor | Sequence[int]) -> "_Draws":
-        return _Draws(*(values[which] for values in self))
+        return _Draws({name: values[which] for name, values in self.items()})
 
 
 def _photos(draw: CaptureDraw) -> tuple[slice, ...]:
@@ -496,8 +480,7 @@ def _normalise_by_white_photo(
         torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
     )
     factors = torch.where(valid, albedo.mean(dim=0) / albedo, mean_factors[:, None, None])
-    grey: Tensor = torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
-    return grey
+    return torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
 
 
 def _known(mask: Tensor, error: Tensor, finer: Tensor) -> Tensor:

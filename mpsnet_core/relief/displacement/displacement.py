@@ -182,8 +182,7 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
         return np.zeros(len(areas), np.float32)
     broadest = float(scale * np.linalg.norm(np.ptp(own.mesh.world_vertices, axis=0)) / (2 * np.pi))
     width = np.where(seen > 0, broadest, min(_fade(own, areas), broadest))
-    hold_weights: NDArray[np.float32] = (areas / width**2).astype(np.float32)
-    return hold_weights
+    return (areas / width**2).astype(np.float32)
 
 
 def _solved(
@@ -250,8 +249,7 @@ def _trust(
     are trusted, however steep they are. steps: (N,) distance between texels in world units.
     """
     apart = (heights[graph.neighbours[:2]] - heights - np.stack([right, below])) * (graph.weights[:2] > 0) / steps
-    trust: NDArray[np.float32] = np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
-    return trust
+    return np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
 
 
 def _gradient(
@@ -277,8 +275,7 @@ def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]
     of_island = connected(count, *graph.islands[graph.ties].T.astype(np.int64))
     surface = of_island[graph.islands]
     sums = np.bincount(surface, values * areas, count) / np.maximum(np.bincount(surface, areas, count), 1e-300)
-    means: NDArray[np.float32] = sums[surface].astype(np.float32)
-    return means
+    return sums[surface].astype(np.float32)
 
 
 def _with_margin(

@@ -171,8 +171,7 @@ def _from_tangent_space(
 ) -> NDArray[np.float64]:
     """(h, S, 3) tangent-space `vectors` in object space, not normalised."""
     x, y, z = np.moveaxis(vectors, -1, 0)[..., None]
-    found: NDArray[np.float64] = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
-    return found
+    return x * tangent + y * sign * np.cross(normal, tangent) + z * normal
 
 
 def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDArray[np.float32]:

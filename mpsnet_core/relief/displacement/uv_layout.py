@@ -54,8 +54,7 @@ class Layout:
 
     def areas(self) -> NDArray[np.float64]:
         """(T,) area of a texel on each triangle, in world units."""
-        areas: NDArray[np.float64] = self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
-        return areas
+        return self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
 
     def seams(self) -> "Seams":
         """Sample points along the seams, about a texel apart, where one of a seam's sides is in the texture.
@@ -124,8 +123,7 @@ class Seams:
     @property
     def met(self) -> NDArray[np.bool_]:
         """(M,) whether both sides cover a texel, and not the same one."""
-        met: NDArray[np.bool_] = (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
-        return met
+        return (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
 
 
 def layout_of(mesh: Mesh, size: int) -> Layout:
