@@ -87,5 +87,5 @@ def pixel_size(heights: HeightMap) -> float:
 
 
 def pixels_per_unit(camera: Camera) -> float:
-    """The factor on depth or its logarithm in :class:`.integration.gradients.Gradients`: a single one, even if pixels are not square."""
+    """Pixels per unit of length at depth 1: one number, even if pixels are not square."""
     return float(np.sqrt(camera.focal.prod()))

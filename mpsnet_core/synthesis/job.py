@@ -86,16 +86,17 @@ class SampleJob:
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:
                 raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
-        if type(self.denoise) is not bool:
-            raise SettingsError(f"the job's denoise must be true or false, not {self.denoise!r}")
-        for name in ("meshes", "merl"):
-            if not isinstance(getattr(self, name), str):
-                raise SettingsError(f"the job's {name} must be a path, not {getattr(self, name)!r}")
-        for name in ("shapes", "objects"):
+        for name, kind, words in (
+            ("denoise", bool, "true or false"),
+            ("meshes", str, "a path"),
+            ("merl", str, "a path"),
+            ("shapes", tuple, "a list of names"),
+            ("objects", tuple, "a list of names"),
+        ):
             value = getattr(self, name)
-            if not isinstance(value, tuple) or not all(isinstance(entry, str) and entry for entry in value):
-                raise SettingsError(f"the job's {name} must be a list of names, not {value!r}")
-            if len(set(value)) < len(value):
+            if type(value) is not kind or (kind is tuple and not all(isinstance(one, str) and one for one in value)):
+                raise SettingsError(f"the job's {name} must be {words}, not {value!r}")
+            if kind is tuple and len(set(value)) < len(value):
                 raise SettingsError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
         if not self.shapes:
             raise SettingsError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")

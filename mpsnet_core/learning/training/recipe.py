@@ -8,7 +8,7 @@ from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import FormatError, InputError, SettingsError
+from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.capture_model import CaptureModel, limited, limits_of
 
@@ -16,6 +16,12 @@ RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
 MAX_RECIPE_BYTES = 1 << 13
 OPTIMISERS = ("adamw", "muon")
+# The kinds of what is no number.
+_KINDS: dict[str, tuple[type, str]] = {
+    **dict.fromkeys(("name", "title", "network", "optimiser"), (str, "a text")),
+    **dict.fromkeys(("augment", "frozen_norms"), (bool, "true or false")),
+    "options": (Mapping, "a table"),
+}
 
 
 @dataclass(frozen=True)
@@ -65,23 +71,14 @@ class TrainingConfig:
     seed: int = limited(0, 0, 2**31 - 1)
 
     def __post_init__(self) -> None:
-        for name in ("name", "title", "network"):
+        for name, (kind, words) in _KINDS.items():
             value = getattr(self, name)
-            if not isinstance(value, str) or not value:
-                raise SettingsError(f"the recipe's {name} must be a text, not {reprlib.repr(value)}")
+            if not isinstance(value, kind) or value == "":
+                raise SettingsError(f"the recipe's {name} must be {words}, not {reprlib.repr(value)}")
         capture_model(self.capture)
-        if not isinstance(self.options, Mapping):
-            raise SettingsError(f"the recipe's options must be a table, not {reprlib.repr(self.options)}")
         if not all(isinstance(line, str) for line in self.samples):
             raise SettingsError("the recipe's samples must be a list of texts")
-        if self.optimiser not in OPTIMISERS:
-            raise SettingsError(
-                f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {reprlib.repr(self.optimiser)}"
-            )
-        for name in ("augment", "frozen_norms"):
-            value = getattr(self, name)
-            if not isinstance(value, bool):
-                raise SettingsError(f"the recipe's {name} must be true or false, not {reprlib.repr(value)}")
+        check_choice("the recipe's optimiser", self.optimiser[:99], OPTIMISERS)
         for name, (low, high) in limits_of(TrainingConfig).items():
             value = getattr(self, name)
             if not _within(value, low, high):
