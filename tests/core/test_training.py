@@ -18,6 +18,7 @@ from sphere_sample import sphere_sample
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import Tensor, nn
 
+from mpsnet_core.cli import _stop
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training.checkpoint import read_checkpoint
@@ -342,12 +343,10 @@ def test_who_interrupts_within_a_step_waits_for_its_end(samples: Path, tmp_path:
             signal.raise_signal(signal.SIGINT)
 
     hook = nn.modules.module.register_module_forward_hook(interrupt)
-    # Programs that a script starts in the background are born deaf to it.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    before = signal.signal(signal.SIGINT, _stop)
     try:
         with pytest.raises(KeyboardInterrupt):
             run(of, samples, parts)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
         hook.remove()

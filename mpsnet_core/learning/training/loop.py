@@ -4,11 +4,7 @@ import hashlib
 import logging
 import math
 import platform
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,27 +28,7 @@ from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
 from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
-
-
-@contextmanager
-def delay_signals() -> Iterator[None]:
-    """Hold back the signals that stop the process (Ctrl-C, SIGTERM, SIGBREAK) until the block is done."""
-    received: list[int] = []
-    handlers = {}
-    # Other threads receive no signals and may not set handlers. A handler not set from Python cannot be restored.
-    if threading.current_thread() is threading.main_thread():
-        for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) is not None:
-                handlers[number] = signal.signal(number, lambda number, frame: received.append(number))
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    for number in received:
-        signal.raise_signal(number)
-
+from mpsnet_core.uninterrupted import uninterrupted
 
 log = logging.getLogger(__name__)
 
@@ -167,8 +143,7 @@ def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress
     try:
         while run.step < end:
             scales = run.simulator.batch(run.step, run.recipe.batch)
-            with delay_signals():
-                loss = run.advance(scales)
+            loss = run.advance(scales)
             run.seconds = before + time.monotonic() - started
             if run.step % LOGGED_EVERY == 0:
                 angle = math.degrees(float(loss.angle))
@@ -299,6 +274,7 @@ class _Run:
         begun, over = self.anneal
         return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
 
+    @uninterrupted  # half a step cannot be resumed
     def advance(self, scales: list[Scale]) -> Loss:
         """Take one step of the optimisers. Raises FormatError if their states in the resumed checkpoint do not fit."""
         try:
