@@ -19,7 +19,7 @@ from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, views_of
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model, read_recipe
 from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, part, silent
@@ -108,15 +108,8 @@ def _validated(
     progress(0.0, recipe.title)
     paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None, cache=runs / PACKED)
     trained = train(recipe, samples, [], paths=paths, progress=progress)
-    simulator = PhotoSimulator.of(
-        trained.network,
-        held_out,
-        capture_model(recipe.capture),
-        seed=VALIDATION_SEED,
-        window=0,
-        augment=recipe.augment,
-        shuffled=False,
-    )
+    model, views = capture_model(recipe.capture), views_of(trained.network, recipe.augment)
+    simulator = PhotoSimulator(held_out, model, seed=VALIDATION_SEED, window=0, shuffled=False, **views)
     return validate(trained.network, simulator, a_picture), trained.seconds
 
 

@@ -23,7 +23,7 @@ from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale, views_of
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
 from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, silent
@@ -231,9 +231,8 @@ class _Run:
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        simulator = partial(
-            PhotoSimulator.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
-        )
+        views = views_of(network, recipe.augment)
+        simulator = partial(PhotoSimulator, model=capture_model(recipe.capture), device=device, **views)
         read = partial(PackedSamples, progress=progress, cache=paths.cache, skip_damaged=paths.skip_damaged)
         packed = read(samples)
         self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)

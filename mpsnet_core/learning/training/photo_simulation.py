@@ -18,7 +18,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import MIN_MEAN
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
@@ -113,29 +112,6 @@ class PhotoSimulator:
         self.device = device or torch.device("cpu")
         self._order: tuple[int, NDArray[np.int64]] = (-1, np.empty(0, np.int64))
 
-    @classmethod
-    def of(
-        cls,
-        network: Network | ModelCard,
-        samples: PackedSamples,
-        model: CaptureModel | None = None,
-        *,
-        seed: int,
-        window: int,
-        augment: bool = True,
-        shuffled: bool = True,
-        device: torch.device | None = None,
-    ) -> "PhotoSimulator":
-        """For the photographs that a network, or the one of a card, sees.
-
-        augment: whether in any frame where the network's is the camera's.
-        """
-        finer = FINER_SHARES if network.kind == "pyramid" else ()
-        frames: Frames = "canonical" if network.frame == "canonical" else "any" if augment else "camera"
-        return cls(
-            samples, model, seed=seed, window=window, finer=finer, frames=frames, shuffled=shuffled, device=device
-        )
-
     def batch(self, step: int, size: int) -> list[Scale]:
         """The scales of step `step`'s examples, coarse to fine."""
         rng = generator(self.seed, 3, step)
@@ -172,6 +148,15 @@ class PhotoSimulator:
         example.offset = -np.array([rng.integers(space + 1) for space in np.maximum(room, 0)])
         example.bicubic = rng.random() < 0.5
         return example
+
+
+def views_of(network: Network, augment: bool) -> dict[str, Any]:
+    """How a network sees photographs: `finer` and `frames` of :class:`PhotoSimulator`.
+
+    augment: whether in any frame where the network's is the camera's.
+    """
+    frames: Frames = "canonical" if network.frame == "canonical" else "any" if augment else "camera"
+    return {"finer": FINER_SHARES if network.kind == "pyramid" else (), "frames": frames}
 
 
 def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
