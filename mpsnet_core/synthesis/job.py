@@ -82,6 +82,7 @@ class SampleJob:
         check_choice("the renderer", self.renderer, RENDERERS)
         check_choice("the merl_part", self.merl_part, MERL_PARTS)
         check_choice("the style", self.style, STYLES)
+        value: Any
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:

@@ -159,8 +159,9 @@ class Synthesize(RunsWorkers):
             shapes = ("meshes",) if self.meshes else SampleJob.shapes
         same = ("count", "seed", "size", "merl_part", "views", "bounces", "supersampling", "style")
         # Workers may have another working directory.
-        places = {name: str(resolved(given)) for name in ("meshes", "merl") if (given := getattr(self, name))}
-        return SampleJob("synthesis", shapes=shapes, **places, **{name: getattr(self, name) for name in same})
+        meshes, merl = (str(resolved(place)) if place else "" for place in (self.meshes, self.merl))
+        settings = {name: getattr(self, name) for name in same}
+        return SampleJob("synthesis", shapes=shapes, meshes=meshes, merl=merl, **settings)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The farm: make a job's samples by many workers, on this machine or on a Dask cluster."""
 
-import functools
 import itertools
 import logging
 import os
@@ -167,8 +166,12 @@ def _results_from_processes(
 
     with ThreadPoolExecutor(processes, initializer=lambda: setattr(own, "worker", spare.pop())) as pool:
         try:
-            submit = functools.partial(pool.submit, make)
-            yield from gathered(submit, [tuple(batch) for _, batch in batches], lambda task, _: task.result(), {})
+            yield from gathered(
+                lambda batch: pool.submit(make, batch),
+                [tuple(batch) for _, batch in batches],
+                lambda task, _: task.result(),
+                {},
+            )
             list(pool.map(Worker.close, workers))
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
