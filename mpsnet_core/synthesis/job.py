@@ -36,6 +36,12 @@ RANGES = {
     "supersampling": (1, 16),
     "sample_seconds": (1, 10_000_000),
 }
+# The kinds of the others.
+_KINDS: dict[str, tuple[type, str]] = {
+    "denoise": (bool, "true or false"),
+    **dict.fromkeys(("meshes", "merl"), (str, "a path")),
+    **dict.fromkeys(("shapes", "objects"), (tuple, "a list of names")),
+}
 # Settings that another run of the same job may change.
 _NOT_OF_SAMPLES = ("count", "sample_seconds")
 
@@ -82,18 +88,11 @@ class SampleJob:
         check_choice("the renderer", self.renderer, RENDERERS)
         check_choice("the merl_part", self.merl_part, MERL_PARTS)
         check_choice("the style", self.style, STYLES)
-        value: Any
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:
                 raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
-        for name, kind, words in (
-            ("denoise", bool, "true or false"),
-            ("meshes", str, "a path"),
-            ("merl", str, "a path"),
-            ("shapes", tuple, "a list of names"),
-            ("objects", tuple, "a list of names"),
-        ):
+        for name, (kind, words) in _KINDS.items():
             value = getattr(self, name)
             if type(value) is not kind or (kind is tuple and not all(isinstance(one, str) and one for one in value)):
                 raise SettingsError(f"the job's {name} must be {words}, not {value!r}")

@@ -5,6 +5,7 @@ import logging
 import math
 import platform
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -231,8 +232,8 @@ class _Run:
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        views = views_of(network, recipe.augment)
-        simulator = partial(PhotoSimulator, model=capture_model(recipe.capture), device=device, **views)
+        model, views = capture_model(recipe.capture), views_of(network, recipe.augment)
+        simulator: Callable[..., PhotoSimulator] = partial(PhotoSimulator, model=model, device=device, **views)
         read = partial(PackedSamples, progress=progress, cache=paths.cache, skip_damaged=paths.skip_damaged)
         packed = read(samples)
         self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
