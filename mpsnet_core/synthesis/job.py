@@ -94,7 +94,9 @@ class SampleJob:
                 raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
         for name, (kind, words) in _KINDS.items():
             value = getattr(self, name)
-            if type(value) is not kind or (kind is tuple and not all(isinstance(one, str) and one for one in value)):
+            if not isinstance(value, kind) or (
+                kind is tuple and not all(isinstance(one, str) and one for one in value)
+            ):
                 raise SettingsError(f"the job's {name} must be {words}, not {value!r}")
             if kind is tuple and len(set(value)) < len(value):
                 raise SettingsError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
