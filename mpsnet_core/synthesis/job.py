@@ -94,12 +94,11 @@ class SampleJob:
                 raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
         for name, (kind, words) in _KINDS.items():
             value = getattr(self, name)
-            if not isinstance(value, kind) or (
-                kind is tuple and not all(isinstance(one, str) and one for one in value)
-            ):
+            entries = list(value) if kind is tuple and type(value) is tuple else ["-"]
+            if not (isinstance(value, kind) and all(isinstance(entry, str) and entry for entry in entries)):
                 raise SettingsError(f"the job's {name} must be {words}, not {value!r}")
-            if kind is tuple and len(set(value)) < len(value):
-                raise SettingsError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
+            if len(set(entries)) < len(entries):
+                raise SettingsError(f"the job's {name} name one twice ({', '.join(entries)}); name each once")
         if not self.shapes:
             raise SettingsError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")
         for shape in self.shapes:
