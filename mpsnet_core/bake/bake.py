@@ -17,9 +17,6 @@ from mpsnet_core.bake.padding import Padding, padded
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texel_surface import Barycentric, TexelSampler
-from mpsnet_core.bake.texture import Space, Texture
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
-from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, masks_hide_all, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
@@ -27,6 +24,9 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.texture import Space, Texture
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
+from mpsnet_core.scene.uv_islands import islands_of
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ def bake_texture_sets(
     views : sequence of View
         See :func:`bake_normals`.
     chosen : sequence of TextureSet
-        Texture sets of these meshes, from :func:`mpsnet_core.bake.texture_sets.texture_sets`.
+        Texture sets of these meshes, from :func:`mpsnet_core.scene.texture_sets.texture_sets`.
     baking : BakeSettings
         How the textures are baked.
     progress : Progress

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from mpsnet_core.bake.base_detail_removal import BaseMap, BaseMapInPhotos
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
-from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
-from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import FileError, SettingsError, check_choice
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import Convention
+from mpsnet_core.scene.texture_names import TOKENS, check_one_texture, map_files
+from mpsnet_core.scene.texture_sets import TextureSet
 
 log = logging.getLogger(__name__)
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot, normalised
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.scene.normal_encoding import Convention, read_vectors
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
+from mpsnet_core.scene.texture import Texture
 
 # Tolerance on the unit length of decoded normals: 8 bits, JPEG and averages of steep gradients change it.
 NEARLY_UNIT = 0.1

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.inputs import BakeInputs
     from mpsnet_core.bake.multi_view import ViewCaptureSettings
     from mpsnet_core.bake.settings import BakeSettings
-    from mpsnet_core.bake.texture import Texture
     from mpsnet_core.bake.texture_files import BakePlan, TextureTarget
-    from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.bake.written_texture import WrittenTexture
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.rig import LightRig
+    from mpsnet_core.scene.texture import Texture
+    from mpsnet_core.scene.texture_sets import TextureSet
     from mpsnet_core.scene.view_photos import ViewPhoto
 
 LEVEL = (
@@ -443,8 +443,8 @@ class Bake(BakesDetail):
     ) -> "tuple[dict[Path, BakeInputs], list[int]]":
         """The inputs of each frame's texture, by its file, and the frames' numbers."""
         from mpsnet_core.bake.inputs import frame_inputs
-        from mpsnet_core.bake.texture_names import split_by
         from mpsnet_core.io.files import checked_bits
+        from mpsnet_core.scene.texture_names import split_by
 
         if len(self.mesh) > 1 or split_by(target.output):
             raise SettingsError(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.view_agreement import ViewAgreement
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
@@ -16,6 +15,7 @@ from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import on_background, scaled_error_bands
+from mpsnet_core.scene.texture import Texture
 
 PICTURE = 1024  # pixels on a side, at most
 # Colours of texels seen by no view, by one, by two, ...; the last one is for all higher counts.

@@ -9,14 +9,14 @@ from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.inputs import BakeInputs, ViewReader
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.texture_files import TextureTarget
-from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.batch import Batch
 from mpsnet_core.io.files import check_own
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import write_texture
+from mpsnet_core.scene.texture_sets import texture_sets
 
 
 @dataclass(frozen=True)

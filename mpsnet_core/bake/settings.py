@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
+from mpsnet_core.arrays.rasterize import TextureSize
 from mpsnet_core.bake.fill import check_filling
 from mpsnet_core.bake.padding import PADDINGS, Padding
-from mpsnet_core.bake.texture import SPACES, Space
-from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
+from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
+from mpsnet_core.scene.texture import Space, check_texture
 
 # Sample points per texel, along each side.
 SAMPLES = (1, 2, 4)
@@ -54,15 +54,3 @@ class BakeSettings:
             raise SettingsError(f"a strength of {self.strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
         if self.fill:
             check_filling(self.space)
-
-
-def check_texture(size: TextureSize, space: str, margin: int) -> None:
-    """Raise SettingsError if the size, space or margin of a texture is invalid."""
-    for side in width_and_height(size):
-        if not 1 <= side <= MAX_TEXTURE_SIZE:
-            raise SettingsError(
-                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
-            )
-    if not 0 <= margin <= MAX_TEXTURE_SIZE:
-        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
-    check_choice("space", space, SPACES)

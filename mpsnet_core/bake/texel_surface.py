@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates
 from mpsnet_core.arrays.unit_vectors import SHORTEST, transformed
-from mpsnet_core.bake.texture import Space
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import Space
 
 
 class Barycentric(NamedTuple):

@@ -11,9 +11,6 @@ from mpsnet_core.bake.base_detail_removal import BaseMapInPhotos
 from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.presets import PRESETS, preset_output
-from mpsnet_core.bake.texture import Texture, write_texture
-from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
@@ -22,6 +19,9 @@ from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_encoding import Convention
+from mpsnet_core.scene.texture import Texture, write_texture
+from mpsnet_core.scene.texture_names import albedo_file, split_by, texture_files, tile_patterns
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 # Value of filled texels in the image of the coverage; seen ones are 1, all others 0.
 FILLED = 0.5
@@ -34,7 +34,7 @@ class TextureTarget:
     """Where and how textures are written."""
 
     output: str
-    """A file name, with the tokens of :mod:`mpsnet_core.bake.texture_names` if there are several; the folder of a
+    """A file name, with the tokens of :mod:`mpsnet_core.scene.texture_names` if there are several; the folder of a
     sequence."""
     convention: Convention
     """Which way the green channel points."""

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texel_surface import SurfacePoints
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.texture import Texture
 
 # Bytes of views held in memory at once, approximately. If there are more, they are read again in each pass.
 HELD_BYTES = 1 << 29

@@ -16,10 +16,10 @@ from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.texture import write_texture
 
 from .rendering import array_of, nodes_of, pixels, write_exr_files
 

@@ -26,7 +26,6 @@ from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.feather import FEATHER
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.multi_view import CachedView, CachedViews
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.view_agreement import agreement
 from mpsnet_core.capture.open import PhotoSet
 from mpsnet_core.capture.sources import Source
@@ -38,6 +37,7 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import published_rig
+from mpsnet_core.scene.texture import write_texture
 
 # So many photos, of which so many views are baked instead.
 PHOTOS, FEW, MORE = 40, 3, 5

@@ -11,13 +11,13 @@ from uv_squares import squares
 
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.bake.texture import Texture
-from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.texture import Texture
+from mpsnet_core.scene.texture_sets import texture_sets
 
 SIZE = 64
 SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]

@@ -13,9 +13,9 @@ from synthetic import diligent_object, shaded_sphere
 from mpsnet_core import published_rig
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import lambertian_normals
-from mpsnet_core.learning.evaluation.fine_relief import fine_relief
-from mpsnet_core.learning.evaluation.magnify import estimate_magnified
+from mpsnet_core.learning.evaluation.measure import estimate_magnified
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent, EvaluateStatues
+from mpsnet_core.learning.evaluation.statues import fine_relief
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import NormalMap
 

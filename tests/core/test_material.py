@@ -26,9 +26,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.material.albedo import estimated_albedo
 from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals, trend
-from mpsnet_core.relief.material.gradients import normals_of
+from mpsnet_core.relief.material.gradients import normals_of, periodic_height
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
-from mpsnet_core.relief.material.periodic_heights import periodic_height
 from mpsnet_core.relief.material.resampling import resampled
 from mpsnet_core.scene.normal_encoding import read_vectors
 

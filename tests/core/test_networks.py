@@ -15,7 +15,6 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps, initial_normals
 from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
-from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
 from mpsnet_core.scene.rig import direction_from_angles
 
 RIGHT_HANDED = direction_from_angles([25.0, 35.0, 45.0], [80.0, 215.0, 330.0])
@@ -136,35 +135,6 @@ def test_patches_of_table_1_end_in_one_pixel(side: int) -> None:
     for normals in (True, False):
         network = small("mpsnet", patch=side, normals=normals)
         assert network(*inputs_of(network, side)).normals.shape == (2, 3)
-
-
-@pytest.mark.parametrize("normals", [True, False])
-def test_the_form_that_multiplies_least_answers_as_the_layers_do(normals: bool) -> None:
-    network = small("mpsnet", width=0.1, normals=normals)
-    inputs = inputs_of(network, 5, count=1000)
-    with torch.no_grad():
-        folded = folded_to_half_floats(network)
-        expected = folded(*inputs).normals
-        torch.testing.assert_close(FastPatches(folded)(*inputs).normals, expected, atol=1e-4, rtol=0)
-        assert 0 < degrees_between(expected, network(*inputs).normals).mean() < 0.1, "half floats"
-
-
-@pytest.mark.parametrize("normals", [True, False])
-def test_a_quick_training_step_of_mpsnet_has_the_gradients_of_its_layers(normals: bool) -> None:
-    network = small("mpsnet", normals=normals).train()
-    network.dropout.p = 0.0  # chance would differ
-    inputs = (maps(("photo",), 5), maps(("initial_normals",), 5))
-    quick = network(*inputs).normals
-    network.eval()  # its layers as they stand, with norms as in training
-    for module in network.modules():
-        if isinstance(module, nn.BatchNorm2d):
-            module.train()
-    plain = network(*inputs).normals
-    torch.testing.assert_close(quick, plain, atol=1e-4, rtol=0)
-    weights = list(network.parameters())
-    found, expected = (torch.autograd.grad(answer[:, 0].sum(), weights) for answer in (quick, plain))
-    for one, other in zip(found, expected, strict=True):
-        torch.testing.assert_close(one, other, atol=1e-3 * float(other.abs().max()) + 1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("directions", [RIGHT_HANDED, LEFT_HANDED], ids=["right-handed", "left-handed"])

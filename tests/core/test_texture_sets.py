@@ -8,11 +8,11 @@ from mesh_file import write_mesh
 from surface_shapes import sphere_mesh
 from uv_squares import squares
 
-from mpsnet_core.bake.texture_names import split_by, texture_files
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
+from mpsnet_core.scene.texture_names import split_by, texture_files
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 
 def told(found: list[TextureSet]) -> list[tuple]:

@@ -2,10 +2,7 @@
 
 import itertools
 import math
-import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +18,7 @@ from sphere_sample import sphere_sample
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import Tensor, nn
 
+from mpsnet_core.cli import _stop
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training.checkpoint import read_checkpoint
@@ -337,12 +335,10 @@ def test_who_interrupts_within_a_step_waits_for_its_end(samples: Path, tmp_path:
             signal.raise_signal(signal.SIGINT)
 
     hook = nn.modules.module.register_module_forward_hook(interrupt)
-    # Programs that a script starts in the background are born deaf to it.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    before = signal.signal(signal.SIGINT, _stop)
     try:
         with pytest.raises(KeyboardInterrupt):
             run(of, samples, parts)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
         hook.remove()
@@ -377,35 +373,6 @@ def test_the_mean_of_the_weights_is_what_becomes_the_model(ball: Path, tmp_path:
     for ema, same_bits in ((0.0, True), (0.9, False)):
         mean, last = network_of(ema)
         assert all(torch.equal(mean[name], last[name]) for name in mean) == same_bits
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="PyTorch's wheels for Windows start no processes this way")
-def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
-    toml = tmp_path / "tiny.toml"
-    toml.write_text(
-        'name = "tiny"\ntitle = "a test"\nnetwork = "multiscale"\noptions = {widths = [4, 6, 8, 10]}\n'
-        "steps = 3\nbatch = 4\ncrop = 32\nwarm_up = 0\n"
-    )
-    model = tmp_path / "model.onnx"
-    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "--minutes", "9", "-o", model]
-    done = subprocess.run(
-        [sys.executable, *map(str, launcher + verb), "--threads", "1"],
-        capture_output=True,
-        text=True,
-        timeout=180,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == f"wrote {model}\n", "one of the two writes"
-    assert OnnxModel(model).card.name == "tiny"
-    assert read_checkpoint(tmp_path / "model.checkpoint").step == 3
-    assert sorted(file.name for file in tmp_path.iterdir()) == [
-        "model.checkpoint",
-        "model.onnx",
-        "model.packed",
-        "tiny.toml",
-    ]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
+from mpsnet_core.defaults import MAX_TEXTURE_SIZE
+from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.scene.normal_encoding import Convention, write_vectors
 
 Space = Literal["tangent", "object"]
@@ -82,3 +85,15 @@ def write_texture(
         If the file cannot be written.
     """
     write_vectors(path, texture.vectors, convention=convention, bits=bits, description=description)
+
+
+def check_texture(size: TextureSize, space: str, margin: int) -> None:
+    """Raise SettingsError if the size, space or margin of a texture is invalid."""
+    for side in width_and_height(size):
+        if not 1 <= side <= MAX_TEXTURE_SIZE:
+            raise SettingsError(
+                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
+            )
+    if not 0 <= margin <= MAX_TEXTURE_SIZE:
+        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
+    check_choice("space", space, SPACES)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_areas
-from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
+from mpsnet_core.scene.uv_islands import islands_of
 
 log = logging.getLogger(__name__)
 
