@@ -221,6 +221,3 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
             for link in end.links:
                 links.remove(link)
     material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_make_material,))

@@ -203,6 +203,3 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
             self.tell(sentence)
         mark_assets(assigned, self.mark_asset)
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake,))

@@ -162,6 +162,3 @@ def background(obj: Any) -> Any:
         if behind.source == "IMAGE" and behind.image and behind.show_background_image
     ]
     return shown[0] if shown else None
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake_views,))

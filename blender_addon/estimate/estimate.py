@@ -174,6 +174,3 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         self.made(image)
         fine_preview(image)
         self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_estimate, MPS_OT_show_mask))

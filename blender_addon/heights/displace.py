@@ -194,6 +194,3 @@ def _uv_map_of(target: Any) -> str:
 def _textures(materials: Iterable[Any]) -> set[Any]:
     trees = (material.node_tree for material in materials if material and material.node_tree)
     return {node.image for tree in trees if (node := find_node(tree, TEXTURE_NODE))} - {None}
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_displace,))

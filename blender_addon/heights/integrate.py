@@ -134,6 +134,3 @@ def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:
         bpy.data.meshes.remove(before)
     earlier.data.name = name
     return earlier
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_integrate,))

@@ -299,11 +299,6 @@ def idle(cls: Any, context: Any) -> bool:
     return True
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_cancel)
-
-
 def unregister() -> None:
     for job in list(_jobs):
         job.leave(bpy.context.window_manager)
-    bpy.utils.unregister_class(MPS_OT_cancel)

@@ -160,6 +160,3 @@ class MPS_OT_dismiss(bpy.types.Operator):
     def execute(self, context: Any) -> set[Any]:
         store_record(context.scene, self.verb)
         return {"FINISHED"}
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_dismiss,))

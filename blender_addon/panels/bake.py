@@ -172,6 +172,3 @@ class MPS_PT_detail(Step):
             if bake.onto_file:
                 column.prop(bake, "onto_convention")
             column.prop(bake, "onto_shown")
-
-
-CLASSES = (MPS_PT_bake, MPS_PT_texture, MPS_PT_detail)

@@ -78,6 +78,3 @@ class MPS_PT_truth(Step):
         self.progress_or(context, "render_truth", "NORMALS_VERTEX", text="True Normals")
         self.progress_or(context, "error_map", "IMAGE_DATA")
         self.picture(context.scene.mps.estimate.error_image, scale=12)
-
-
-CLASSES = (MPS_PT_estimate, MPS_PT_estimate_options, MPS_PT_truth)

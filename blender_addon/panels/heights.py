@@ -63,6 +63,3 @@ class MPS_PT_displace(Step):
         column.prop(displace, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "displace", "MOD_DISPLACE")
         self.picture(displace.image, folded="displacement")
-
-
-CLASSES = (MPS_PT_heights, MPS_PT_displace)

@@ -49,6 +49,3 @@ class MPS_PT_material_crop(Step):
         column = self.column().column(align=True)
         for side in ("left", "right", "top", "bottom"):
             column.prop(material, f"crop_{side}")
-
-
-CLASSES = (MPS_PT_material, MPS_PT_material_crop)

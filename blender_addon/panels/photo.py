@@ -94,25 +94,6 @@ def note_of_step(scene: Any) -> str:
     return f"All frames are rendered. The scene's frame step of {scene.frame_step} would leave gaps in the texture"
 
 
-class MPS_PT_real(Step):
-    bl_label = "Lens and Corrections"
-    way = "PHOTOGRAPH"
-    bl_parent_id = "MPS_PT_photo"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: Any) -> None:
-        estimate = context.scene.mps.estimate
-        column = self.column()
-        column.prop(estimate, "lens")
-        column.prop(estimate, "encoding")
-        column.prop(estimate, "dark", placeholder="None")
-        column.prop(estimate, "flat", placeholder="None")
-        column.prop(estimate, "white", placeholder="None")
-        if estimate.white:
-            column.prop(estimate, "white_light", placeholder="Rig")
-        self.progress_or(context, "check_photo", "VIEWZOOM")
-
-
 class MPS_PT_align(Step):
     bl_label = "Camera"
     way = "PHOTOGRAPH"
@@ -164,36 +145,6 @@ class MPS_PT_align(Step):
             self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
 
 
-class MPS_PT_superpose(Step):
-    bl_label = "Three White Lights"
-    way = "PHOTOGRAPH"
-    verbs = ("superpose",)
-    optional = True
-    bl_parent_id = "MPS_PT_photo"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        image = context.scene.mps.photo.image
-        return image if image and made_by(image) in cls.verbs else None
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        settings = context.scene.mps.superpose
-        if all((settings.first, settings.second, settings.third)):
-            return ""
-        return "Choose a photo under each of the rig's three lights, turned white. The object must not move"
-
-    def draw(self, context: Any) -> None:
-        settings = context.scene.mps.superpose
-        column = self.column()
-        for name in ("first", "second", "third"):
-            column.prop(settings, name, placeholder="Photo")
-        column.prop(settings, "encoding")
-        column.prop(settings, "output", placeholder="Automatic")
-        self.progress_or(context, "superpose", "IMAGE_RGB")
-
-
 class MPS_PT_mask(Step):
     bl_label = "Mask"
     way = "PHOTOGRAPH"
@@ -225,11 +176,50 @@ class MPS_PT_mask(Step):
         self.picture(estimate.mask_image, scale=12)
 
 
-CLASSES = (
-    MPS_PT_photo,
-    MPS_PT_render,
-    MPS_PT_align,
-    MPS_PT_mask,
-    MPS_PT_real,
-    MPS_PT_superpose,
-)
+class MPS_PT_real(Step):
+    bl_label = "Lens and Corrections"
+    way = "PHOTOGRAPH"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "lens")
+        column.prop(estimate, "encoding")
+        column.prop(estimate, "dark", placeholder="None")
+        column.prop(estimate, "flat", placeholder="None")
+        column.prop(estimate, "white", placeholder="None")
+        if estimate.white:
+            column.prop(estimate, "white_light", placeholder="Rig")
+        self.progress_or(context, "check_photo", "VIEWZOOM")
+
+
+class MPS_PT_superpose(Step):
+    bl_label = "Three White Lights"
+    way = "PHOTOGRAPH"
+    verbs = ("superpose",)
+    optional = True
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        image = context.scene.mps.photo.image
+        return image if image and made_by(image) in cls.verbs else None
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        settings = context.scene.mps.superpose
+        if all((settings.first, settings.second, settings.third)):
+            return ""
+        return "Choose a photo under each of the rig's three lights, turned white. The object must not move"
+
+    def draw(self, context: Any) -> None:
+        settings = context.scene.mps.superpose
+        column = self.column()
+        for name in ("first", "second", "third"):
+            column.prop(settings, name, placeholder="Photo")
+        column.prop(settings, "encoding")
+        column.prop(settings, "output", placeholder="Automatic")
+        self.progress_or(context, "superpose", "IMAGE_RGB")

@@ -223,11 +223,3 @@ class MPS_PT_outline(Step):
             column = self.column()
             for what in ("x", "y", "radius"):
                 column.prop(calibrate, f"{place}_{what}")
-
-
-CLASSES = (
-    MPS_PT_rig,
-    MPS_PT_rig_placement,
-    MPS_PT_calibrate,
-    MPS_PT_outline,
-)

@@ -46,6 +46,3 @@ class MPS_PT_samples(Step):
         if found and not context.window_manager.mps.running:
             self.layout.label(text=f"{found} in this folder")
         self.picture(samples.image, scale=12)
-
-
-CLASSES = (MPS_PT_samples,)

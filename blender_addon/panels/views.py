@@ -51,6 +51,3 @@ class MPS_PT_views(Step):
             row.operator("wm.path_open", text="Open", icon="URL").filepath = views.report_file
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         self.picture(self.result(context))
-
-
-CLASSES = (MPS_PT_views,)

@@ -217,8 +217,3 @@ class MPS_OT_remove_align_point(bpy.types.Operator):
             return {"CANCELLED"}
         pairs.remove(self.index)
         return {"FINISHED"}
-
-
-CLASSES = (MPS_OT_align_photo, MPS_OT_remove_align_point)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -282,8 +282,3 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         result_is = f"its true normals are in {result['output']}"
         rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
         self.tell(f"True normals written to {result['output']}")
-
-
-CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_FH_photo, MPS_OT_superpose, MPS_OT_render_truth)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -405,11 +405,6 @@ def _split_off_image_editor(context: Any) -> Any:
     return made
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_pick_points)
-
-
 def unregister() -> None:
     for one in list(_running):
         one.leave()
-    bpy.utils.unregister_class(MPS_OT_pick_points)

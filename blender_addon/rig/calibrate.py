@@ -142,16 +142,4 @@ def _write_kept_rigs(*_: Any) -> None:
             estimate.rig_file, estimate.kept_rig = str(rig), json.dumps([str(rig), text])
 
 
-CLASSES = (MPS_OT_calibrate_lights, MPS_OT_calibrate_mixing)
-
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.app.handlers.load_post.append(_write_kept_rigs)
-
-
-def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_write_kept_rigs)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+HANDLERS = {"load_post": _write_kept_rigs}

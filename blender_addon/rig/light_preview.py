@@ -219,7 +219,7 @@ def _undone(*_: Any) -> None:
         preview.moved = True
 
 
-_HANDLERS = {
+HANDLERS = {
     "load_pre": end,
     "depsgraph_update_post": _shape_changed,
     "undo_post": _undone,
@@ -227,14 +227,5 @@ _HANDLERS = {
 }
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_light_preview)
-    for name, handler in _HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(handler)
-
-
 def unregister() -> None:
     end()
-    for name, handler in _HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(handler)
-    bpy.utils.unregister_class(MPS_OT_light_preview)

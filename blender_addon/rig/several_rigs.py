@@ -311,8 +311,3 @@ def _copy(source: Any, target: Any) -> None:
 
 def _names(group: Any) -> list[str]:
     return [one.identifier for one in group.bl_rna.properties if one.identifier != "rna_type"]
-
-
-CLASSES = (MPS_OT_new_rig, MPS_OT_add_rig_ring, MPS_OT_choose_rig, MPS_OT_drop_rig)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

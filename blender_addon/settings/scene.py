@@ -15,9 +15,8 @@ from bpy.props import (
 
 from ..child_process.trust import is_ticked, tick
 from ..provenance import made_by
-from . import unknown
-from .align import MPS_PG_align, MPS_PG_image, MPS_PG_pair
-from .bake import MPS_PG_bake, MPS_PG_overlay
+from .align import MPS_PG_align, MPS_PG_image
+from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
@@ -26,7 +25,7 @@ from .material import MPS_PG_material
 from .photo import MPS_PG_photo
 from .record import MPS_PG_record
 from .relight import MPS_PG_relight
-from .rig import MPS_PG_light, MPS_PG_rig
+from .rig import MPS_PG_rig
 from .samples import MPS_PG_samples
 from .superpose import MPS_PG_superpose
 from .views import MPS_PG_views
@@ -114,44 +113,13 @@ class MPS_PG_job(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (
-    MPS_PG_align,
-    MPS_PG_pair,
-    MPS_PG_image,
-    MPS_PG_light,
-    MPS_PG_rig,
-    MPS_PG_calibrate,
-    MPS_PG_photo,
-    MPS_PG_superpose,
-    MPS_PG_estimate,
-    MPS_PG_overlay,
-    MPS_PG_bake,
-    MPS_PG_heights,
-    MPS_PG_displace,
-    MPS_PG_views,
-    MPS_PG_material,
-    MPS_PG_samples,
-    MPS_PG_record,
-    MPS_PG_one_of_rigs,
-    MPS_PG_relight,
-    MPS_PG_scene,
-    MPS_PG_job,
-)
-
-
 def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
     bpy.types.Image.mps = PointerProperty(type=MPS_PG_image)
     bpy.types.Scene.mps = PointerProperty(type=MPS_PG_scene)
     bpy.types.WindowManager.mps = PointerProperty(type=MPS_PG_job)
-    unknown.register()
 
 
 def unregister() -> None:
-    unknown.unregister()
     del bpy.types.WindowManager.mps
     del bpy.types.Scene.mps
     del bpy.types.Image.mps
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

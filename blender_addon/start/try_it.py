@@ -213,6 +213,3 @@ def _viewports(context: Any) -> list[Any]:
     """The views of the window's 3D viewports."""
     areas = context.window.screen.areas if context.window else ()
     return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_try_it,))

@@ -220,6 +220,3 @@ def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
     if (target / JOB_FILE).is_file():
         return read_job(target).objects
     raise InputError("no mesh object is selected; select what the samples are to show")
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_render_samples,))
