@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import SettingsError
@@ -20,7 +19,7 @@ from ..photo.options import network, painted_mask, reading, rig_and_camera_optio
 from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
-from ..settings.declared import apply_given_settings, options_of
+from ..settings.declared import StringSetting, apply_given_settings, options_of
 from ..settings.estimate import EstimateSettings
 
 
@@ -32,10 +31,8 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     step = "estimate"
     requires = "photo"
 
-    surface: StringProperty(
-        name="Surface",
-        description="Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's",
-        options={"SKIP_SAVE"},
+    surface: StringSetting(
+        "Surface", "Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's"
     )
 
     @classmethod

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
@@ -27,7 +27,7 @@ from ..provenance import Provenance, chosen, file_stamp, rounded
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import find_object
-from ..settings.declared import PATH, apply_given_settings, options_of
+from ..settings.declared import BoolSetting, FileSetting, StringSetting, apply_given_settings, options_of
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
@@ -39,18 +39,15 @@ _LIGHTS = ("first", "second", "third")
 class _Renders(RunsCore):
     """An operator that renders: from a button in another Blender process, from a script in this one."""
 
-    target: StringProperty(
-        name="Target",
-        description="Name of the mesh object that is baked onto later. It is left out of the picture where the "
+    target: StringSetting(
+        "Target",
+        "Name of the mesh object that is baked onto later. It is left out of the picture where the "
         "detailed object is in its place. Empty: the target of the step Bake",
-        options={"SKIP_SAVE"},
     )
-    resume: BoolProperty(
-        name="Resume",
-        description="Of an animation, keep the frames that an interrupted run rendered from the same saved file, "
+    resume: BoolSetting(
+        "Resume",
+        "Of an animation, keep the frames that an interrupted run rendered from the same saved file, "
         "settings and rig. Only if this script changes nothing else in the scene",
-        default=False,
-        options={"SKIP_SAVE"},
     )
     _first_job: dict[str, Any] | None = None  # its copy of the file serves all rigs
 
@@ -134,14 +131,9 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     bl_label = "Open Photo"
     bl_options = {"UNDO"}
 
-    filepath: StringProperty(
-        name="File", description="Photo under red, green and blue light", subtype="FILE_PATH", options=PATH
-    )
-    sequence: bpy.props.BoolProperty(
-        name="All Frames",
-        description="The photo is a numbered frame, and all frames that are numbered like it are meant",
-        default=False,
-        options={"SKIP_SAVE"},
+    filepath: FileSetting("File", "Photo under red, green and blue light")
+    sequence: BoolSetting(
+        "All Frames", "The photo is a numbered frame, and all frames that are numbered like it are meant"
     )
     filter_glob: StringProperty(
         default=";".join(f"*{suffix}" for suffix in (*PHOTO_SUFFIXES, *VIDEO_SUFFIXES)), options={"HIDDEN", "SKIP_SAVE"}
@@ -268,12 +260,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
     bl_idname = "mps.render_truth"
     bl_label = "Render True Normals"
 
-    output: StringProperty(
-        name="File",
-        description="OpenEXR file to write. Empty: a name of its own in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
+    output: FileSetting("File", "OpenEXR file to write. Empty: a name of its own in the output folder")
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))

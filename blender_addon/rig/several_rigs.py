@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty
 from mathutils import Euler, Matrix
 
 from mpsnet_core.errors import InputError, SettingsError
@@ -22,7 +21,7 @@ from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
-from ..settings.declared import GIVEN, OF_ONE_RUN
+from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting
 from ..settings.estimate import EstimateSettings
 from ..settings.photo import PhotoSettings
 from ..settings.rig import RigSettings
@@ -65,16 +64,12 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
     bl_label = "Add Ring of Rigs"
     bl_options = {"REGISTER", "UNDO"}
 
-    count: IntProperty(
-        name="Count", description="How many rigs stand around the object", default=8, min=2, max=64, options=GIVEN
-    )
-    elevation: FloatProperty(
-        name="Elevation (°)",
-        description="How far the cameras look down on the object, in degrees. 0: from the side, 90: from above",
+    count: IntSetting("Count", "How many rigs stand around the object", default=8, within=(2, 64))
+    elevation: FloatSetting(
+        "Elevation (°)",
+        "How far the cameras look down on the object, in degrees. 0: from the side, 90: from above",
         default=20.0,
-        min=-90.0,
-        max=90.0,
-        options=GIVEN,
+        within=(-90.0, 90.0),
     )
 
     @classmethod
@@ -92,13 +87,7 @@ class MPS_OT_choose_rig(_OnRigs):
     bl_label = "Choose Rig"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    index: IntProperty(
-        name="Number",
-        description="Number of the rig in the scene's list, from 0",
-        default=0,
-        min=0,
-        options={"SKIP_SAVE"},
-    )
+    index: IntSetting("Number", "Number of the rig in the scene's list, from 0", min=0)
 
     def execute(self, context: Any) -> set[Any]:
         count = len(context.scene.mps.rigs)
@@ -134,12 +123,10 @@ class OnEachRig(RunsCore):
     This is like choosing each rig and pressing the button: settings, results and notes are those of each rig.
     """
 
-    all_rigs: BoolProperty(
-        name="All Rigs",
-        description="Do this for all rigs of this scene, one after the other, each with its own settings. "
+    all_rigs: BoolSetting(
+        "All Rigs",
+        "Do this for all rigs of this scene, one after the other, each with its own settings. "
         "Off: for the chosen rig alone",
-        default=False,
-        options=GIVEN,
     )
     step = ""  # the step in _STEPS whose settings it uses
 

@@ -3,12 +3,11 @@
 Options of the core's operations are described there, and :func:`from_option` makes properties from them.
 """
 
-from collections.abc import Collection, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from mpsnet_core.operation import Operation, Setting, settings
 
@@ -27,13 +26,36 @@ OF_ONE_RUN = frozenset({"output", "keep"})
 # free space, "Tangent" of an angle.
 OWN_SENSE = "MPS"
 
-# Properties that are stored in the scene and that operators fill in from there.
-BoolSetting = partial(BoolProperty, options=GIVEN)
-EnumSetting = partial(EnumProperty, options=GIVEN)
-FloatSetting = partial(FloatProperty, options=GIVEN)
-IntSetting = partial(IntProperty, options=GIVEN)
-StringSetting = partial(StringProperty, options=GIVEN)
-FileSetting = partial(StringProperty, subtype="FILE_PATH", options=PATH)
+
+def _setting(make: Callable[..., Any], **fixed: Any) -> Callable[..., Any]:
+    def declared(name: str, description: str, *, within: tuple[float, float] | None = None, **facts: Any) -> Any:
+        if within is not None:
+            facts["min"], facts["max"] = within
+        return make(name=name, description=description, **fixed, **facts)
+
+    return declared
+
+
+# Properties that are stored in the scene and that operators fill in from there, by their name and their description.
+# within: the least and the largest number.
+BoolSetting = _setting(BoolProperty, options=GIVEN)
+EnumSetting = _setting(EnumProperty, options=GIVEN)
+FloatSetting = _setting(FloatProperty, options=GIVEN)
+IntSetting = _setting(IntProperty, options=GIVEN)
+StringSetting = _setting(StringProperty, options=GIVEN)
+FileSetting = _setting(StringProperty, subtype="FILE_PATH", options=PATH)
+FolderSetting = _setting(StringProperty, subtype="DIR_PATH", options=PATH)
+
+# An image of Blender's.
+image_pointer = _setting(PointerProperty, type=bpy.types.Image)
+
+
+def object_pointer(name: str, description: str, *, kind: str = "", **facts: Any) -> Any:
+    """A property for an object of Blender's; of one kind, such as "MESH", if it is given."""
+    if kind:
+        facts["poll"] = lambda _, candidate: candidate.type == kind
+    return PointerProperty(name=name, description=description, type=bpy.types.Object, **facts)
+
 
 _FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
@@ -43,7 +65,6 @@ _FILE_FORMATS = (
 
 # Integers in Blender have 32 bits.
 _LARGEST = 2**31 - 1
-_SUBTYPES = {"file": "FILE_PATH", "folder": "DIR_PATH"}
 # Labels of choices that differ from their values.
 _LABELS = {"auto": "Automatic", "srgb": "sRGB", "opengl": "OpenGL", "directx": "DirectX"}
 
@@ -135,9 +156,8 @@ def from_option(
 
 
 def _text(setting: Setting, default: str | None, facts: Mapping[str, Any]) -> Any:
-    path = setting.option.path
-    kind = {"subtype": _SUBTYPES[path], "options": PATH} if path else {"options": GIVEN}
-    return StringProperty(default=default or "", **kind, **facts)
+    make = {"file": FileSetting, "folder": FolderSetting}.get(setting.option.path, StringSetting)
+    return make(default=default or "", **facts)
 
 
 def _number(setting: Setting, default: float | None, low: float | None, facts: Mapping[str, Any]) -> Any:
@@ -195,7 +215,7 @@ def _core_value(setting: Setting, value: Any) -> Any:
 
 def format_setting(description: str, default: str = "PNG", **facts: Any) -> Any:
     """A property for the file format of a result."""
-    return EnumSetting(name="Format", description=description, items=_FILE_FORMATS, default=default, **facts)
+    return EnumSetting("Format", description, items=_FILE_FORMATS, default=default, **facts)
 
 
 def _sentence(words: str) -> str:

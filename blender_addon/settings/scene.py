@@ -18,6 +18,7 @@ from ..provenance import made_by
 from .align import MPS_PG_align, MPS_PG_image
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
+from .declared import BoolSetting
 from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
 from .heights import MPS_PG_heights
@@ -103,13 +104,12 @@ class MPS_PG_job(bpy.types.PropertyGroup):
     message: StringProperty(name="Message", description="What is being done")
     left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")
     cancel: BoolProperty(name="Cancel", description="Whether to stop the work")
-    run_scripts: BoolProperty(
-        name="Run Scripts Once",
-        description="Let the Python of this file, drivers and text blocks, run in the next render. "
+    run_scripts: BoolSetting(
+        "Run Scripts Once",
+        "Let the Python of this file, drivers and text blocks, run in the next render. "
         "Only for files whose maker you trust",
         get=is_ticked,
         set=tick,
-        options={"SKIP_SAVE"},
     )
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import atomic_write
@@ -31,7 +30,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..scene.objects import by_session_uid
-from ..settings.declared import GIVEN, apply_given_settings, options_of
+from ..settings.declared import BoolSetting, StringSetting, apply_given_settings, options_of
 from ..settings.samples import SamplesSettings
 
 SCENE_FILE = "scene.blend"
@@ -46,17 +45,13 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     bl_label = "Render Samples"
 
     # Not stored in the scene: a .blend file must not name hosts that this machine connects to.
-    cluster: StringProperty(
-        name="Cluster",
-        description="Address of a Dask scheduler whose machines render, such as tls://host:8786. "
+    cluster: StringSetting(
+        "Cluster",
+        "Address of a Dask scheduler whose machines render, such as tls://host:8786. "
         "Empty: that of the preferences, where they have one",
-        options=GIVEN,
     )
-    cluster_trusted: BoolProperty(
-        name="Trusted Network",
-        description="This address need not be tls://. Whoever is in its network may run code on this machine",
-        default=False,
-        options=GIVEN,
+    cluster_trusted: BoolSetting(
+        "Trusted Network", "This address need not be tls://. Whoever is in its network may run code on this machine"
     )
 
     _withdraw: Callable[[], None] | None = None  # removes the job that this run began
