@@ -20,6 +20,8 @@ from ..provenance import is_there
 from ..rig.light_rig import last_evaluated_rig
 
 _VIRTUAL = "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
+# The setting that holds the file of a mask, where its kind has one.
+NEEDED_FILE = {"FILE": "mask_file", "BACKGROUND": "background"}
 NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 
 
@@ -105,7 +107,7 @@ def lacks_file(image: Any, what: str) -> str:
 
 def lacks_mask(settings: Any) -> str:
     """The image that the mask setting needs and lacks, in words; "" if nothing is missing."""
-    needed = {"FILE": "mask_file", "BACKGROUND": "background"}.get(settings.mask)
+    needed = NEEDED_FILE.get(settings.mask)
     return lacks_named(settings, needed, optional=False) if needed else ""
 
 
