@@ -22,7 +22,7 @@ NUMBERS = range(8, 12)
 
 
 @pytest.fixture
-def shots(scene, tmp_path) -> Path:
+def shots(scene, tmp_path):
     """Four frames of a matt ball that grows, numbered from 8, and their rig; the folder of the scene's own file."""
     lights = published_rig().directions
     folder = tmp_path / "shots"

@@ -23,7 +23,7 @@ SMALL = {"size": 32, "samples": 4, "kinds": {"BLOBS"}, "denoise": False}
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory) -> Path:
+def rendered(tmp_path_factory):
     """A folder of two samples of generated blobs, rendered by the operator."""
     folder = tmp_path_factory.mktemp("rendered") / "samples"
     bpy.ops.mps.render_samples(count=2, seed=3, processes=2, output=str(folder), **SMALL)
@@ -31,7 +31,7 @@ def rendered(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def folder(rendered, tmp_path) -> Path:
+def folder(rendered, tmp_path):
     """A copy of it."""
     return Path(shutil.copytree(rendered, tmp_path / "samples"))
 
