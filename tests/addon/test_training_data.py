@@ -189,14 +189,6 @@ def test_a_worker_is_no_command_that_help_lists(capfd):
     assert "render-samples" in text and "work" not in text.split("COMMAND", 2)[-1].split()
 
 
-def test_the_plain_module_is_the_command_too(folder):
-    command = [sys.executable, "-m", "blender_addon", "render-samples", "--count", "2", "--size", "7"]
-    done = subprocess.run([*command, "--output", folder], capture_output=True, text=True, timeout=120, env=os.environ)
-    assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("mpsnet: ")]
-    assert "7 is outside 8 to 8192" in line
-
-
 def test_a_scene_that_is_not_there_is_one_sentence(tmp_path):
     command = [sys.executable, "-m", "blender_addon", tmp_path / "nowhere.blend", "render-samples"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ)
