@@ -223,12 +223,7 @@ def test_all_frames_are_those_with_the_same_name_but_for_the_number(tmp_path, na
 
 def test_frames_have_no_confidence_map_and_a_white_photo_is_reported_to_be_of_no_use(shots, scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
-    settings = {
-        "rig_file": str(tmp_path / "rig.json"),
-        "white": str(shots / "shot_0008.exr"),
-        "albedo": True,
-        "confidence": True,
-    }
-    bpy.ops.mps.estimate(model="LAMBERTIAN", **settings)
+    settings = {"rig_file": str(tmp_path / "rig.json"), "white": str(shots / "shot_0008.exr"), "albedo": True}
+    bpy.ops.mps.estimate(model="LAMBERTIAN", confidence=True, **settings)
     assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
     assert "shot_0008.exr not used: a white photo goes with one still photo" in scene.mps.records["estimate"].notes
