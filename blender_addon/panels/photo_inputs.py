@@ -27,16 +27,16 @@ NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 
 @dataclass(frozen=True)
 class Lights:
-    """The lights of a photo.
-
-    words: what they are. rig: their current state, if it is valid. lacks: why they cannot be used. doubt: why they may
-    not be the photo's.
-    """
+    """The lights of a photo."""
 
     words: str
+    """What they are."""
     rig: LightRig | None = None
+    """Their current state, if it is valid."""
     lacks: str = ""
+    """Why they cannot be used."""
     doubt: str = ""
+    """Why they may not be the photo's."""
 
 
 def lights_of(scene: Any) -> Lights:

@@ -47,10 +47,12 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class State:
-    """The state of a step, and a sentence that says why, or ""."""
+    """The state of a step."""
 
     kind: Kind
+    """Done, ready, failed and so on."""
     why: str = ""
+    """A sentence, or ""."""
 
 
 class Step(bpy.types.Panel):

@@ -61,20 +61,22 @@ class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
 
 @dataclass(eq=False)
 class LightPreview:
-    """A preview that is switched on.
-
-    scene_uid: of the scene that it shows. error: why there is no newer image. moved: whether a shape changed since the
-    last tick. mesh_of, shown: as JSON, the objects in the mesh file with their transforms, and the complete state that
-    the last child was started with.
-    """
+    """A preview that is switched on."""
 
     scene_uid: int
+    """Session UID of the scene that it shows."""
     error: str = ""
+    """Why there is no newer image."""
     moved: bool = False
+    """Whether a shape changed since the last tick."""
     mesh_of: str = ""
+    """The objects in the mesh file with their transforms, as JSON."""
     shown: str = ""
+    """The complete state that the last child was started with, as JSON."""
     process: CoreProcess | None = None
+    """The child that is tracing."""
     resources: ExitStack = field(default_factory=ExitStack)
+    """Released when it is switched off."""
 
     def __post_init__(self) -> None:
         self.folder = self.resources.enter_context(temporary_folder())
