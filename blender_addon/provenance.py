@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from mpsnet_core.errors import FileError
 
 from .image_records import MADE_BY, from_json, images_of, origin, remember, remembered
+from .settings.declared import setting_names
 
 Provenance = dict[str, str]
 
@@ -38,14 +39,10 @@ _sizes_cached = ContextVar("lately", default=False)
 
 
 def chosen(
-    settings: type,
-    group: bpy.types.PropertyGroup,
-    *,
-    only: Collection[str] = (),
-    without: Collection[str] = ("output",),
+    group: bpy.types.PropertyGroup, *, only: Collection[str] = (), without: Collection[str] = ("output",)
 ) -> Provenance:
     """The current settings of a step that affect its result: `only` these, otherwise all `without` those."""
-    names = only or [name for name in settings.__annotations__ if name not in without]
+    names = only or [name for name in setting_names(group) if name not in without]
     return {group.bl_rna.properties[name].name: str(getattr(group, name)) for name in names}
 
 

@@ -53,14 +53,14 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
-            **chosen(BakeSettings, settings, without=("output", "assign", "mark_asset")),
+            **chosen(settings, without=("output", "assign", "mark_asset")),
             **target_provenance(settings),
             **camera_provenance(context.scene, context.scene.mps.estimate.image),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, BakeSettings, scene.mps.bake)
+        apply_given_settings(self, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)

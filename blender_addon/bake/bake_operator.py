@@ -22,7 +22,6 @@ from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
-from ..settings.bake import BakeSettings
 from ..settings.declared import StringSetting, options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
@@ -107,7 +106,7 @@ class BakeOperator(RunsCore):
         """The core's options for the texture and the base maps that it goes on top of."""
         if settings.preset != "CUSTOM":
             check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
-        options = options_of(operation, BakeSettings, settings, without=("preset",))
+        options = options_of(operation, settings, without=("preset",))
         options["size"] = str(settings.size)
         if settings.padding != "NEAREST":
             del options["margin"]

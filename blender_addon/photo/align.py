@@ -64,7 +64,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Align, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, AlignSettings, scene.mps.align)
+        apply_given_settings(self, scene.mps.align)
         photo, estimate = scene.mps.photo.image, scene.mps.estimate
         file = image_file(photo, "photo", "open it again")
         if photo.source == "MOVIE":

@@ -102,10 +102,10 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
+        return {**_drawn(context.scene), **chosen(context.scene.mps.photo)}
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
-        apply_given_settings(self, PhotoSettings, scene.mps.photo)
+        apply_given_settings(self, scene.mps.photo)
         self._moves = self.animation
         if self._moves:
             return "frames", output_frames(self.output, result_name(scene, "photo"))
@@ -185,18 +185,18 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.superpose
         files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
-        return {**files, **chosen(SuperposeSettings, settings, only=("encoding",))}
+        return {**files, **chosen(settings, only=("encoding",))}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, SuperposeSettings, scene.mps.superpose)
+        apply_given_settings(self, scene.mps.superpose)
         photos = [getattr(self, name) for name in _LIGHTS]
         for name, photo in zip(_LIGHTS, photos, strict=True):
             if not photo:
                 raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
         output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
         images = tuple(map(bpy.path.abspath, photos))
-        options = options_of(Superpose, SuperposeSettings, self)
+        options = options_of(Superpose, self)
         return Superpose(image=images, channels=True, output=str(output), **options), [output]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:

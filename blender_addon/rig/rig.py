@@ -56,7 +56,7 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
         return True
 
     def act(self, context: Any) -> None:
-        apply_given_settings(self, RigSettings, context.scene.mps.rig)
+        apply_given_settings(self, context.scene.mps.rig)
         add_rig(context)
 
 

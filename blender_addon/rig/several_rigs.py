@@ -21,13 +21,12 @@ from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
-from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting
-from ..settings.estimate import EstimateSettings
-from ..settings.photo import PhotoSettings
-from ..settings.rig import RigSettings
+from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting, setting_names
 from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
-_STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
+_STEPS = ("rig", "photo", "estimate")
+# Settings that another rig does not take over.
+_OF_ONE_RIG = {"output", "rig_file", "white", "white_light"}
 _VERBS = (
     *("add_rig", "render_photo", "open_photo", "superpose", "check_photo"),
     *("show_mask", "paint_mask", "estimate", "error_map"),
@@ -146,8 +145,9 @@ class OnEachRig(RunsCore):
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
         for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
-            for name in self._given.intersection(_STEPS[self.step].__annotations__) - OF_ONE_RUN:
-                setattr(getattr(one, self.step), name, getattr(self, name))
+            group = getattr(one, self.step)
+            for name in self._given.intersection(setting_names(group)) - OF_ONE_RUN:
+                setattr(group, name, getattr(self, name))
         return [partial(self._with_rig, place) for place in range(len(scene.mps.rigs))]
 
     @contextmanager
@@ -178,11 +178,9 @@ def new_rig(scene: Any) -> None:
     number = next(number for number in range(1, len(taken) + 2) if f"Rig {number}" not in taken)
     mps.rigs.add().name = f"Rig {number}"
     mps.chosen_rig = len(mps.rigs) - 1
-    for step, settings in _STEPS.items():
-        group = getattr(mps, step)
-        for name in _names(group):
-            if name not in settings.__annotations__ or name in {"output", "rig_file", "white", "white_light"}:
-                group.property_unset(name)
+    for group in (getattr(mps, step) for step in _STEPS):
+        for name in set(_names(group)) - (set(setting_names(group)) - _OF_ONE_RIG):
+            group.property_unset(name)
     _clear_records(mps)
 
 

@@ -14,6 +14,7 @@ from bpy.app.handlers import persistent
 
 from ..image_records import from_json
 from ..preferences import PACKAGE
+from .declared import setting_names
 
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _OF_ONE_PHOTO = ("calibrate.circle", "calibrate.second", "material.crop", "material.width")
@@ -24,8 +25,7 @@ _opened: dict[int, dict[str, Any]] = {}
 
 def choice_names(group: Any) -> list[str]:
     """The names of a step's settings that are choices, in order: those that set others come first."""
-    # Settings have SKIP_SAVE, so that operators do not take them from their last run; results do not.
-    return [one.identifier for one in group.bl_rna.properties if one.type in _KINDS and one.is_skip_save]
+    return [name for name in setting_names(group) if group.bl_rna.properties[name].type in _KINDS]
 
 
 def choices(scene: Any) -> dict[str, Any]:

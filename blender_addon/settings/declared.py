@@ -3,6 +3,7 @@
 Options of the core's operations are described there, and :func:`from_option` makes properties from them.
 """
 
+import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
@@ -170,8 +171,14 @@ def _number(setting: Setting, default: float | None, low: float | None, facts: M
     return make(default=default or 0, **{**facts, **bounds})
 
 
+def setting_names(group: Any) -> list[str]:
+    """The names of a step's settings, in order: those that set others come first."""
+    # Settings have SKIP_SAVE, so that operators do not take them from their last run; results do not.
+    return [one.identifier for one in group.bl_rna.properties if one.is_skip_save]
+
+
 def options_of(
-    operation: type[Operation], kind: type, group: Any, *, only: Collection[str] = (), without: Collection[str] = ()
+    operation: type[Operation], group: Any, *, only: Collection[str] = (), without: Collection[str] = ()
 ) -> dict[str, Any]:
     """The values of settings as options of an operation: the inverse of :func:`from_option`.
 
@@ -182,16 +189,15 @@ def options_of(
     ----------
     operation
         The operation. Settings that were made of another one's option count by the option's name.
-    kind
-        The class that declares the settings.
     group
-        The values: a group of settings, or an operator.
+        A group of settings, or an operator that has them.
     only, without
         The options to take, if not all; and those to leave out.
     """
     found = {}
     known = {setting.name: setting for setting in settings(operation)}
-    for name, declared in kind.__annotations__.items():
+    declarations = [one for part in type(group).__mro__ for one in inspect.get_annotations(part).items()]
+    for name, declared in declarations:
         option, _ = _OPTIONS.get(id(declared), ("", None))
         if option in known and option not in ("output", *without) and (not only or option in only):
             value = _core_value(known[option], getattr(group, name))
@@ -222,15 +228,16 @@ def _sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def apply_given_settings(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
-    """Copy the operator's given properties to the scene's settings, and the other settings to the operator.
+def apply_given_settings(operator: bpy.types.Operator, group: bpy.types.PropertyGroup) -> None:
+    """Copy the operator's given properties to a group of the scene's settings, and the other settings to the operator.
 
     Afterwards operator and scene agree, except on what is :data:`OF_ONE_RUN`, and the "Adjust Last Operation" panel
     shows the values in use. A report names the settings of the scene that this changed: later steps and runs use them.
     """
-    shared = [name for name in settings.__annotations__ if name not in OF_ONE_RUN]
+    names = setting_names(group)
+    shared = [name for name in names if name not in OF_ONE_RUN]
     before = {name: getattr(group, name) for name in shared}
-    for name in settings.__annotations__:
+    for name in names:
         if not operator.properties.is_property_set(name):
             setattr(operator, name, getattr(group, name))
         elif name in shared:

@@ -58,7 +58,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeSamples, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, SamplesSettings, scene.mps.samples)
+        apply_given_settings(self, scene.mps.samples)
         target = samples_folder(scene, self.output)
         if not (self.output or is_permanent(target)):
             raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
@@ -115,7 +115,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             objects, views = _chosen_objects(context, target), 1
         return SampleJob(
             renderer="cycles",
-            **options_of(Synthesize, SamplesSettings, self, without=("meshes", "views", "processes")),
+            **options_of(Synthesize, self, without=("meshes", "views", "processes")),
             shapes=shapes,
             meshes=meshes,
             objects=objects,
