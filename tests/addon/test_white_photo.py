@@ -87,9 +87,9 @@ def test_another_white_photo_makes_the_estimate_out_of_date(white, scene, tmp_pa
 
 
 def test_a_white_photo_does_not_stay_for_another_photo(white, scene, tmp_path):
-    for another in (bpy.ops.mps.open_photo, bpy.ops.mps.render_photo):
+    for verb, given in (("open_photo", {"filepath": white}), ("render_photo", {"output": str(tmp_path / "anew.exr")})):
         scene.mps.estimate.white = white
-        another(**{"filepath": white} if another == bpy.ops.mps.open_photo else {"output": str(tmp_path / "anew.exr")})
+        getattr(bpy.ops.mps, verb)(**given)
         assert scene.mps.estimate.white == ""
 
 
