@@ -14,7 +14,7 @@ from bpy.props import (
 )
 
 from ..child_process.trust import is_ticked, tick
-from ..provenance import made_by
+from ..image_records import MADE_BY, remembered
 from .align import MPS_PG_align, MPS_PG_image
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
@@ -40,7 +40,7 @@ def _way(mps: Any) -> int:
     chosen, photo = mps.get(_CHOSEN), mps.photo.image
     if chosen in (_PHOTOGRAPH, _RENDER):
         return int(chosen)
-    rendered = made_by(photo) == "render_photo" if photo is not None else bool(mps.rig.lights)
+    rendered = remembered(photo, MADE_BY) == "render_photo" if photo is not None else bool(mps.rig.lights)
     return _RENDER if rendered else _PHOTOGRAPH
 
 
