@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike
 from mpsnet_core.errors import FileError
 
 from .image_records import MADE_BY, from_json, images_of, origin, remember, remembered
-from .settings.declared import setting_names
 
 Provenance = dict[str, str]
 
@@ -42,7 +41,8 @@ def chosen(
     group: bpy.types.PropertyGroup, *, only: Collection[str] = (), without: Collection[str] = ("output",)
 ) -> Provenance:
     """The current settings of a step that affect its result: `only` these, otherwise all `without` those."""
-    names = only or [name for name in setting_names(group) if name not in without]
+    settings = [one.identifier for one in group.bl_rna.properties if one.is_skip_save]  # see settings/declared.py
+    names = only or [name for name in settings if name not in without]
     return {group.bl_rna.properties[name].name: str(getattr(group, name)) for name in names}
 
 
