@@ -46,15 +46,16 @@ def no_render_progress(done: int, renders: int, words: str) -> None:
 
 
 class Rendered(NamedTuple):
-    """A rendered file, or the first one of several frames, with notes as sentences, and all files that belong to it.
-
-    kept: whether an earlier run had rendered it.
-    """
+    """What was rendered."""
 
     file: Path
+    """The file, or the first one of several frames."""
     notes: list[str]
+    """Sentences for the user."""
     files: list[Path]
+    """All files that belong to it."""
     kept: bool = False
+    """Whether an earlier run had rendered it."""
 
 
 def render(

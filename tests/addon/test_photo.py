@@ -107,8 +107,9 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     given = {"width": 32, "height": 32, "samples": 1}
     bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -1.1))
 
-    def shot(name, verb="render_photo"):
-        getattr(bpy.ops.mps, verb)(**(given if verb == "render_photo" else {}), output=str(tmp_path / f"{name}.exr"))
+    def shot(name, verb="render_photo", **more):
+        more |= given if verb == "render_photo" else {}
+        getattr(bpy.ops.mps, verb)(**more, output=str(tmp_path / f"{name}.exr"))
         return notes_of(scene, verb)
 
     assert shot("alone") == []
@@ -118,9 +119,8 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     both = '"Sphere" and "Cube" are in one place and both in the photo; choose the one that is baked onto as Target of'
     assert shot("both")[0].startswith(both) and not np.allclose(pixels(tmp_path / "both.exr"), alone, atol=1e-3)
 
-    scene.mps.bake.target = low
     left_out = '"Cube" is left out of the photo: it is the target of the bake, and "Sphere" is in its place'
-    assert shot("truth", "render_truth") == [left_out]
+    assert shot("truth", "render_truth", target=low.name) == [left_out]
     before = everything(scene)
     assert shot("without") == [left_out]
     np.testing.assert_allclose(pixels(tmp_path / "without.exr"), alone, atol=1e-5)

@@ -76,7 +76,7 @@ def judge(texture: Texture, reference: np.ndarray, name: str) -> None:
     assert flat.mean() > 3
 
 
-def test_udim_tiles_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_udim_tiles_agree_with_blenders_bake(scene, tmp_path):
     set_up_cycles(512)
     detailed = detailed_object()
     simple = simplified(detailed, 2000)
@@ -93,7 +93,7 @@ def test_udim_tiles_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path:
         judge(texture, normals_of(found), f"tile {texture_set.tile}")
 
 
-def test_several_objects_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_several_objects_agree_with_blenders_bake(scene, tmp_path):
     """Two objects side by side, one of them turned; some views see the one before the other."""
     set_up_cycles(512)
     detailed, simple = [], []
@@ -128,7 +128,7 @@ def test_several_objects_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_
         judge(texture, normals_of(pixels_of(image)[::-1]), low.name)
 
 
-def test_several_materials_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_several_materials_agree_with_blenders_bake(scene, tmp_path):
     set_up_cycles(512)
     detailed = detailed_object()
     simple = simplified(detailed, 2000)
