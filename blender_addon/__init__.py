@@ -14,13 +14,17 @@ from bpy.app.handlers import load_factory_preferences_post, persistent
 
 from .bake.gltf_export import GltfExtension
 from .preferences import PACKAGE
+from .registration import register_module, unregister_module
 
 # Blender's glTF exporter finds it by this name.
 glTF2ExportUserExtension = GltfExtension
 
 # Modules with classes or handlers, in the order in which they are registered.
 _NAMES = (
-    *("settings.scene", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
+    *("settings.align", "settings.rig", "settings.calibrate", "settings.photo", "settings.superpose"),
+    *("settings.estimate", "settings.bake", "settings.heights", "settings.displace", "settings.views"),
+    *("settings.material", "settings.samples", "settings.record", "settings.relight", "settings.scene"),
+    *("settings.unknown", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
     *("rig.rig", "rig.several_rigs", "rig.light_preview", "rig.calibrate"),
     *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
     *("photo.paint_mask", "estimate.estimate", "estimate.error_map"),
@@ -34,7 +38,7 @@ _MODULES = [import_module(f".{name}", __name__) for name in _NAMES]
 def register() -> None:
     """Add the operators, settings, panels and the ``mpsnet`` command to Blender."""
     for module in _MODULES:
-        module.register()
+        register_module(module)
     if bpy.app.module:
         _enter_preferences()
         load_factory_preferences_post.append(_enter_preferences)
@@ -49,7 +53,7 @@ def unregister() -> None:
         load_factory_preferences_post.remove(_enter_preferences)
         bpy.context.preferences.addons.remove(bpy.context.preferences.addons[PACKAGE])
     for module in reversed(_MODULES):
-        module.unregister()
+        unregister_module(module)
 
 
 @persistent

@@ -41,13 +41,18 @@ BLENDER_NUMPY = {"3.11": "1.26.*", "3.13": "2.2.*", "3.14": "2.3.*"}
 
 @dataclass(frozen=True)
 class Platform:
-    """One of Blender's platforms: its compatible wheel tags, and its values in environment markers."""
+    """One of Blender's platforms. The others than its tags are its values in environment markers."""
 
     tags: list[str]
+    """Compatible tags of wheels."""
     sys_platform: str
+    """linux, win32 or darwin."""
     platform_system: str
+    """Linux, Windows or Darwin."""
     os_name: str
+    """posix or nt."""
     platform_machine: str
+    """The processor."""
 
 
 # Blender itself needs glibc 2.28; onnxruntime's wheels need macOS 14.
@@ -76,7 +81,9 @@ class Target:
     """One Python on one platform."""
 
     python: str
+    """Its version, such as 3.13."""
     platform: str
+    """Its key in PLATFORMS."""
 
     def __str__(self) -> str:
         return f"Python {self.python} on {self.platform}"

@@ -14,7 +14,7 @@ import bpy
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.cli.arguments import Parser
-from mpsnet_core.cli.reporter import Notes, Reporter, log_level, print_json, refuse
+from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import describe_unexpected_error
 
@@ -161,9 +161,9 @@ def _window() -> AbstractContextManager[Any]:
 
 
 @contextmanager
-def _reported(reporter: Reporter) -> Iterator[Notes]:
+def _reported(reporter: Reporter) -> Iterator[NoteCollector]:
     """Within the with block, notes and progress are reported as they come. Yields the notes."""
-    notes, lines, logger = Notes(), logging.StreamHandler(sys.stderr), logging.getLogger(__package__)
+    notes, lines, logger = NoteCollector(), logging.StreamHandler(sys.stderr), logging.getLogger(__package__)
     lines.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
     level, shown = logger.level, log_level()
     notes.addFilter(lambda record: shown <= logging.WARNING)  # an operator's notes have no levels of their own

@@ -23,7 +23,6 @@ from .photo.options import network, reading_without_mask, rig_and_camera_options
 from .preferences import output_folder
 from .provenance import Provenance, chosen, stamp
 from .settings.declared import apply_given_settings, options_of
-from .settings.estimate import EstimateSettings
 from .settings.material import MaterialSettings
 
 # Whether each texture is non-colour data.
@@ -50,13 +49,13 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         scene = context.scene.mps
         return {
             "Photo": stamp(scene.photo.image),
-            **chosen(MaterialSettings, scene.material, without=("output",)),
-            **chosen(EstimateSettings, scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
+            **chosen(scene.material, without=("output",)),
+            **chosen(scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeMaterial, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, MaterialSettings, scene.mps.material)
+        apply_given_settings(self, scene.mps.material)
         image = scene.mps.photo.image
         if image.source in {"SEQUENCE", "MOVIE"}:
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
@@ -76,7 +75,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             **rig_and_camera_options(context, image, folder, self.schedule),
             **reading_without_mask(scene.mps.estimate),
             **network(self),
-            **options_of(MakeMaterial, MaterialSettings, self, without=("model",)),
+            **options_of(MakeMaterial, self, without=("model",)),
             width=f"{self._width(scene, image, folder):.9g}m",
             crop=f"{self.crop_left},{self.crop_top},{across},{down}" if cropped else None,
             output=str(output),
@@ -221,6 +220,3 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
             for link in end.links:
                 links.remove(link)
     material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_make_material,))

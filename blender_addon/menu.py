@@ -28,10 +28,8 @@ def _in_object_menu(self: Any, context: Any) -> None:
 
 
 def register() -> None:
-    bpy.utils.register_class(MPS_MT_steps)
     bpy.types.VIEW3D_MT_object.append(_in_object_menu)
 
 
 def unregister() -> None:
     bpy.types.VIEW3D_MT_object.remove(_in_object_menu)
-    bpy.utils.unregister_class(MPS_MT_steps)

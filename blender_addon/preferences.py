@@ -110,6 +110,3 @@ def output_folder() -> Path:
     if chosen and (bpy.data.filepath or not chosen.startswith("//")):
         return Path(bpy.path.abspath(chosen))
     return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_AddonPreferences,))

@@ -56,8 +56,3 @@ class MPS_OT_add_bake_preset(_AddPreset, bpy.types.Operator):
     bl_idname = "mps.add_bake_preset"
     bl_label = "Add Bake Preset"
     step, preset_menu, preset_subdir = "bake", "MPS_PT_bake_presets", MPS_PT_bake_presets.preset_subdir
-
-
-register, unregister = bpy.utils.register_classes_factory(
-    (MPS_PT_rig_presets, MPS_PT_bake_presets, MPS_OT_add_rig_preset, MPS_OT_add_bake_preset)
-)

@@ -38,14 +38,11 @@ _sizes_cached = ContextVar("lately", default=False)
 
 
 def chosen(
-    settings: type,
-    group: bpy.types.PropertyGroup,
-    *,
-    only: Collection[str] = (),
-    without: Collection[str] = ("output",),
+    group: bpy.types.PropertyGroup, *, only: Collection[str] = (), without: Collection[str] = ("output",)
 ) -> Provenance:
     """The current settings of a step that affect its result: `only` these, otherwise all `without` those."""
-    names = only or [name for name in settings.__annotations__ if name not in without]
+    settings = [one.identifier for one in group.bl_rna.properties if one.is_skip_save]  # see settings/declared.py
+    names = only or [name for name in settings if name not in without]
     return {group.bl_rna.properties[name].name: str(getattr(group, name)) for name in names}
 
 

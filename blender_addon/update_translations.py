@@ -52,7 +52,8 @@ def drawn(file: Path) -> Iterator[str]:
     """The texts that a file gives to what it draws, as they stand there."""
     for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         for given in getattr(call, "keywords", ()):
-            if isinstance(call, ast.Call) and given.arg in {"text", "placeholder", "heading"}:
+            placeholders = getattr(getattr(call, "func", None), "attr", "") == "column"  # by the settings' names
+            if isinstance(call, ast.Call) and (placeholders or given.arg in {"text", "placeholder", "heading"}):
                 either = [given.value.body, given.value.orelse] if isinstance(given.value, ast.IfExp) else [given.value]
                 yield from (one.value for one in either if isinstance(one, ast.Constant) and isinstance(one.value, str))
 

@@ -14,9 +14,6 @@ from mpsnet_core.bake.presets import PRESETS as PRESETS
 from mpsnet_core.bake.presets import Preset as Preset
 from mpsnet_core.bake.projection import View as View
 from mpsnet_core.bake.settings import BakeSettings as BakeSettings
-from mpsnet_core.bake.texture import Texture as Texture
-from mpsnet_core.bake.texture import write_texture as write_texture
-from mpsnet_core.bake.texture_sets import TextureSet as TextureSet
 from mpsnet_core.calibrate.lights import LightsFound as LightsFound
 from mpsnet_core.calibrate.lights import find_lights as find_lights
 from mpsnet_core.calibrate.mixing import MixingFound as MixingFound
@@ -94,6 +91,9 @@ from mpsnet_core.scene.rig import near_rig as near_rig
 from mpsnet_core.scene.rig import published_rig as published_rig
 from mpsnet_core.scene.rig import read_rig as read_rig
 from mpsnet_core.scene.rig import write_rig as write_rig
+from mpsnet_core.scene.texture import Texture as Texture
+from mpsnet_core.scene.texture import write_texture as write_texture
+from mpsnet_core.scene.texture_sets import TextureSet as TextureSet
 from mpsnet_core.scene.view_photos import posed_photos as posed_photos
 from mpsnet_core.scene.world_lights import WorldLights as WorldLights
 from mpsnet_core.synthesis.operations import Synthesize as Synthesize

@@ -15,18 +15,12 @@ Key = TypeVar("Key")
 
 @dataclass
 class Batch(Generic[Key]):
-    """The inputs of a batch that were tried.
-
-    Attributes
-    ----------
-    succeeded
-        Number of inputs that were done, now or by an earlier run.
-    errors
-        Why the others failed, by their keys.
-    """
+    """The inputs of a batch that were tried."""
 
     succeeded: int = 0
+    """Number of inputs that were done, now or by an earlier run."""
     errors: dict[Key, InputError] = field(default_factory=dict)
+    """Why the others failed, by their keys."""
 
     @contextmanager
     def one(self, key: Key) -> Iterator[None]:

@@ -32,41 +32,29 @@ _METADATA = "option"
 
 @dataclass(frozen=True)
 class Option:
-    """The description of an option, apart from its name, type and default.
-
-    Parameters
-    ----------
-    help
-        What it does, as the command line and Blender show it: no flags, no full stop. The command line hides an option
-        whose help is empty.
-    positional
-        Whether the command line takes it without a flag.
-    metavar
-        Placeholder for its value in the help, such as its unit.
-    choices
-        The allowed values where they are few, each with its meaning in a line. Checked here.
-    low, high
-        Inclusive bounds of a number. Checked here.
-    unset
-        Help text for what applies if the option is not given: "16 bits, in OpenEXR 32".
-    path
-        Whether Blender's file browser selects a file or a folder for it.
-    provenance
-        What the provenance of a result records of it.
-    numbers
-        Whether its text may be a number, or several with commas. Python may pass these as they are.
-    """
+    """The description of an option, apart from its name, type and default."""
 
     help: str
+    """What it does, as the command line and Blender show it: no flags, no full stop. The command line hides an option
+    whose help is empty."""
     positional: bool
+    """Whether the command line takes it without a flag."""
     metavar: str | None
+    """Placeholder for its value in the help, such as its unit."""
     choices: Mapping[Any, str]
+    """The allowed values where they are few, each with its meaning in a line. Checked here."""
     low: float | None
+    """Inclusive lower bound of a number. Checked here."""
     high: float | None
+    """Inclusive upper bound of a number. Checked here."""
     unset: str
+    """Help text for what applies if the option is not given: "16 bits, in OpenEXR 32"."""
     path: PathKind
+    """Whether Blender's file browser selects a file or a folder for it."""
     provenance: Provenance
+    """What the provenance of a result records of it."""
     numbers: bool
+    """Whether its text may be a number, or several with commas. Python may pass these as they are."""
 
 
 def option(
@@ -90,30 +78,20 @@ def option(
 
 @dataclass(frozen=True)
 class Setting:
-    """An option of an operation, with its name and type.
-
-    Parameters
-    ----------
-    name
-        The field's name.
-    kind
-        The type of one value: ``str``, ``int``, ``float`` or ``bool``.
-    several
-        Whether it takes any number of values.
-    default
-        ``dataclasses.MISSING`` if it is required.
-    option
-        The rest of its description.
-    heading
-        The heading of the class that declares it.
-    """
+    """An option of an operation, with its name and type."""
 
     name: str
+    """The field's name."""
     kind: type
+    """The type of one value: ``str``, ``int``, ``float`` or ``bool``."""
     several: bool
+    """Whether it takes any number of values."""
     default: Any
+    """``dataclasses.MISSING`` if it is required."""
     option: Option
+    """The rest of its description."""
     heading: str
+    """The heading of the class that declares it."""
 
     @property
     def required(self) -> bool:
@@ -127,22 +105,15 @@ class Setting:
 
 @dataclass(frozen=True)
 class Result:
-    """The result of an operation. Fields that are None are left out of its JSON, in nested dataclasses too.
-
-    Parameters
-    ----------
-    text
-        The result in words for the terminal, one line or more.
-    failed
-        Why some inputs of a batch failed although the others were done, a sentence each. The command line then ends
-        as for bad input.
-    written
-        The absolute paths of all files that it wrote, by name; None if there are none.
-    """
+    """The result of an operation. Fields that are None are left out of its JSON, in nested dataclasses too."""
 
     text: str = field(kw_only=True)
+    """The result in words for the terminal, one line or more."""
     failed: list[str] | None = field(kw_only=True, default=None)
+    """Why some inputs of a batch failed although the others were done, a sentence each. The command line then ends as
+    for bad input."""
     written: list[str] | None = field(kw_only=True, default=None)
+    """The absolute paths of all files that it wrote, by name; None if there are none."""
 
     def facts(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold."""
@@ -179,12 +150,12 @@ class Operation:
         provenance="none",
     )
 
-    # The command's name on the command line: "superpose", "calibrate lights".
     command: ClassVar[str] = ""
-    # Whether the help of the command line lists it.
+    """The command's name on the command line: "superpose", "calibrate lights"."""
     listed: ClassVar[bool] = True
-    # Heading in the command line's help for the options that this class itself declares.
+    """Whether the help of the command line lists it."""
     heading: ClassVar[str] = ""
+    """Heading in the command line's help for the options that this class itself declares."""
 
     def __post_init__(self) -> None:
         """Raise SettingsError if an option's value is missing, of the wrong type, out of range or not a choice."""
@@ -224,28 +195,20 @@ class Operation:
 
 @dataclass(frozen=True, eq=False)
 class Running:
-    """An operation that is being carried out, for the rules of :mod:`mpsnet_core.io.files` on what it may overwrite.
-
-    Attributes
-    ----------
-    operation
-        The operation.
-    written
-        The absolute paths of the files that it wrote so far.
-    read
-        The absolute paths of the files that it read so far, as keys.
-    folders
-        The folders that it made. If it fails, those that are still empty are removed.
-    """
+    """An operation that is being carried out, for the rules of :mod:`mpsnet_core.io.files` on what it may overwrite."""
 
     operation: Operation
+    """The operation."""
     written: set[str] = field(default_factory=set)
+    """The absolute paths of the files that it wrote so far."""
     read: dict[str, None] = field(default_factory=dict)
+    """The absolute paths of the files that it read so far, as keys."""
     folders: list[str] = field(default_factory=list)
+    """The folders that it made. If it fails, those that are still empty are removed."""
 
     @functools.cached_property
     def named(self) -> frozenset[str]:
-        """The absolute paths that its options name. A text that is no path counts as one, which does no harm."""
+        """The absolute paths that its options name. A text that is not a path counts as one, which is harmless."""
         return frozenset(map(os.path.abspath, self.operation.texts()))
 
     @functools.cached_property

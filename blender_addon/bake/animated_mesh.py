@@ -21,17 +21,20 @@ MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 @dataclass(frozen=True)
 class AnimatedMesh:
-    """The data to write for each frame into `folder`, by session UIDs.
-
-    uv_map: see :func:`.mesh_file.begin_mesh`. camera: the camera to write, 0 for none. size: of its image.
-    """
+    """What to write for each frame."""
 
     folder: Path
+    """For the files."""
     scene: int
+    """Its session UID."""
     target: int
+    """Session UID of the object."""
     uv_map: str
+    """See :func:`.mesh_file.begin_mesh`."""
     camera: int = 0
+    """Session UID of the camera to write, 0 for none."""
     size: tuple[int, int] = (0, 0)
+    """Width and height of the camera's image in pixels."""
 
     def begin(self, frames: range) -> BegunMesh:
         """Read the first frame with :func:`.mesh_file.begin_mesh`, and raise as it does. The slices read the others."""

@@ -53,14 +53,14 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
-            **chosen(BakeSettings, settings, without=("output", "assign", "mark_asset")),
+            **chosen(settings, without=("output", "assign", "mark_asset")),
             **target_provenance(settings),
             **camera_provenance(context.scene, context.scene.mps.estimate.image),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, BakeSettings, scene.mps.bake)
+        apply_given_settings(self, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)
@@ -203,6 +203,3 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
             self.tell(sentence)
         mark_assets(assigned, self.mark_asset)
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake,))

@@ -5,16 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.presets import PRESETS, check_preset
-from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import InputError
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_facts
+from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
@@ -23,8 +22,7 @@ from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance, rounded
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
-from ..settings.bake import BakeSettings
-from ..settings.declared import options_of
+from ..settings.declared import StringSetting, options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
@@ -49,10 +47,8 @@ _HARDLY_SEEN = 0.1
 class BakeOperator(RunsCore):
     """Base of the bake operators: the objects that get textures, and the settings of the step Bake."""
 
-    target: StringProperty(
-        name="Target",
-        description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
-        options={"SKIP_SAVE"},
+    target: StringSetting(
+        "Target", "Name of the mesh object that gets the texture. Empty: the panel's target, else the active object"
     )
 
     _coloured = False  # whether the albedo is baked as well
@@ -110,7 +106,7 @@ class BakeOperator(RunsCore):
         """The core's options for the texture and the base maps that it goes on top of."""
         if settings.preset != "CUSTOM":
             check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
-        options = options_of(operation, BakeSettings, settings, without=("preset",))
+        options = options_of(operation, settings, without=("preset",))
         options["size"] = str(settings.size)
         if settings.padding != "NEAREST":
             del options["margin"]

@@ -32,17 +32,20 @@ _BY_FILE = "choose the file of an existing map"
 
 @dataclass(frozen=True)
 class AssignedMap:
-    """A normal map: the session UID of its image, and its convention, OPENGL or DIRECTX."""
+    """A normal map of a material."""
 
     uid: int
+    """Session UID of its image."""
     convention: str
+    """OPENGL or DIRECTX."""
 
 
 @dataclass(frozen=True)
 class BaseMapFile(AssignedMap):
-    """A base map with its file. That of UDIM tiles has <UDIM> in its name."""
+    """A base map with its file."""
 
     file: Path
+    """That of UDIM tiles has <UDIM> in its name."""
 
     def listed(self, part: "Part") -> ListedMap:
         """The entry in the core's list of maps, for a part."""

@@ -134,6 +134,3 @@ def _material(coverage: Any, uv_map: str) -> Any:
     links.new(texture.outputs["Color"], colours.inputs["Fac"])
     links.new(colours.outputs["Color"], shader.inputs["Base Color"])
     return material
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_show_coverage,))

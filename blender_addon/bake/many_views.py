@@ -24,9 +24,7 @@ from ..photo.options import network, reading
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
-from ..settings.bake import BakeSettings
 from ..settings.declared import apply_given_settings, options_of
-from ..settings.estimate import EstimateSettings
 from ..settings.views import ViewsSettings
 from .bake_operator import BakeOperator, low_frequencies, target_provenance
 from .coverage import coverage_folder
@@ -58,9 +56,9 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
             "Background images": ", ".join(stamp(image) for _, image in behind),
             "Cameras' places": ", ".join(f"{rounded(obj.matrix_world, 4)} {lens_stamp(obj)}" for obj, _ in behind),
             **target_provenance(scene.bake),
-            **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
-            **chosen(EstimateSettings, scene.estimate, only=shared),
-            **chosen(BakeSettings, scene.bake, without=others),
+            **chosen(scene.views, without=("keep", "write_report")),
+            **chosen(scene.estimate, only=shared),
+            **chosen(scene.bake, without=others),
             "Cameras": file_stamp(scene.views.cameras),
             "Rig File": file_stamp(scene.estimate.rig_file),
             **{f"{name} of the rig": text for name, text in stand.items()},  # "Lights" is a setting of this step
@@ -68,7 +66,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, ViewsSettings, scene.mps.views)
+        apply_given_settings(self, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
         targets = self.baked_objects(context)
         self._output = output = self.texture_file(context, targets)
@@ -85,7 +83,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
             cameras=cameras,
             photos=photos,
             rig=self._rig(scene, folder, turn.inverted()),
-            **options_of(BakeViews, ViewsSettings, self, without=("cameras", "photos", "keep")),
+            **options_of(BakeViews, self, without=("cameras", "photos", "keep")),
             **reading(estimate, unmasked="mesh"),
             **network(estimate),
             **self.texture_options(BakeViews, bake, targets, folder),
@@ -162,6 +160,3 @@ def background(obj: Any) -> Any:
         if behind.source == "IMAGE" and behind.image and behind.show_background_image
     ]
     return shown[0] if shown else None
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake_views,))

@@ -121,6 +121,3 @@ def _remove_displacement(group: Any) -> None:
             group.nodes.remove(node)
     if socket := _sockets(group).get("Displacement"):
         group.interface.remove(socket)
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_make_node_group,))

@@ -158,13 +158,5 @@ def _swing_on(*_: Any) -> None:
         bpy.app.timers.register(_swing)
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_relight)
-    bpy.app.handlers.load_post.append(_swing_on)
-
-
-def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_swing_on)
-    if bpy.app.timers.is_registered(_swing):
-        bpy.app.timers.unregister(_swing)
-    bpy.utils.unregister_class(MPS_OT_relight)
+HANDLERS = {"load_post": _swing_on}
+TIMERS = (_swing,)

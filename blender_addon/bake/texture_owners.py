@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from mpsnet_core.bake.texture_names import tile_patterns
 from mpsnet_core.errors import FileError
+from mpsnet_core.scene.texture_names import tile_patterns
 
 from ..appearance.modifiers import DISPLACE, find_modifier
 from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node, trees_of

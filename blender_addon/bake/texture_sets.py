@@ -43,16 +43,18 @@ def without_tokens(name: str) -> str:
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """An object that is baked onto, by IDs and names that stay valid whatever happens to the file meanwhile.
-
-    uid: its session UID. labels: of its slots, see :func:`.mesh_file.slot_labels`. used: those of slots with faces.
-    """
+    """An object that is baked onto, by IDs and names that stay valid whatever happens to the file meanwhile."""
 
     uid: int
+    """Its session UID."""
     name: str
+    """Its name when the bake began."""
     uv_map: str
+    """The UV map that is baked onto."""
     labels: tuple[str, ...]
+    """Of its slots, see :func:`.mesh_file.slot_labels`."""
     used: frozenset[str]
+    """Labels of slots with faces."""
 
 
 def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
@@ -64,11 +66,14 @@ def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
 
 @dataclass(frozen=True)
 class AssignedTexture:
-    """The textures of an object: an image for each of its material slots, and their UV map."""
+    """The textures of an object."""
 
     target: Any
+    """The object."""
     images: tuple[Any, ...]
+    """One for each of its material slots."""
     uv_map: str
+    """The UV map that they are on."""
 
     def texture_at(self, slot: int) -> tuple[Any, str]:
         """The image and UV map of the material in a slot."""

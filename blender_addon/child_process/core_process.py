@@ -35,14 +35,14 @@ class CoreCrashed(Exception):
 
 @dataclass(frozen=True)
 class Program:
-    """A program that speaks the protocol of :mod:`mpsnet_core.io.child_process`, for a child process.
-
-    name: for messages. environment: variables that override this process's.
-    """
+    """A program that speaks the protocol of :mod:`mpsnet_core.io.child_process`, for a child process."""
 
     command: tuple[str, ...]
+    """The program and its arguments."""
     name: str
+    """For messages."""
     environment: Mapping[str, str] = field(default_factory=dict)
+    """Variables that override this process's."""
 
 
 CORE = Program((sys.executable, "-m", "mpsnet_core", "job", "--progress", "json"), "the core")

@@ -97,15 +97,16 @@ def _is_one_file(one: Any) -> bool:
 
 @dataclass(frozen=True)
 class BakeFolder:
-    """A folder that the user chose for a modifier's bakes.
-
-    bake: index in the modifier's list, -1 for all of them. place: absolute path.
-    """
+    """A folder that the user chose for a modifier's bakes."""
 
     owner: str
+    """Name of the object."""
     modifier: str
+    """Its name."""
     bake: int
+    """Index in the modifier's list, -1 for all of them."""
     place: str
+    """Absolute path."""
 
 
 def bake_folders(besides: Path) -> list[BakeFolder]:

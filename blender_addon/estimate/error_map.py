@@ -76,6 +76,3 @@ class MPS_OT_error_map(RunsCore, bpy.types.Operator):
         estimate.error_image = image = load_image(self._output, "MPS Errors", is_data=False)
         self.made(image)
         fine_preview(image)
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_error_map,))

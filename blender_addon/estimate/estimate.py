@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import SettingsError
@@ -20,7 +19,7 @@ from ..photo.options import network, painted_mask, reading, rig_and_camera_optio
 from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
-from ..settings.declared import apply_given_settings, options_of
+from ..settings.declared import StringSetting, apply_given_settings, options_of
 from ..settings.estimate import EstimateSettings
 
 
@@ -32,10 +31,8 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     step = "estimate"
     requires = "photo"
 
-    surface: StringProperty(
-        name="Surface",
-        description="Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's",
-        options={"SKIP_SAVE"},
+    surface: StringSetting(
+        "Surface", "Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's"
     )
 
     @classmethod
@@ -43,7 +40,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         settings = context.scene.mps.estimate
         return {
             "Photo": stamp(context.scene.mps.photo.image),
-            **chosen(EstimateSettings, settings, without=("output", "confidence", "albedo")),
+            **chosen(settings, without=("output", "confidence", "albedo")),
             "White Photo": file_stamp(settings.white),
             **_painted(settings),
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
@@ -53,7 +50,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
         scene = context.scene
         named = self.properties.is_property_set("rig_file")
-        apply_given_settings(self, EstimateSettings, scene.mps.estimate)
+        apply_given_settings(self, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
         rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
@@ -81,7 +78,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
             **rig_and_camera_options(context, image, folder, self.schedule, rig_file),
             **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
-            **options_of(Estimate, EstimateSettings, self, without=("focal", "distance", "model", *read, *unused)),
+            **options_of(Estimate, self, without=("focal", "distance", "model", *read, *unused)),
             passes=None if moves or self.average_passes else 1,
             confidence=confidence,
             albedo=albedo,
@@ -154,12 +151,12 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         only = ("encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
-        shaping = chosen(EstimateSettings, context.scene.mps.estimate, only=only)
+        shaping = chosen(context.scene.mps.estimate, only=only)
         return {"Photo": stamp(context.scene.mps.photo.image), **shaping, **_painted(context.scene.mps.estimate)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, EstimateSettings, scene.mps.estimate)
+        apply_given_settings(self, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
@@ -174,6 +171,3 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         self.made(image)
         fine_preview(image)
         self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_estimate, MPS_OT_show_mask))

@@ -51,11 +51,11 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         target = scene.bake.target
         assigned = _textures(slot.material for slot in target.material_slots) if target is not None else set()
         texture = assigned.pop() if len(assigned) == 1 else scene.bake.image
-        return {"Texture": stamp(texture), **chosen(DisplaceSettings, scene.displace)}
+        return {"Texture": stamp(texture), **chosen(scene.displace)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         bake = context.scene.mps.bake
-        apply_given_settings(self, DisplaceSettings, context.scene.mps.displace)
+        apply_given_settings(self, context.scene.mps.displace)
         target = self.baked_object(context)
         image = _texture_of(target) or bake.image
         if image.source == "SEQUENCE":
@@ -98,7 +98,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
             object_space=str(self._normals) if self._normals else None,
             space=known["space"].lower(),
             convention=known["convention"].lower(),
-            **options_of(Integrate, DisplaceSettings, self),
+            **options_of(Integrate, self),
             margin=bake.margin,
         )
         return operation, self._files()
@@ -194,6 +194,3 @@ def _uv_map_of(target: Any) -> str:
 def _textures(materials: Iterable[Any]) -> set[Any]:
     trees = (material.node_tree for material in materials if material and material.node_tree)
     return {node.image for tree in trees if (node := find_node(tree, TEXTURE_NODE))} - {None}
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_displace,))

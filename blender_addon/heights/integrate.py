@@ -38,11 +38,11 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
-        return {"Normals": stamp(scene.estimate.image), **chosen(HeightsSettings, scene.heights)}
+        return {"Normals": stamp(scene.estimate.image), **chosen(scene.heights)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, HeightsSettings, scene.mps.heights)
+        apply_given_settings(self, scene.mps.heights)
         image = scene.mps.estimate.image
         if image.source == "SEQUENCE":
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
@@ -60,7 +60,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         operation = Integrate(
             normals=str(normals),
             height=str(self._output),
-            **options_of(Integrate, HeightsSettings, self, without=unused),
+            **options_of(Integrate, self, without=unused),
             **self._viewpoint(context, image, folder),
             **made,
         )
@@ -134,6 +134,3 @@ def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:
         bpy.data.meshes.remove(before)
     earlier.data.name = name
     return earlier
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_integrate,))

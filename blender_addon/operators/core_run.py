@@ -30,30 +30,32 @@ RunContext = Callable[[], AbstractContextManager[None]]
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """A prepared run of a child process.
-
-    slices: work in this process before the child can start. start: starts it. known: the operator's attributes.
-    """
+    """A prepared run of a child process."""
 
     slices: list[Slices]
+    """Work in this process before the child can start."""
     start: Callable[[], CoreProcess]
+    """Starts the child."""
     run_context: RunContext = nullcontext
+    """In which it was prepared and is finished."""
     known: dict[str, Any] = field(default_factory=dict)
+    """The operator's attributes."""
 
 
 @dataclass(eq=False)
 class _Job:
-    """Work in the background. It outlives Blender's operator, whose data is lost when it is removed.
-
-    resources: released at its end. runs: the remaining ones, of which the first is active. finished: number of
-    those before.
-    """
+    """Work in the background. It outlives Blender's operator, whose data is lost when it is removed."""
 
     resources: ExitStack
+    """Released at its end."""
     runs: list[_Run]
+    """The remaining ones, of which the first is active."""
     finished: int = 0
+    """Number of those before."""
     process: CoreProcess | None = None
+    """The active run's child, once it has started."""
     pace: Pace = field(default_factory=Pace)
+    """For the time left."""
 
     def advance(self) -> None:
         """Do as many slices as fit between two redraws of the window. After the last slice, start the process."""
@@ -299,11 +301,6 @@ def idle(cls: Any, context: Any) -> bool:
     return True
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_cancel)
-
-
 def unregister() -> None:
     for job in list(_jobs):
         job.leave(bpy.context.window_manager)
-    bpy.utils.unregister_class(MPS_OT_cancel)

@@ -61,7 +61,9 @@ class Pace:
     """
 
     _begun: tuple[float, float] | None = None
+    """Time and fraction done of the first progress; None before it."""
     _last: float = 0.0
+    """The fraction done at the last progress."""
 
     def left(self, now: float, done: float) -> float | None:
         """Seconds left at the time `now` with the fraction `done` (0 to 1), None if that is not yet known.

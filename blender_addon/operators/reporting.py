@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import bpy
-from bpy.props import FloatProperty, IntProperty, StringProperty
+from bpy.props import FloatProperty, IntProperty
 
 from mpsnet_core.errors import Cancelled, InputError, SettingsError
 from mpsnet_core.io.crash_log import describe_unexpected_error
@@ -15,6 +15,7 @@ from ..child_process.core_process import CoreCrashed
 from ..errors import system_report
 from ..provenance import Provenance, store_provenance
 from ..scene.objects import by_session_uid
+from ..settings.declared import StringSetting
 from ..settings.messages import in_blender
 from ..settings.record import store_record
 
@@ -153,13 +154,8 @@ class MPS_OT_dismiss(bpy.types.Operator):
     bl_label = "Dismiss Message"
     bl_options = {"INTERNAL", "UNDO"}
 
-    verb: StringProperty(
-        name="Operator", description='Whose message to take away: "estimate" for mps.estimate', options={"SKIP_SAVE"}
-    )
+    verb: StringSetting("Operator", 'Whose message to take away: "estimate" for mps.estimate')
 
     def execute(self, context: Any) -> set[Any]:
         store_record(context.scene, self.verb)
         return {"FINISHED"}
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_dismiss,))

@@ -2,11 +2,12 @@
 
 import bpy
 
+from ..registration import classes_in
 from . import bake, estimate, heights, material, models, photo, rig, samples, start, views
 
 # In the sidebar's order.
-_STEPS = (start, rig, photo, estimate, bake, heights, views, material, samples)
+_STEPS = (models, start, rig, photo, estimate, bake, heights, views, material, samples)
 
-CLASSES = [*models.CLASSES, *(cls for step in _STEPS for cls in step.CLASSES)]
+CLASSES = [cls for step in _STEPS for cls in classes_in(step)]
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -16,7 +16,7 @@ from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import check_in_scene, target_of
 from .photo_inputs import lacks_file, lacks_named
-from .step import Step
+from .step import Step, target_name
 from .text import wrapped
 
 
@@ -31,18 +31,11 @@ class MPS_PT_bake(Step):
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
-        target = target_of(context)
-        column = self.column()
-        column.prop(bake, "objects")
-        if bake.objects == "ACTIVE":
-            column.prop(bake, "target", placeholder=target.name if target else "")
-        column.prop(bake, "preset")
-        column.prop(bake, "size")
         normals = context.scene.mps.estimate.image
-        if normals is not None and normals.source == "SEQUENCE":
-            column.prop(bake, "animated")
-        if context.scene.mps.rigs:
-            column.prop(bake, "all_rigs")
+        moves = normals is not None and normals.source == "SEQUENCE" and "animated"
+        target = bake.objects == "ACTIVE" and "target"
+        several = bool(context.scene.mps.rigs) and "all_rigs"
+        self.column(bake, "objects", target, "preset", "size", moves, several, target=target_name(context))
         self.progress_or(context, "bake", "TEXTURE")
         if bake.image and hides_materials(context.space_data):
             wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
@@ -140,15 +133,9 @@ class MPS_PT_texture(Step):
             column.prop_search(bake, "uv_map", target.data, "uv_layers")
         else:
             column.prop(bake, "uv_map")
-        column.prop(bake, "output", text="File", placeholder="Automatic")
-        for name in ("split", "tiles", "space", "convention", "samples", "fill", "padding"):
-            column.prop(bake, name)
-        if bake.padding == "NEAREST":
-            column.prop(bake, "margin")
-        for name in ("file_format", "bits", "assign"):
-            column.prop(bake, name)
-        if bake.assign:
-            column.prop(bake, "mark_asset")
+        margin, mark = bake.padding == "NEAREST" and "margin", bake.assign and "mark_asset"
+        surface = ("split", "tiles", "space", "convention", "samples", "fill", "padding", margin)
+        self.column(bake, "output", *surface, "file_format", "bits", "assign", mark)
         self.layout.template_ID(bake, "image", open="image.open")
         self.layout.operator("mps.make_node_group", icon="NODETREE")
         self.failure(context.scene, "make_node_group")
@@ -161,17 +148,6 @@ class MPS_PT_detail(Step):
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
-        column = self.column()
-        column.prop(bake, "strength", slider=True)
-        column.prop(bake, "level")
-        if bake.level:
-            column.prop(bake, "level_scale")
-        column.prop(bake, "onto")
-        if bake.onto:
-            column.prop(bake, "onto_file", placeholder="The material's")
-            if bake.onto_file:
-                column.prop(bake, "onto_convention")
-            column.prop(bake, "onto_shown")
-
-
-CLASSES = (MPS_PT_bake, MPS_PT_texture, MPS_PT_detail)
+        self.column().prop(bake, "strength", slider=True)
+        onto = (bake.onto and name for name in ("onto_file", bake.onto_file and "onto_convention", "onto_shown"))
+        self.column(bake, "level", bake.level and "level_scale", "onto", *onto, onto_file="The material's")

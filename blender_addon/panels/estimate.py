@@ -24,7 +24,7 @@ class MPS_PT_estimate(Step):
         scene, estimate = context.scene, context.scene.mps.estimate
         model_menu(self.layout, estimate, MPS_MT_estimate_models)
         if estimate.model == "FILE":
-            self.column().prop(estimate, "model_file")
+            self.column(estimate, "model_file")
         if scene.mps.photo.image is not None:
             lines = self.layout.column(align=True)
             lines.scale_y = 0.9
@@ -45,10 +45,8 @@ class MPS_PT_estimate_options(Step):
         estimate = context.scene.mps.estimate
         photo = context.scene.mps.photo.image
         moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
-        column = self.column()
-        if estimate.model != "FILE" and MODELS[estimate.model].passes == STILL_PASSES and not moves:
-            column.prop(estimate, "average_passes")
-        column.prop(estimate, "file_format")
+        averages = not moves and estimate.model != "FILE" and MODELS[estimate.model].passes == STILL_PASSES
+        column = self.column(estimate, averages and "average_passes", "file_format")
         column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
         column.prop(estimate, "smooth" if moves else "confidence")
         if not moves:
@@ -78,6 +76,3 @@ class MPS_PT_truth(Step):
         self.progress_or(context, "render_truth", "NORMALS_VERTEX", text="True Normals")
         self.progress_or(context, "error_map", "IMAGE_DATA")
         self.picture(context.scene.mps.estimate.error_image, scale=12)
-
-
-CLASSES = (MPS_PT_estimate, MPS_PT_estimate_options, MPS_PT_truth)

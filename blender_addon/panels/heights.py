@@ -2,10 +2,9 @@
 
 from typing import Any
 
-from ..scene.objects import target_of
 from .bake import lacks_targets
 from .photo_inputs import lacks_file
-from .step import Step
+from .step import Step, target_name
 
 
 class MPS_PT_heights(Step):
@@ -24,16 +23,8 @@ class MPS_PT_heights(Step):
 
     def draw(self, context: Any) -> None:
         heights = context.scene.mps.heights
-        column = self.column()
-        for name in ("method", "distance", "file_format"):
-            column.prop(heights, name)
-        column.prop(heights, "output", text="File", placeholder="Automatic")
-        column = self.column(heading="Make")
-        column.prop(heights, "mesh")
-        if heights.mesh:
-            column.prop(heights, "faces")
-        for what in ("curvature", "occlusion", "relit"):
-            column.prop(heights, what)
+        self.column(heights, "method", "distance", "file_format", "output")
+        self.column(heights, "mesh", heights.mesh and "faces", "curvature", "occlusion", "relit", heading="Make")
         self.progress_or(context, "integrate", "OUTLINER_DATA_LIGHTPROBE")
         self.picture(heights.image, folded="heights")
 
@@ -51,18 +42,8 @@ class MPS_PT_displace(Step):
 
     def draw(self, context: Any) -> None:
         displace = context.scene.mps.displace
-        target = target_of(context)
-        column = self.column()
-        column.prop(context.scene.mps.bake, "target", placeholder=target.name if target else "")
-        column.prop(displace, "method")
-        column.prop(displace, "levels")
-        if displace.levels:
-            column.prop(displace, "subdivision")
-        for name in ("scale", "keep_normals", "file_format"):
-            column.prop(displace, name)
-        column.prop(displace, "output", text="File", placeholder="Automatic")
+        self.column(context.scene.mps.bake, "target", target=target_name(context))
+        subdivision = bool(displace.levels) and "subdivision"
+        self.column(displace, "method", "levels", subdivision, "scale", "keep_normals", "file_format", "output")
         self.progress_or(context, "displace", "MOD_DISPLACE")
         self.picture(displace.image, folded="displacement")
-
-
-CLASSES = (MPS_PT_heights, MPS_PT_displace)

@@ -29,10 +29,7 @@ class MPS_PT_material(Step):
     def draw(self, context: Any) -> None:
         material = context.scene.mps.material
         model_menu(self.layout, material, MPS_MT_material_models)
-        column = self.column()
-        for name in ("width", "size", "overlap", "bend", "grey", "relief", "repeats"):
-            column.prop(material, name)
-        column.prop(material, "output", placeholder="Automatic")
+        self.column(material, "width", "size", "overlap", "bend", "grey", "relief", "repeats", "output")
         self.progress_or(context, "make_material", "MATERIAL")
         if material.summary:
             wrapped(self.layout, material.summary)
@@ -49,6 +46,3 @@ class MPS_PT_material_crop(Step):
         column = self.column().column(align=True)
         for side in ("left", "right", "top", "bottom"):
             column.prop(material, f"crop_{side}")
-
-
-CLASSES = (MPS_PT_material, MPS_PT_material_crop)

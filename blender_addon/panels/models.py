@@ -42,6 +42,3 @@ def model_menu(layout: Any, settings: Any, menu: type[_Models]) -> None:
 
 def _name(settings: Any, model: str) -> str:
     return NAMES.get(model) or str(settings.bl_rna.properties["model"].enum_items[model].name)
-
-
-CLASSES = (MPS_MT_estimate_models, MPS_MT_material_models)

@@ -13,10 +13,9 @@ from ..photo.pick_points import picking
 from ..provenance import made_by
 from ..rig.light_rig import last_evaluated_rig, rig_camera
 from ..scene.camera import scene_camera
-from ..scene.objects import target_of
 from ..settings.record import notes_of
-from .photo_inputs import lacks_file, lacks_mask, lights_of
-from .step import Step, sentence
+from .photo_inputs import NEEDED_FILE, lacks_file, lacks_mask, lights_of
+from .step import Step, sentence, target_name
 from .text import wrapped
 
 
@@ -63,8 +62,8 @@ class MPS_PT_photo(Step):
         size = column.column(align=True)
         size.prop(photo, "width")
         size.prop(photo, "height")
-        column.prop(photo, "samples")
         notes = [note for verb in ("render_photo", "render_truth") for note in notes_of(context.scene, verb)]
+        column.prop(photo, "samples")
         if any(SCRIPTS_OFF in note for note in notes) or bpy.app.autoexec_fail:
             column.prop(context.window_manager.mps, "run_scripts")
         self.progress_or(context, "render_photo", "RENDER_STILL")
@@ -78,8 +77,7 @@ class MPS_PT_render(Step):
 
     def draw(self, context: Any) -> None:
         photo = context.scene.mps.photo
-        column = self.column()
-        column.prop(photo, "animation")
+        column = self.column(photo, "animation")
         column.prop(photo, "output", text="Folder" if photo.animation else "File", placeholder="Automatic")
         if note := note_of_step(context.scene):
             wrapped(self.layout, note, icon="INFO")
@@ -92,25 +90,6 @@ def note_of_step(scene: Any) -> str:
     if not scene.mps.photo.animation or scene.frame_step == 1:
         return ""
     return f"All frames are rendered. The scene's frame step of {scene.frame_step} would leave gaps in the texture"
-
-
-class MPS_PT_real(Step):
-    bl_label = "Lens and Corrections"
-    way = "PHOTOGRAPH"
-    bl_parent_id = "MPS_PT_photo"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: Any) -> None:
-        estimate = context.scene.mps.estimate
-        column = self.column()
-        column.prop(estimate, "lens")
-        column.prop(estimate, "encoding")
-        column.prop(estimate, "dark", placeholder="None")
-        column.prop(estimate, "flat", placeholder="None")
-        column.prop(estimate, "white", placeholder="None")
-        if estimate.white:
-            column.prop(estimate, "white_light", placeholder="Rig")
-        self.progress_or(context, "check_photo", "VIEWZOOM")
 
 
 class MPS_PT_align(Step):
@@ -142,10 +121,8 @@ class MPS_PT_align(Step):
 
     def draw(self, context: Any) -> None:
         photo, align = context.scene.mps.photo.image.mps, context.scene.mps.align
-        target = target_of(context)
-        column = self.column()
-        column.prop(context.scene.mps.bake, "target", placeholder=target.name if target else "")
-        column.prop(photo, "camera")
+        self.column(context.scene.mps.bake, "target", target=target_name(context))
+        column = self.column(photo, "camera")
         lens = context.scene.mps.estimate.lens
         column.prop(align, "lens_of", placeholder=f"{lens:g} mm" if lens else "Automatic")
         row = column.row()
@@ -162,6 +139,45 @@ class MPS_PT_align(Step):
             wrapped(self.layout, sentence(photo.fit), icon="ERROR" if photo.poor else "CHECKMARK")
             self.picture(align.image, folded="overlay")
             self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
+
+
+class MPS_PT_mask(Step):
+    bl_label = "Mask"
+    way = "PHOTOGRAPH"
+    verbs = ("show_mask",)
+    optional = True
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.estimate.mask_image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return super().lacks(context) or lacks_mask(context.scene.mps.estimate)
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column(estimate, "mask", NEEDED_FILE.get(estimate.mask, ""))
+        if estimate.mask == "THRESHOLD":
+            column.prop(estimate, "threshold", slider=True)
+        self.progress_or(context, "show_mask", "MOD_MASK")
+        self.progress_or(context, "paint_mask", "BRUSH_DATA")
+        self.picture(estimate.mask_image, scale=12)
+
+
+class MPS_PT_real(Step):
+    bl_label = "Lens and Corrections"
+    way = "PHOTOGRAPH"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        names = ("lens", "encoding", "dark", "flat", "white", bool(estimate.white) and "white_light")
+        self.column(estimate, *names, dark="None", flat="None", white="None", white_light="Rig")
+        self.progress_or(context, "check_photo", "VIEWZOOM")
 
 
 class MPS_PT_superpose(Step):
@@ -186,50 +202,6 @@ class MPS_PT_superpose(Step):
 
     def draw(self, context: Any) -> None:
         settings = context.scene.mps.superpose
-        column = self.column()
-        for name in ("first", "second", "third"):
-            column.prop(settings, name, placeholder="Photo")
-        column.prop(settings, "encoding")
-        column.prop(settings, "output", placeholder="Automatic")
+        photos = dict.fromkeys(("first", "second", "third"), "Photo")
+        self.column(settings, *photos, "encoding", "output", **photos)
         self.progress_or(context, "superpose", "IMAGE_RGB")
-
-
-class MPS_PT_mask(Step):
-    bl_label = "Mask"
-    way = "PHOTOGRAPH"
-    verbs = ("show_mask",)
-    optional = True
-    bl_parent_id = "MPS_PT_photo"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        return context.scene.mps.estimate.mask_image
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return super().lacks(context) or lacks_mask(context.scene.mps.estimate)
-
-    def draw(self, context: Any) -> None:
-        estimate = context.scene.mps.estimate
-        column = self.column()
-        column.prop(estimate, "mask")
-        if estimate.mask == "FILE":
-            column.prop(estimate, "mask_file")
-        elif estimate.mask == "BACKGROUND":
-            column.prop(estimate, "background")
-        elif estimate.mask == "THRESHOLD":
-            column.prop(estimate, "threshold", slider=True)
-        self.progress_or(context, "show_mask", "MOD_MASK")
-        self.progress_or(context, "paint_mask", "BRUSH_DATA")
-        self.picture(estimate.mask_image, scale=12)
-
-
-CLASSES = (
-    MPS_PT_photo,
-    MPS_PT_render,
-    MPS_PT_align,
-    MPS_PT_mask,
-    MPS_PT_real,
-    MPS_PT_superpose,
-)

@@ -20,21 +20,23 @@ from ..provenance import is_there
 from ..rig.light_rig import last_evaluated_rig
 
 _VIRTUAL = "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
+# The setting that holds the file of a mask, where its kind has one.
+NEEDED_FILE = {"FILE": "mask_file", "BACKGROUND": "background"}
 NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
 
 
 @dataclass(frozen=True)
 class Lights:
-    """The lights of a photo.
-
-    words: what they are. rig: their current state, if it is valid. lacks: why they cannot be used. doubt: why they may
-    not be the photo's.
-    """
+    """The lights of a photo."""
 
     words: str
+    """What they are."""
     rig: LightRig | None = None
+    """Their current state, if it is valid."""
     lacks: str = ""
+    """Why they cannot be used."""
     doubt: str = ""
+    """Why they may not be the photo's."""
 
 
 def lights_of(scene: Any) -> Lights:
@@ -105,7 +107,7 @@ def lacks_file(image: Any, what: str) -> str:
 
 def lacks_mask(settings: Any) -> str:
     """The image that the mask setting needs and lacks, in words; "" if nothing is missing."""
-    needed = {"FILE": "mask_file", "BACKGROUND": "background"}.get(settings.mask)
+    needed = NEEDED_FILE.get(settings.mask)
     return lacks_named(settings, needed, optional=False) if needed else ""
 
 

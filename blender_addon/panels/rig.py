@@ -74,9 +74,7 @@ class MPS_PT_rig(Step):
 
     def _virtual(self, context: Any) -> None:
         scene, rig = context.scene, context.scene.mps.rig
-        column = self.column()
-        for name in ("light_type", "slant", "tilt", "view"):
-            column.prop(rig, name)
+        self.column(rig, "light_type", "slant", "tilt", "view")
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
         if rig.lights and (error := _standing_lights(scene).lacks):
             wrapped(self.layout, sentence(error), icon="ERROR")
@@ -143,14 +141,8 @@ class MPS_PT_rig_placement(Step):
     def draw(self, context: Any) -> None:
         self.layout.popover("MPS_PT_rig_presets", text="Presets", icon="PRESET")
         rig = context.scene.mps.rig
-        column = self.column()
-        for name in ("distance", "light_size", "strength"):
-            column.prop(rig, name)
-        column = self.column()
-        column.prop(rig, "projection")
-        if rig.projection == "PERSPECTIVE":
-            column.prop(rig, "focal_length")
-        column.prop(rig, "margin")
+        self.column(rig, "distance", "light_size", "strength")
+        self.column(rig, "projection", rig.projection == "PERSPECTIVE" and "focal_length", "margin")
         self.layout.operator("mps.add_rig_ring", icon="CON_FOLLOWPATH")
         self.failure(context.scene, "add_rig_ring")
         if rig.lights:
@@ -181,14 +173,10 @@ class MPS_PT_calibrate(Step):
 
     def draw(self, context: Any) -> None:
         calibrate = context.scene.mps.calibrate
-        column = self.column()
-        column.prop(calibrate, "ball")
-        column.prop(calibrate, "second_ball", placeholder="For positions")
-        for name in ("lens", "ball_radius", "encoding"):
-            column.prop(calibrate, name)
-        column.prop(calibrate, "output", text="File", placeholder="Automatic")
+        names = ("ball", "second_ball", "lens", "ball_radius", "encoding", "output")
+        self.column(calibrate, *names, second_ball="For positions")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
-        self.column().prop(calibrate, "grey")
+        self.column(calibrate, "grey")
         self.progress_or(context, "calibrate_mixing", "COLOR", lacks=lacks_of_mixing(context.scene))
         if calibrate.summary:
             self._found(calibrate)
@@ -220,14 +208,4 @@ class MPS_PT_outline(Step):
     def draw(self, context: Any) -> None:
         calibrate = context.scene.mps.calibrate
         for place in ("circle", "second") if calibrate.second_ball else ("circle",):
-            column = self.column()
-            for what in ("x", "y", "radius"):
-                column.prop(calibrate, f"{place}_{what}")
-
-
-CLASSES = (
-    MPS_PT_rig,
-    MPS_PT_rig_placement,
-    MPS_PT_calibrate,
-    MPS_PT_outline,
-)
+            self.column(calibrate, *(f"{place}_{what}" for what in ("x", "y", "radius")))

@@ -21,24 +21,12 @@ class MPS_PT_samples(Step):
 
     def draw(self, context: Any) -> None:
         samples = context.scene.mps.samples
-        column = self.column()
-        column.prop(samples, "source")
-        if samples.source == "GENERATED":
-            column.prop(samples, "kinds")
-        elif samples.source == "MESHES":
-            column.prop(samples, "meshes")
-        column = self.column()
-        for name in ("count", "seed", "size"):
-            column.prop(samples, name)
-        if samples.source != "SCENE":
-            column.prop(samples, "views")
-        column = self.column()
-        for name in ("samples", "bounces", "denoise"):
-            column.prop(samples, name)
-        column = self.column()
+        self.column(samples, "source", {"GENERATED": "kinds", "MESHES": "meshes"}.get(samples.source, ""))
+        self.column(samples, "count", "seed", "size", samples.source != "SCENE" and "views")
+        self.column(samples, "samples", "bounces", "denoise")
         target = samples_folder(context.scene)
-        column.prop(samples, "output", placeholder="Automatic" if is_permanent(target) else "Name one")
-        column.prop(samples, "processes")
+        names = ("output", "processes")
+        column = self.column(samples, *names, output="Automatic" if is_permanent(target) else "Name one")
         if address := preference("cluster"):
             column.label(text=f"On {address}, see the preferences")
         self.progress_or(context, "render_samples", "RENDER_ANIMATION")
@@ -46,6 +34,3 @@ class MPS_PT_samples(Step):
         if found and not context.window_manager.mps.running:
             self.layout.label(text=f"{found} in this folder")
         self.picture(samples.image, scale=12)
-
-
-CLASSES = (MPS_PT_samples,)

@@ -18,6 +18,3 @@ class MPS_PT_start(Step):
         begun = mps.photo.image or mps.rig.lights or mps.estimate.rig_file
         if not begun or context.window_manager.mps.running == "MPS_OT_try_it" or error_of(context.scene, "try_it"):
             self.progress_or(context, "try_it", "PLAY")
-
-
-CLASSES = (MPS_PT_start,)

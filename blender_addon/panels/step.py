@@ -18,6 +18,7 @@ from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import is_safe_to_open
 from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
+from ..scene.objects import target_of
 from ..settings.messages import in_blender
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
@@ -46,10 +47,12 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class State:
-    """The state of a step, and a sentence that says why, or ""."""
+    """The state of a step."""
 
     kind: Kind
+    """Done, ready, failed and so on."""
     why: str = ""
+    """A sentence, or ""."""
 
 
 class Step(bpy.types.Panel):
@@ -113,10 +116,16 @@ class Step(bpy.types.Panel):
         row.active = kind is not Kind.TO_DO
         row.label(text=kind.word, icon=kind.icon)
 
-    def column(self, *, heading: str = "") -> Any:
+    def column(self, group: Any = None, *names: str | bool, heading: str = "", **placeholders: str) -> Any:
+        """A column with a row for each of these settings of a group; False stands for none."""
         column = self.layout.column(heading=heading)
         column.use_property_split = True
         column.use_property_decorate = False
+        for name in filter(None, names):
+            row: dict[str, str] = {"placeholder": placeholders[name]} if name in placeholders else {}
+            if name == "output":  # "Texture File" is "File" in its own step
+                row = {"placeholder": "Automatic", "text": group.bl_rna.properties[name].name.split()[-1], **row}
+            column.prop(group, name, **row)
         return column
 
     def progress_or(self, context: Any, verb: str, icon: str, text: str = "", lacks: str = "") -> None:
@@ -199,6 +208,12 @@ class Step(bpy.types.Panel):
         row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=2.5 if folded else 1.5))
         if is_safe_to_open(path.parent):
             row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
+
+
+def target_name(context: Any) -> str:
+    """The name of the target of the step Bake, or of what stands for it; "" if there is none."""
+    target = target_of(context)
+    return target.name if target else ""
 
 
 def _operator(verb: str) -> Any:

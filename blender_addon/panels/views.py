@@ -34,23 +34,12 @@ class MPS_PT_views(Step):
 
     def draw(self, context: Any) -> None:
         views = context.scene.mps.views
-        column = self.column()
-        column.prop(views, "cameras", placeholder="This scene's")
-        if views.cameras:
-            column.prop(views, "photos")
-            column.prop(views, "axes")
-        column.prop(views, "white", placeholder="None")
-        column.prop(views, "lights_in")
-        column.prop(views, "level")
-        if views.level:
-            column.prop(views, "level_scale")
-        column.prop(views, "keep", placeholder="Not kept")
+        files = ("photos", "axes") if views.cameras else ()
+        names = ("cameras", *files, "white", "lights_in", "level", views.level and "level_scale", "keep")
+        column = self.column(views, *names, cameras="This scene's", white="None", keep="Not kept")
         row = column.row()
         row.prop(views, "write_report")
         if views.report_file and is_safe_to_open(views.report_file):
             row.operator("wm.path_open", text="Open", icon="URL").filepath = views.report_file
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         self.picture(self.result(context))
-
-
-CLASSES = (MPS_PT_views,)

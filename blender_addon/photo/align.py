@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import IntProperty, StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
@@ -24,7 +23,7 @@ from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
 from ..settings.align import AlignSettings
-from ..settings.declared import apply_given_settings, from_option, round_as_typed
+from ..settings.declared import IntSetting, StringSetting, apply_given_settings, from_option, round_as_typed
 from .camera import chosen_camera, is_real
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 
@@ -40,17 +39,14 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
     bl_idname = "mps.align_photo"
     bl_label = "Align Photo"
 
-    target: StringProperty(
-        name="Target",
-        description="Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one",
-        options={"SKIP_SAVE"},
+    target: StringSetting(
+        "Target", "Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one"
     )
     lens: from_option(Align, "focal", name="Lens (mm)", unset="that of the photo; estimated too where that is 0")
-    lens_of: StringProperty(
-        name="Lens Of",
-        description="Name of a camera object whose focal length and shift the photo's camera gets. Empty: the one in "
+    lens_of: StringSetting(
+        "Lens Of",
+        "Name of a camera object whose focal length and shift the photo's camera gets. Empty: the one in "
         "the panel, unless Lens (mm) is given",
-        options={"SKIP_SAVE"},
     )
 
     @classmethod
@@ -68,7 +64,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Align, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, AlignSettings, scene.mps.align)
+        apply_given_settings(self, scene.mps.align)
         photo, estimate = scene.mps.photo.image, scene.mps.estimate
         file = image_file(photo, "photo", "open it again")
         if photo.source == "MOVIE":
@@ -201,9 +197,7 @@ class MPS_OT_remove_align_point(bpy.types.Operator):
     bl_label = "Remove Point"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    index: IntProperty(
-        name="Number", description="Number of the pair in the photo's list, from 0", min=0, options={"SKIP_SAVE"}
-    )
+    index: IntSetting("Number", "Number of the pair in the photo's list, from 0", min=0)
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -217,8 +211,3 @@ class MPS_OT_remove_align_point(bpy.types.Operator):
             return {"CANCELLED"}
         pairs.remove(self.index)
         return {"FINISHED"}
-
-
-CLASSES = (MPS_OT_align_photo, MPS_OT_remove_align_point)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -57,23 +57,28 @@ _MAX_SHARE = 0.98
 
 @dataclass(frozen=True)
 class RenderJob:
-    """What the other Blender renders.
-
-    file: the copy. rig: index in the scene's list. output: the file, or the frames' folder. use_scripts: see trust.py.
-    painted: files with the pixels of images that are in memory only, by image name. missing: linked data that is
-    missing in the open file, too. bakes: bake folders that the copy may not find.
-    """
+    """What the other Blender renders."""
 
     file: str
+    """The copy of the open file."""
     what: RenderKind
+    """A photo, frames or true normals."""
     scene: str
+    """Its name."""
     rig: int
+    """Its index in the scene's list."""
     view_layer: str
+    """Its name."""
     output: str
+    """The file, or the folder of frames."""
     use_scripts: bool
+    """Whether the file's scripts may run, see trust.py."""
     painted: dict[str, str] = field(default_factory=dict)
+    """Files with the pixels of images that are in memory only, by the images' names."""
     missing: list[str] = field(default_factory=list)
+    """Linked data that is missing in the open file, too."""
     bakes: list[BakeFolder] = field(default_factory=list)
+    """Bake folders that the copy may not find."""
 
 
 # --- in the Blender that requests it ----------------------------------------------------------------------------------

@@ -41,6 +41,3 @@ class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         self.tell(_VERDICTS[result["level"]])
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_check_photo,))

@@ -122,13 +122,5 @@ def _watch_on(*_: Any) -> None:
         bpy.app.timers.register(watch, first_interval=WATCH_SECONDS, persistent=True)
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_look_through)
-    bpy.app.handlers.load_post.append(_watch_on)
-
-
-def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_watch_on)
-    if bpy.app.timers.is_registered(watch):
-        bpy.app.timers.unregister(watch)
-    bpy.utils.unregister_class(MPS_OT_look_through)
+HANDLERS = {"load_post": _watch_on}
+TIMERS = (watch,)

@@ -19,7 +19,7 @@ from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene
 from ..settings.declared import options_of, round_as_typed
-from ..settings.estimate import MODELS, EstimateSettings
+from ..settings.estimate import MODELS
 from .camera import is_real, write_photo_camera
 
 
@@ -155,7 +155,7 @@ def painted_mask(estimate: Any, folder: Path) -> str:
 
 def reading_without_mask(settings: Any) -> dict[str, Any]:
     """The options of :func:`reading` without the mask."""
-    return options_of(Estimate, EstimateSettings, settings, only=("encoding", "dark", "flat"))
+    return options_of(Estimate, settings, only=("encoding", "dark", "flat"))
 
 
 def _mask(settings: Any) -> str:

@@ -95,6 +95,3 @@ def _show(context: Any, image: bpy.types.Image) -> None:
     if area is not None:
         area.spaces.active.image = image
         area.spaces.active.ui_mode = "PAINT"
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_paint_mask,))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
@@ -27,7 +27,7 @@ from ..provenance import Provenance, chosen, file_stamp, rounded
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import find_object
-from ..settings.declared import PATH, apply_given_settings, options_of
+from ..settings.declared import BoolSetting, FileSetting, StringSetting, apply_given_settings, options_of
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
@@ -39,18 +39,15 @@ _LIGHTS = ("first", "second", "third")
 class _Renders(RunsCore):
     """An operator that renders: from a button in another Blender process, from a script in this one."""
 
-    target: StringProperty(
-        name="Target",
-        description="Name of the mesh object that is baked onto later. It is left out of the picture where the "
+    target: StringSetting(
+        "Target",
+        "Name of the mesh object that is baked onto later. It is left out of the picture where the "
         "detailed object is in its place. Empty: the target of the step Bake",
-        options={"SKIP_SAVE"},
     )
-    resume: BoolProperty(
-        name="Resume",
-        description="Of an animation, keep the frames that an interrupted run rendered from the same saved file, "
+    resume: BoolSetting(
+        "Resume",
+        "Of an animation, keep the frames that an interrupted run rendered from the same saved file, "
         "settings and rig. Only if this script changes nothing else in the scene",
-        default=False,
-        options={"SKIP_SAVE"},
     )
     _first_job: dict[str, Any] | None = None  # its copy of the file serves all rigs
 
@@ -105,10 +102,10 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
+        return {**_drawn(context.scene), **chosen(context.scene.mps.photo)}
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
-        apply_given_settings(self, PhotoSettings, scene.mps.photo)
+        apply_given_settings(self, scene.mps.photo)
         self._moves = self.animation
         if self._moves:
             return "frames", output_frames(self.output, result_name(scene, "photo"))
@@ -134,14 +131,9 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     bl_label = "Open Photo"
     bl_options = {"UNDO"}
 
-    filepath: StringProperty(
-        name="File", description="Photo under red, green and blue light", subtype="FILE_PATH", options=PATH
-    )
-    sequence: bpy.props.BoolProperty(
-        name="All Frames",
-        description="The photo is a numbered frame, and all frames that are numbered like it are meant",
-        default=False,
-        options={"SKIP_SAVE"},
+    filepath: FileSetting("File", "Photo under red, green and blue light")
+    sequence: BoolSetting(
+        "All Frames", "The photo is a numbered frame, and all frames that are numbered like it are meant"
     )
     filter_glob: StringProperty(
         default=";".join(f"*{suffix}" for suffix in (*PHOTO_SUFFIXES, *VIDEO_SUFFIXES)), options={"HIDDEN", "SKIP_SAVE"}
@@ -193,18 +185,18 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.superpose
         files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
-        return {**files, **chosen(SuperposeSettings, settings, only=("encoding",))}
+        return {**files, **chosen(settings, only=("encoding",))}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, SuperposeSettings, scene.mps.superpose)
+        apply_given_settings(self, scene.mps.superpose)
         photos = [getattr(self, name) for name in _LIGHTS]
         for name, photo in zip(_LIGHTS, photos, strict=True):
             if not photo:
                 raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
         output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
         images = tuple(map(bpy.path.abspath, photos))
-        options = options_of(Superpose, SuperposeSettings, self)
+        options = options_of(Superpose, self)
         return Superpose(image=images, channels=True, output=str(output), **options), [output]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
@@ -268,12 +260,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
     bl_idname = "mps.render_truth"
     bl_label = "Render True Normals"
 
-    output: StringProperty(
-        name="File",
-        description="OpenEXR file to write. Empty: a name of its own in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
+    output: FileSetting("File", "OpenEXR file to write. Empty: a name of its own in the output folder")
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
@@ -282,8 +269,3 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         result_is = f"its true normals are in {result['output']}"
         rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
         self.tell(f"True normals written to {result['output']}")
-
-
-CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_FH_photo, MPS_OT_superpose, MPS_OT_render_truth)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

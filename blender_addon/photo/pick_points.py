@@ -31,22 +31,28 @@ Side = Literal["pixel", "point"]
 
 @dataclass(eq=False)
 class _Picking:
-    """The state while points are picked: the photo's editor, and what is drawn.
-
-    editor: pointer of the area. was: what the area showed before; None if it was created for this. half: the first
-    point of an incomplete pair, with its location. dragged: index of the pair that is dragged, and its location.
-    """
+    """The state while points are picked: the photo's editor, and what is drawn."""
 
     window: Any
+    """The window in which the button was pressed."""
     editor: int
+    """Pointer of the photo's editor, an area."""
     was: tuple[Any, str] | None
+    """Image and mode that the editor showed before; None if it was created for this."""
     half: dict[Side, Sequence[float]] = field(default_factory=dict)
+    """The first point of an incomplete pair, by its side."""
     dragged: tuple[int, Side] | None = None
+    """Index and side of the point that is dragged."""
     pressed: bool = False
+    """Whether the mouse button is held down on a marker."""
     fitted: bool = False
+    """Whether the editor shows the whole photo."""
     hint: str = ""
+    """Why the last click set nothing."""
     shown: Any = None
+    """What was drawn last."""
     handles: list[tuple[Any, Any]] = field(default_factory=list)
+    """Kinds of spaces, and what is drawn in them."""
 
     def area(self) -> Any:
         """The photo's editor; None if it was closed."""
@@ -216,12 +222,16 @@ def picking() -> bool:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A position under the mouse for one point of a pair: in the photo ("pixel") or in a viewport ("point")."""
+    """A position under the mouse for one point of a pair."""
 
     side: Side
+    """In the photo ("pixel") or in a viewport ("point")."""
     area: Any
+    """The editor."""
     region: Any
+    """Its region."""
     at: Place
+    """In the region's pixels."""
 
     @property
     def view(self) -> Matrix:
@@ -405,11 +415,6 @@ def _split_off_image_editor(context: Any) -> Any:
     return made
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_pick_points)
-
-
 def unregister() -> None:
     for one in list(_running):
         one.leave()
-    bpy.utils.unregister_class(MPS_OT_pick_points)

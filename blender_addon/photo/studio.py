@@ -46,15 +46,16 @@ def no_render_progress(done: int, renders: int, words: str) -> None:
 
 
 class Rendered(NamedTuple):
-    """A rendered file, or the first one of several frames, with notes as sentences, and all files that belong to it.
-
-    kept: whether an earlier run had rendered it.
-    """
+    """What was rendered."""
 
     file: Path
+    """The file, or the first one of several frames."""
     notes: list[str]
+    """Sentences for the user."""
     files: list[Path]
+    """All files that belong to it."""
     kept: bool = False
+    """Whether an earlier run had rendered it."""
 
 
 def render(
@@ -99,7 +100,7 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         from mpsnet_core.io.image_writing import write_photo
 
         with write_transaction():
-            write_rig(sidecar(path, "rig"), replace(rig, exact=True))
+            write_rig(sidecar(path, "rig"), replace(rig, is_ground_truth=True))
             write_camera(sidecar(path, "camera"), taken_by)
             write_photo(path, superpose(parts), bits=32, description=line or None)
     return Rendered(path, notes, files)

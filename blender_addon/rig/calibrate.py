@@ -37,7 +37,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
         circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
         return {
-            **options_of(CalibrateLights, CalibrateSettings, self),
+            **options_of(CalibrateLights, self),
             "circle": tuple(f"{x:g},{y:g},{radius:g}" for x, y, radius in circles) if circles[0][2] > 0 else (),
             "overlay": str(self._overlay),
             "output": str(rig),
@@ -78,7 +78,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
     bl_label = "Find Lights"
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateLights, Sequence[Path]]:
-        apply_given_settings(self, CalibrateSettings, context.scene.mps.calibrate)
+        apply_given_settings(self, context.scene.mps.calibrate)
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
@@ -101,7 +101,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateMixing, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, CalibrateSettings, scene.mps.calibrate)
+        apply_given_settings(self, scene.mps.calibrate)
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Rig")
@@ -142,16 +142,4 @@ def _write_kept_rigs(*_: Any) -> None:
             estimate.rig_file, estimate.kept_rig = str(rig), json.dumps([str(rig), text])
 
 
-CLASSES = (MPS_OT_calibrate_lights, MPS_OT_calibrate_mixing)
-
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.app.handlers.load_post.append(_write_kept_rigs)
-
-
-def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_write_kept_rigs)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+HANDLERS = {"load_post": _write_kept_rigs}

@@ -61,20 +61,22 @@ class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
 
 @dataclass(eq=False)
 class LightPreview:
-    """A preview that is switched on.
-
-    scene_uid: of the scene that it shows. error: why there is no newer image. moved: whether a shape changed since the
-    last tick. mesh_of, shown: as JSON, the objects in the mesh file with their transforms, and the complete state that
-    the last child was started with.
-    """
+    """A preview that is switched on."""
 
     scene_uid: int
+    """Session UID of the scene that it shows."""
     error: str = ""
+    """Why there is no newer image."""
     moved: bool = False
+    """Whether a shape changed since the last tick."""
     mesh_of: str = ""
+    """The objects in the mesh file with their transforms, as JSON."""
     shown: str = ""
+    """The complete state that the last child was started with, as JSON."""
     process: CoreProcess | None = None
+    """The child that is tracing."""
     resources: ExitStack = field(default_factory=ExitStack)
+    """Released when it is switched off."""
 
     def __post_init__(self) -> None:
         self.folder = self.resources.enter_context(temporary_folder())
@@ -219,7 +221,7 @@ def _undone(*_: Any) -> None:
         preview.moved = True
 
 
-_HANDLERS = {
+HANDLERS = {
     "load_pre": end,
     "depsgraph_update_post": _shape_changed,
     "undo_post": _undone,
@@ -227,14 +229,5 @@ _HANDLERS = {
 }
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_light_preview)
-    for name, handler in _HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(handler)
-
-
 def unregister() -> None:
     end()
-    for name, handler in _HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(handler)
-    bpy.utils.unregister_class(MPS_OT_light_preview)

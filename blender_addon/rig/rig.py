@@ -56,7 +56,7 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
         return True
 
     def act(self, context: Any) -> None:
-        apply_given_settings(self, RigSettings, context.scene.mps.rig)
+        apply_given_settings(self, context.scene.mps.rig)
         add_rig(context)
 
 
@@ -226,8 +226,3 @@ def _add_light(settings: Any, name: str, location: Vector) -> Any:
     aim = light.constraints.new("DAMPED_TRACK")
     aim.name, aim.target, aim.track_axis = "MPS Aim", settings.target, "TRACK_NEGATIVE_Z"
     return light
-
-
-CLASSES = (MPS_OT_add_rig, MPS_OT_remove_rig)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty
 from mathutils import Euler, Matrix
 
 from mpsnet_core.errors import InputError, SettingsError
@@ -22,13 +21,12 @@ from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
-from ..settings.declared import GIVEN, OF_ONE_RUN
-from ..settings.estimate import EstimateSettings
-from ..settings.photo import PhotoSettings
-from ..settings.rig import RigSettings
+from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting, setting_names
 from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
-_STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
+_STEPS = ("rig", "photo", "estimate")
+# Settings that another rig does not take over.
+_OF_ONE_RIG = {"output", "rig_file", "white", "white_light"}
 _VERBS = (
     *("add_rig", "render_photo", "open_photo", "superpose", "check_photo"),
     *("show_mask", "paint_mask", "estimate", "error_map"),
@@ -65,16 +63,12 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
     bl_label = "Add Ring of Rigs"
     bl_options = {"REGISTER", "UNDO"}
 
-    count: IntProperty(
-        name="Count", description="How many rigs stand around the object", default=8, min=2, max=64, options=GIVEN
-    )
-    elevation: FloatProperty(
-        name="Elevation (°)",
-        description="How far the cameras look down on the object, in degrees. 0: from the side, 90: from above",
+    count: IntSetting("Count", "How many rigs stand around the object", default=8, within=(2, 64))
+    elevation: FloatSetting(
+        "Elevation (°)",
+        "How far the cameras look down on the object, in degrees. 0: from the side, 90: from above",
         default=20.0,
-        min=-90.0,
-        max=90.0,
-        options=GIVEN,
+        within=(-90.0, 90.0),
     )
 
     @classmethod
@@ -92,13 +86,7 @@ class MPS_OT_choose_rig(_OnRigs):
     bl_label = "Choose Rig"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    index: IntProperty(
-        name="Number",
-        description="Number of the rig in the scene's list, from 0",
-        default=0,
-        min=0,
-        options={"SKIP_SAVE"},
-    )
+    index: IntSetting("Number", "Number of the rig in the scene's list, from 0", min=0)
 
     def execute(self, context: Any) -> set[Any]:
         count = len(context.scene.mps.rigs)
@@ -134,12 +122,10 @@ class OnEachRig(RunsCore):
     This is like choosing each rig and pressing the button: settings, results and notes are those of each rig.
     """
 
-    all_rigs: BoolProperty(
-        name="All Rigs",
-        description="Do this for all rigs of this scene, one after the other, each with its own settings. "
+    all_rigs: BoolSetting(
+        "All Rigs",
+        "Do this for all rigs of this scene, one after the other, each with its own settings. "
         "Off: for the chosen rig alone",
-        default=False,
-        options=GIVEN,
     )
     step = ""  # the step in _STEPS whose settings it uses
 
@@ -159,8 +145,9 @@ class OnEachRig(RunsCore):
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
         for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
-            for name in self._given.intersection(_STEPS[self.step].__annotations__) - OF_ONE_RUN:
-                setattr(getattr(one, self.step), name, getattr(self, name))
+            group = getattr(one, self.step)
+            for name in self._given.intersection(setting_names(group)) - OF_ONE_RUN:
+                setattr(group, name, getattr(self, name))
         return [partial(self._with_rig, place) for place in range(len(scene.mps.rigs))]
 
     @contextmanager
@@ -191,11 +178,9 @@ def new_rig(scene: Any) -> None:
     number = next(number for number in range(1, len(taken) + 2) if f"Rig {number}" not in taken)
     mps.rigs.add().name = f"Rig {number}"
     mps.chosen_rig = len(mps.rigs) - 1
-    for step, settings in _STEPS.items():
-        group = getattr(mps, step)
-        for name in _names(group):
-            if name not in settings.__annotations__ or name in {"output", "rig_file", "white", "white_light"}:
-                group.property_unset(name)
+    for group in (getattr(mps, step) for step in _STEPS):
+        for name in set(_names(group)) - (set(setting_names(group)) - _OF_ONE_RIG):
+            group.property_unset(name)
     _clear_records(mps)
 
 
@@ -311,8 +296,3 @@ def _copy(source: Any, target: Any) -> None:
 
 def _names(group: Any) -> list[str]:
     return [one.identifier for one in group.bl_rna.properties if one.identifier != "rna_type"]
-
-
-CLASSES = (MPS_OT_new_rig, MPS_OT_add_rig_ring, MPS_OT_choose_rig, MPS_OT_drop_rig)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

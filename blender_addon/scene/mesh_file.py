@@ -42,15 +42,14 @@ Slices = Generator[bool, None, None]
 
 @dataclass(frozen=True)
 class BegunMesh:
-    """A mesh file that is being written.
-
-    uv_map: name of the UV map, "" for none. used: the materials that faces have, by their names in the file, see
-    :func:`slot_labels`. slices: the remaining work; the file exists after the last one.
-    """
+    """A mesh file that is being written."""
 
     uv_map: str
+    """Name of the UV map, "" for none."""
     used: frozenset[str]
+    """The materials that faces have, by their names in the file, see :func:`slot_labels`."""
     slices: Slices
+    """The remaining work; the file exists after the last one."""
 
     def whole(self) -> "BegunMesh":
         """Finish all slices, and return it."""

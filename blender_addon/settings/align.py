@@ -6,44 +6,37 @@ import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
-    EnumProperty,
     FloatProperty,
     FloatVectorProperty,
-    PointerProperty,
     StringProperty,
 )
 
-from .declared import GIVEN
+from .declared import EnumSetting, image_pointer, object_pointer
 
 
 class AlignSettings:
     """Where the search for a real photo's camera starts."""
 
-    start: EnumProperty(
-        name="Start",
-        description="From where the photo's camera is looked for. Pairs of points go before it",
+    start: EnumSetting(
+        "Start",
+        "From where the photo's camera is looked for. Pairs of points go before it",
         items=[
             ("SEARCH", "All Views", "Views all around the mesh are tried; the best one counts"),
             ("VIEWPORT", "Viewport", "The 3D viewport shows the mesh about as the photo does"),
             ("CAMERA", "Camera", "The photo's camera, else the scene's, stands about where the photo was taken"),
         ],
-        default="SEARCH",
-        options=GIVEN,
     )
 
 
 class MPS_PG_align(AlignSettings, bpy.types.PropertyGroup):
     """The alignment: its settings, and the picture that shows how well mesh and photo fit."""
 
-    image: PointerProperty(
-        name="Overlay", description="The photo with the outlines of mask and mesh", type=bpy.types.Image
-    )
-    lens_of: PointerProperty(
-        name="Lens Of",
-        description="Camera whose focal length and shift the photo's camera gets, as of a calibrated lens or a cropped "
+    image: image_pointer("Overlay", "The photo with the outlines of mask and mesh")
+    lens_of: object_pointer(
+        "Lens Of",
+        "Camera whose focal length and shift the photo's camera gets, as of a calibrated lens or a cropped "
         "photo. Where it stands does not count. Empty: Lens (mm), and the photo's middle",
-        type=bpy.types.Object,
-        poll=lambda _, candidate: candidate.type == "CAMERA",
+        kind="CAMERA",
     )
 
 
@@ -70,11 +63,10 @@ def _camera_chosen(photo: Any, context: Any) -> None:
 class MPS_PG_image(bpy.types.PropertyGroup):
     """What belongs to an image that is a photo, normals of one, or a baked texture: ``image.mps``."""
 
-    camera: PointerProperty(
-        name="Taken By",
-        description="Camera of this scene that took the photo: the one that Align Photo made, or one that you choose",
-        type=bpy.types.Object,
-        poll=lambda _, candidate: candidate.type == "CAMERA",
+    camera: object_pointer(
+        "Taken By",
+        "Camera of this scene that took the photo: the one that Align Photo made, or one that you choose",
+        kind="CAMERA",
         update=_camera_chosen,
     )
     pairs: CollectionProperty(
@@ -87,9 +79,5 @@ class MPS_PG_image(bpy.types.PropertyGroup):
         default=-1.0,
     )
     poor: BoolProperty(name="Poor", description="Whether the mesh fits the photo too poorly to bake with")
-    photo: PointerProperty(
-        name="Photo", description="The photo that these normals were estimated from", type=bpy.types.Image
-    )
-    coverage: PointerProperty(
-        name="Coverage", description="Which of this texture's texels some view saw", type=bpy.types.Image
-    )
+    photo: image_pointer("Photo", "The photo that these normals were estimated from")
+    coverage: image_pointer("Coverage", "Which of this texture's texels some view saw")

@@ -3,7 +3,7 @@
 from typing import Any
 
 import bpy
-from bpy.props import CollectionProperty, PointerProperty, StringProperty
+from bpy.props import CollectionProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
@@ -26,7 +26,9 @@ from .declared import (
     StringSetting,
     format_setting,
     from_option,
+    image_pointer,
     items_of,
+    object_pointer,
 )
 
 # The bit depths of each format.
@@ -54,8 +56,8 @@ def _take_detail(settings: Any, context: Any) -> None:
 
 def detail_only(*, default: bool) -> Any:
     return BoolSetting(
-        name="Detail Only",
-        description="Take large shapes from the object and only detail from the photos, whatever else the estimates "
+        "Detail Only",
+        "Take large shapes from the object and only detail from the photos, whatever else the estimates "
         "say: seams between views vanish",
         default=default,
     )
@@ -63,13 +65,11 @@ def detail_only(*, default: bool) -> Any:
 
 def cut_off() -> Any:
     return FloatSetting(
-        name="Cut-Off",
-        description="What is smaller than about twice this fraction of the object's size is detail, and taken from the "
-        "photos",
+        "Cut-Off",
+        "What is smaller than about twice this fraction of the object's size is detail, and taken from the photos",
         default=LEVEL_SCALE,
-        min=MIN_LEVEL_SCALE,
-        max=MAX_LEVEL_SCALE,
         precision=3,
+        within=(MIN_LEVEL_SCALE, MAX_LEVEL_SCALE),
     )
 
 
@@ -86,59 +86,46 @@ class BakeSettings:
         update=_take_preset,
     )
     onto: BoolSetting(
-        name="On Top",
-        description="Add the detail to the normal maps that the objects use, which stay as they are beneath",
-        default=False,
+        "On Top",
+        "Add the detail to the normal maps that the objects use, which stay as they are beneath",
         update=_take_detail,
     )
-    uv_map: StringSetting(
-        name="UV Map", description="UV map of the target to bake onto. Empty: the one that is active for rendering"
-    )
+    uv_map: StringSetting("UV Map", "UV map of the target to bake onto. Empty: the one that is active for rendering")
     objects: EnumSetting(
-        name="Objects",
-        description="Which objects are baked onto, in one go: they hide one another from the cameras",
+        "Objects",
+        "Which objects are baked onto, in one go: they hide one another from the cameras",
         items=[
             ("ACTIVE", "Target", "The target alone"),
             ("SELECTED", "Selected", "All selected mesh objects"),
         ],
-        default="ACTIVE",
     )
     split: EnumSetting(
-        name="Textures",
-        description="What has a texture of its own",
+        "Textures",
+        "What has a texture of its own",
         items=[
             ("ONE", "One for All", "All that is baked shares one texture; the UVs of several objects must not overlap"),
             ("MATERIAL", "By Material", "One for each material; its name goes into the file's name"),
             ("OBJECT", "By Object", "One for each object; its name goes into the file's name"),
         ],
-        default="ONE",
     )
     tiles: BoolSetting(
-        name="UDIM Tiles",
-        description="A texture for each unit square that the UVs lie in, numbered 1001, 1002 and so on. Size is that "
-        "of each",
-        default=False,
+        "UDIM Tiles",
+        "A texture for each unit square that the UVs lie in, numbered 1001, 1002 and so on. Size is that of each",
     )
     size: IntSetting(
-        name="Size",
-        description="Width and height of the texture in pixels",
-        default=TEXTURE_SIZE,
-        min=1,
-        max=MAX_TEXTURE_SIZE,
+        "Size", "Width and height of the texture in pixels", default=TEXTURE_SIZE, within=(1, MAX_TEXTURE_SIZE)
     )
     space: from_option(Bake, "space", translation_context=OWN_SENSE)
     convention: from_option(Bake, "convention")
     animated: BoolSetting(
-        name="Follow the Animation",
-        description="For a sequence of normals: take the target and the camera anew in each frame of the timeline, "
+        "Follow the Animation",
+        "For a sequence of normals: take the target and the camera anew in each frame of the timeline, "
         "whose number is that of the normals. Off: as they stand now",
-        default=False,
     )
     all_rigs: BoolSetting(
-        name="All Rigs",
-        description="Bake the normals of all rigs of this scene together, each as its own camera saw them. "
+        "All Rigs",
+        "Bake the normals of all rigs of this scene together, each as its own camera saw them. "
         "Off: those of the chosen rig alone",
-        default=False,
     )
     samples: from_option(Bake, "samples", labels={2: "2 x 2", 4: "4 x 4"})
     padding: from_option(Bake, "padding")
@@ -165,40 +152,38 @@ class BakeSettings:
     onto_convention: from_option(Bake, "onto_convention", name="Its Convention")
     onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})
     assign: BoolSetting(
-        name="Assign to Materials",
-        description="Show the texture in the objects' materials. Off: write the files and change no object, material "
+        "Assign to Materials",
+        "Show the texture in the objects' materials. Off: write the files and change no object, material "
         "or image, so that linked and overridden assets get textures too",
         default=True,
     )
     mark_asset: EnumSetting(
-        name="Mark as Asset",
-        description="What Blender's Asset Browser shows of the result",
+        "Mark as Asset",
+        "What Blender's Asset Browser shows of the result",
         items=[
             ("NONE", "Nothing", "Mark nothing; what is marked already stays so"),
             ("MATERIAL", "Material", "The materials that use the texture"),
             ("OBJECT", "Object", "The objects that use the texture"),
         ],
-        default="NONE",
     )
 
 
 class MPS_PG_overlay(bpy.types.PropertyGroup):
     """A copy of an object that shows its coverage; a pointer, so that it survives renaming."""
 
-    object: PointerProperty(name="Overlay", description="Copy that shows the coverage", type=bpy.types.Object)
+    object: object_pointer("Overlay", "Copy that shows the coverage")
 
 
 class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
     """The bake: its settings and target, and the texture once it is there."""
 
-    target: PointerProperty(
-        name="Target",
-        description="Mesh object that gets the texture. Empty: the active object. Photos that are rendered leave the "
+    target: object_pointer(
+        "Target",
+        "Mesh object that gets the texture. Empty: the active object. Photos that are rendered leave the "
         "target out where the detailed object is in its place",
-        type=bpy.types.Object,
-        poll=lambda _, candidate: candidate.type == "MESH",
+        kind="MESH",
     )
-    image: PointerProperty(name="Texture", description="The baked normal texture", type=bpy.types.Image)
+    image: image_pointer("Texture", "The baked normal texture")
     overlays: CollectionProperty(
         name="Overlays", description="The copies that show the coverage, while it is shown", type=MPS_PG_overlay
     )

@@ -14,6 +14,7 @@ from bpy.app.handlers import persistent
 
 from ..image_records import from_json
 from ..preferences import PACKAGE
+from .declared import setting_names
 
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _OF_ONE_PHOTO = ("calibrate.circle", "calibrate.second", "material.crop", "material.width")
@@ -24,8 +25,7 @@ _opened: dict[int, dict[str, Any]] = {}
 
 def choice_names(group: Any) -> list[str]:
     """The names of a step's settings that are choices, in order: those that set others come first."""
-    # Settings have SKIP_SAVE, so that operators do not take them from their last run; results do not.
-    return [one.identifier for one in group.bl_rna.properties if one.type in _KINDS and one.is_skip_save]
+    return [name for name in setting_names(group) if group.bl_rna.properties[name].type in _KINDS]
 
 
 def choices(scene: Any) -> dict[str, Any]:
@@ -110,24 +110,13 @@ def _open(*_: Any) -> None:
     restore_choices()
 
 
-# exit_pre exists from Blender 5.1 on.
-_LEAVING = [name for name in ("load_pre", "save_pre", "exit_pre") if hasattr(bpy.app.handlers, name)]
+# Without a window there are only scripts: they set their own values, and must not depend on the user's. exit_pre exists
+# from Blender 5.1 on.
+_IN_WINDOW = {"load_pre": _leave, "save_pre": _leave, "exit_pre": _leave, "load_post": _open}
+HANDLERS = {} if bpy.app.background else _IN_WINDOW
+TIMERS = (restore_choices,)
 
 
 def register() -> None:
-    if bpy.app.background:  # scripts set their own values, and must not depend on the user's
-        return
-    for name in _LEAVING:
-        getattr(bpy.app.handlers, name).append(_leave)
-    bpy.app.handlers.load_post.append(_open)
-    bpy.app.timers.register(restore_choices, first_interval=0)  # for the file that is already open
-
-
-def unregister() -> None:
-    if bpy.app.background:
-        return
-    for name in _LEAVING:
-        getattr(bpy.app.handlers, name).remove(_leave)
-    bpy.app.handlers.load_post.remove(_open)
-    if bpy.app.timers.is_registered(restore_choices):
-        bpy.app.timers.unregister(restore_choices)
+    if not bpy.app.background:
+        bpy.app.timers.register(restore_choices, first_interval=0)  # for the file that is already open

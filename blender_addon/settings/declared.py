@@ -3,12 +3,12 @@
 Options of the core's operations are described there, and :func:`from_option` makes properties from them.
 """
 
-from collections.abc import Collection, Iterable, Mapping
-from functools import partial
+import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from mpsnet_core.operation import Operation, Setting, settings
 
@@ -27,13 +27,36 @@ OF_ONE_RUN = frozenset({"output", "keep"})
 # free space, "Tangent" of an angle.
 OWN_SENSE = "MPS"
 
-# Properties that are stored in the scene and that operators fill in from there.
-BoolSetting = partial(BoolProperty, options=GIVEN)
-EnumSetting = partial(EnumProperty, options=GIVEN)
-FloatSetting = partial(FloatProperty, options=GIVEN)
-IntSetting = partial(IntProperty, options=GIVEN)
-StringSetting = partial(StringProperty, options=GIVEN)
-FileSetting = partial(StringProperty, subtype="FILE_PATH", options=PATH)
+
+def _setting(make: Callable[..., Any], **fixed: Any) -> Callable[..., Any]:
+    def declared(name: str, description: str, *, within: tuple[float, float] | None = None, **facts: Any) -> Any:
+        if within is not None:
+            facts["min"], facts["max"] = within
+        return make(name=name, description=description, **fixed, **facts)
+
+    return declared
+
+
+# Properties that are stored in the scene and that operators fill in from there, by their name and their description.
+# within: the least and the largest number.
+BoolSetting = _setting(BoolProperty, options=GIVEN)
+EnumSetting = _setting(EnumProperty, options=GIVEN)
+FloatSetting = _setting(FloatProperty, options=GIVEN)
+IntSetting = _setting(IntProperty, options=GIVEN)
+StringSetting = _setting(StringProperty, options=GIVEN)
+FileSetting = _setting(StringProperty, subtype="FILE_PATH", options=PATH)
+FolderSetting = _setting(StringProperty, subtype="DIR_PATH", options=PATH)
+
+# An image of Blender's.
+image_pointer = _setting(PointerProperty, type=bpy.types.Image)
+
+
+def object_pointer(name: str, description: str, *, kind: str = "", **facts: Any) -> Any:
+    """A property for an object of Blender's; of one kind, such as "MESH", if it is given."""
+    if kind:
+        facts["poll"] = lambda _, candidate: candidate.type == kind
+    return PointerProperty(name=name, description=description, type=bpy.types.Object, **facts)
+
 
 _FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
@@ -43,7 +66,6 @@ _FILE_FORMATS = (
 
 # Integers in Blender have 32 bits.
 _LARGEST = 2**31 - 1
-_SUBTYPES = {"file": "FILE_PATH", "folder": "DIR_PATH"}
 # Labels of choices that differ from their values.
 _LABELS = {"auto": "Automatic", "srgb": "sRGB", "opengl": "OpenGL", "directx": "DirectX"}
 
@@ -135,9 +157,8 @@ def from_option(
 
 
 def _text(setting: Setting, default: str | None, facts: Mapping[str, Any]) -> Any:
-    path = setting.option.path
-    kind = {"subtype": _SUBTYPES[path], "options": PATH} if path else {"options": GIVEN}
-    return StringProperty(default=default or "", **kind, **facts)
+    make = {"file": FileSetting, "folder": FolderSetting}.get(setting.option.path, StringSetting)
+    return make(default=default or "", **facts)
 
 
 def _number(setting: Setting, default: float | None, low: float | None, facts: Mapping[str, Any]) -> Any:
@@ -150,8 +171,14 @@ def _number(setting: Setting, default: float | None, low: float | None, facts: M
     return make(default=default or 0, **{**facts, **bounds})
 
 
+def setting_names(group: Any) -> list[str]:
+    """The names of a step's settings, in order: those that set others come first."""
+    # Settings have SKIP_SAVE, so that operators do not take them from their last run; results do not.
+    return [one.identifier for one in group.bl_rna.properties if one.is_skip_save]
+
+
 def options_of(
-    operation: type[Operation], kind: type, group: Any, *, only: Collection[str] = (), without: Collection[str] = ()
+    operation: type[Operation], group: Any, *, only: Collection[str] = (), without: Collection[str] = ()
 ) -> dict[str, Any]:
     """The values of settings as options of an operation: the inverse of :func:`from_option`.
 
@@ -162,16 +189,15 @@ def options_of(
     ----------
     operation
         The operation. Settings that were made of another one's option count by the option's name.
-    kind
-        The class that declares the settings.
     group
-        The values: a group of settings, or an operator.
+        A group of settings, or an operator that has them.
     only, without
         The options to take, if not all; and those to leave out.
     """
     found = {}
     known = {setting.name: setting for setting in settings(operation)}
-    for name, declared in kind.__annotations__.items():
+    declarations = [one for part in type(group).__mro__ for one in inspect.get_annotations(part).items()]
+    for name, declared in declarations:
         option, _ = _OPTIONS.get(id(declared), ("", None))
         if option in known and option not in ("output", *without) and (not only or option in only):
             value = _core_value(known[option], getattr(group, name))
@@ -195,22 +221,23 @@ def _core_value(setting: Setting, value: Any) -> Any:
 
 def format_setting(description: str, default: str = "PNG", **facts: Any) -> Any:
     """A property for the file format of a result."""
-    return EnumSetting(name="Format", description=description, items=_FILE_FORMATS, default=default, **facts)
+    return EnumSetting("Format", description, items=_FILE_FORMATS, default=default, **facts)
 
 
 def _sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def apply_given_settings(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
-    """Copy the operator's given properties to the scene's settings, and the other settings to the operator.
+def apply_given_settings(operator: bpy.types.Operator, group: bpy.types.PropertyGroup) -> None:
+    """Copy the operator's given properties to a group of the scene's settings, and the other settings to the operator.
 
     Afterwards operator and scene agree, except on what is :data:`OF_ONE_RUN`, and the "Adjust Last Operation" panel
     shows the values in use. A report names the settings of the scene that this changed: later steps and runs use them.
     """
-    shared = [name for name in settings.__annotations__ if name not in OF_ONE_RUN]
+    names = setting_names(group)
+    shared = [name for name in names if name not in OF_ONE_RUN]
     before = {name: getattr(group, name) for name in shared}
-    for name in settings.__annotations__:
+    for name in names:
         if not operator.properties.is_property_set(name):
             setattr(operator, name, getattr(group, name))
         elif name in shared:

@@ -1,19 +1,18 @@
 """The displacement's settings."""
 
 import bpy
-from bpy.props import PointerProperty
 
 from mpsnet_core.relief.operations import Integrate
 
-from .declared import BoolSetting, EnumSetting, FileSetting, IntSetting, format_setting, from_option
+from .declared import BoolSetting, EnumSetting, FileSetting, IntSetting, format_setting, from_option, image_pointer
 
 
 class DisplaceSettings:
     """The heights of the baked texture, and how they displace the object."""
 
     method: EnumSetting(
-        name="Displace By",
-        description="What moves the surface",
+        "Displace By",
+        "What moves the surface",
         items=[
             (
                 "MATERIAL",
@@ -28,20 +27,17 @@ class DisplaceSettings:
                 "than the mesh is lost",
             ),
         ],
-        default="MATERIAL",
     )
     levels: IntSetting(
-        name="Subdivisions",
-        description="How often the mesh is subdivided first: each makes four times as many faces, which take more of "
+        "Subdivisions",
+        "How often the mesh is subdivided first: each makes four times as many faces, which take more of "
         "the relief's shape. But a low poly's facets show more in its shadows, as Cycles softens those of large faces. "
         "0: its own vertices move, and the normal map shows the rest",
-        default=0,
-        min=0,
-        max=8,
+        within=(0, 8),
     )
     subdivision: EnumSetting(
-        name="Subdivide",
-        description="How the mesh is subdivided",
+        "Subdivide",
+        "How the mesh is subdivided",
         items=[
             (
                 "CATMULL_CLARK",
@@ -56,8 +52,8 @@ class DisplaceSettings:
     # low-poly mesh of a few thousand faces has already.
     scale: from_option(Integrate, "scale", name="Broadest", default=0.01)
     keep_normals: BoolSetting(
-        name="Keep the Normals",
-        description="Shade the displaced surface by the baked normals, subdivided as a texture in object space: the "
+        "Keep the Normals",
+        "Shade the displaced surface by the baked normals, subdivided as a texture in object space: the "
         "relief shows once, with what is finer than the mesh. Off, for objects that bend: by the displaced surface "
         "alone",
         default=True,
@@ -66,12 +62,11 @@ class DisplaceSettings:
         "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"
     )
     output: FileSetting(
-        name="Height File",
-        description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
+        "Height File", "File to write; its ending decides the format. Empty: a name of its own in the output folder"
     )
 
 
 class MPS_PG_displace(DisplaceSettings, bpy.types.PropertyGroup):
     """The displacement: its settings, and the heights once they are there."""
 
-    image: PointerProperty(name="Heights", description="Heights on the object's UVs", type=bpy.types.Image)
+    image: image_pointer("Heights", "Heights on the object's UVs")

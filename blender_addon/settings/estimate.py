@@ -1,12 +1,22 @@
 """The estimate's settings."""
 
 import bpy
-from bpy.props import IntProperty, PointerProperty, StringProperty
+from bpy.props import IntProperty, StringProperty
 
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.estimate.registry import OLD_NAMES, known_models
 
-from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, format_setting, from_option, identifier
+from .declared import (
+    BoolSetting,
+    EnumSetting,
+    FileSetting,
+    FloatSetting,
+    format_setting,
+    from_option,
+    identifier,
+    image_pointer,
+    object_pointer,
+)
 
 MODELS = {identifier(entry.name): entry for entry in known_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title, entry.number) for name, entry in MODELS.items()]
@@ -20,8 +30,8 @@ class EstimateSettings:
     """How the photo is read, and which model estimates the normals."""
 
     mask: EnumSetting(
-        name="Mask",
-        description="Which pixels of the photo are the object",
+        "Mask",
+        "Which pixels of the photo are the object",
         items=[
             (
                 "AUTO",
@@ -41,20 +51,14 @@ class EstimateSettings:
             ("NONE", "None", "The whole photo: a wall or cloth that fills it"),
             ("PAINTED", "Painted", "What is bright in the picture that Paint Mask opens, as it is painted now"),
         ],
-        default="AUTO",
     )
-    mask_file: FileSetting(
-        name="Mask File", description="Picture that is white where the object is and black elsewhere"
-    )
-    background: FileSetting(
-        name="Background", description="Photo of the scene without the object, under the same lights"
-    )
+    mask_file: FileSetting("Mask File", "Picture that is white where the object is and black elsewhere")
+    background: FileSetting("Background", "Photo of the scene without the object, under the same lights")
     threshold: FloatSetting(
-        name="Threshold",
-        description="Pixels brighter than this fraction of the photo's brightest are the object",
+        "Threshold",
+        "Pixels brighter than this fraction of the photo's brightest are the object",
         default=0.05,
-        min=0.0,
-        max=0.99,
+        within=(0.0, 0.99),
     )
     encoding: from_option(Estimate, "encoding")
     dark: from_option(Estimate, "dark", name="Dark Frame")
@@ -62,8 +66,8 @@ class EstimateSettings:
     white: from_option(Estimate, "white", name="White Photo")
     white_light: from_option(Estimate, "white_light", name="White Light", unset="the rig's three lights")
     rig_file: FileSetting(
-        name="Rig File",
-        description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
+        "Rig File",
+        "Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
         "estimated with the rig that it was rendered with. Empty: the rig beside the photo when it was opened, else "
         "the rig in this scene",
     )
@@ -80,13 +84,13 @@ class EstimateSettings:
         items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file", 9)],
     )
     average_passes: BoolSetting(
-        name="Average Passes",
-        description="Average the default network's answers on the scene turned and mirrored, and estimate surfaces of "
+        "Average Passes",
+        "Average the default network's answers on the scene turned and mirrored, and estimate surfaces of "
         "many colours twice: better, at half to a sixth of its speed. For stills; frames of a sequence or video get "
         "one pass",
         default=True,
     )
-    model_file: FileSetting(name="Model File", description="Network in an .onnx file")
+    model_file: FileSetting("Model File", "Network in an .onnx file")
     confidence: from_option(Estimate, "confidence", name="Confidence Map", switch=True)
     albedo: from_option(Estimate, "albedo", switch=True)
     smooth: from_option(Estimate, "smooth", name="Smooth Frames")
@@ -100,24 +104,17 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     kept_rig: StringProperty(options={"HIDDEN"})  # JSON, see rig/calibrate.py
     first_frame: IntProperty(description="Number of the first frame of normals, where they are a sequence")
     last_frame: IntProperty(description="Number of the last frame of normals, where they are a sequence")
-    mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)
-    surface: PointerProperty(
-        name="Surface",
-        description="Mesh that gives each pixel's distance to near lights (area and point lights). "
+    mask_image: image_pointer("Mask", "The mask, drawn over the photo")
+    surface: object_pointer(
+        "Surface",
+        "Mesh that gives each pixel's distance to near lights (area and point lights). "
         "Empty: all is assumed to be as far as the rig's target",
-        type=bpy.types.Object,
-        poll=lambda _, candidate: candidate.type == "MESH",
+        kind="MESH",
     )
-    mesh: PointerProperty(
-        name="Mesh", description="Mesh that was made of the normals and their heights", type=bpy.types.Object
+    mesh: object_pointer("Mesh", "Mesh that was made of the normals and their heights")
+    error_image: image_pointer("Errors", "The angles between the normals and the true ones")
+    painted_mask: image_pointer(
+        "Painted Mask", "The photo, bright where it is the object and dark elsewhere, to be painted on"
     )
-    error_image: PointerProperty(
-        name="Errors", description="The angles between the normals and the true ones", type=bpy.types.Image
-    )
-    painted_mask: PointerProperty(
-        name="Painted Mask",
-        description="The photo, bright where it is the object and dark elsewhere, to be painted on",
-        type=bpy.types.Image,
-    )
-    albedo_image: PointerProperty(name="Albedo", description="The surface's colour", type=bpy.types.Image)
-    image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)
+    albedo_image: image_pointer("Albedo", "The surface's colour")
+    image: image_pointer("Normals", "Normal map in camera space")

@@ -1,11 +1,10 @@
 """Settings of the other products of the photo's normals: heights, a mesh, images."""
 
 import bpy
-from bpy.props import PointerProperty
 
 from mpsnet_core.relief.operations import Integrate
 
-from .declared import FileSetting, format_setting, from_option
+from .declared import FileSetting, format_setting, from_option, image_pointer
 
 
 class HeightsSettings:
@@ -22,13 +21,12 @@ class HeightsSettings:
         "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"
     )
     output: FileSetting(
-        name="Height File",
-        description="File of heights to write; what else is made goes beside it. Empty: a name of its own in the "
-        "output folder",
+        "Height File",
+        "File of heights to write; what else is made goes beside it. Empty: a name of its own in the output folder",
     )
 
 
 class MPS_PG_heights(HeightsSettings, bpy.types.PropertyGroup):
     """The heights: their settings, and they themselves once they are there."""
 
-    image: PointerProperty(name="Heights", description="Heights as the photo's camera sees them", type=bpy.types.Image)
+    image: image_pointer("Heights", "Heights as the photo's camera sees them")

@@ -1,19 +1,19 @@
 """Settings of the rendering of training data."""
 
 import bpy
-from bpy.props import EnumProperty, PointerProperty
+from bpy.props import EnumProperty
 
 from mpsnet_core.synthesis.operations import Synthesize
 
-from .declared import GIVEN, BoolSetting, EnumSetting, IntSetting, from_option
+from .declared import GIVEN, BoolSetting, EnumSetting, IntSetting, from_option, image_pointer
 
 
 class SamplesSettings:
     """Content, rendering and folder of training data."""
 
     source: EnumSetting(
-        name="Shapes",
-        description="What the samples show",
+        "Shapes",
+        "What the samples show",
         items=[
             ("GENERATED", "Generated", "Shapes made up from the seed: nothing else is needed"),
             (
@@ -23,7 +23,6 @@ class SamplesSettings:
             ),
             ("SCENE", "Selected Objects", "The mesh objects that are selected in this scene"),
         ],
-        default="GENERATED",
     )
     kinds: EnumProperty(
         name="Kinds",
@@ -43,15 +42,14 @@ class SamplesSettings:
     seed: from_option(Synthesize, "seed")
     size: from_option(Synthesize, "size")
     samples: IntSetting(
-        name="Cycles Samples",
-        description="Cycles samples a pixel, shared by the three lights: more take longer and give less noise",
+        "Cycles Samples",
+        "Cycles samples a pixel, shared by the three lights: more take longer and give less noise",
         default=48,
-        min=1,
-        max=65536,
+        within=(1, 65536),
     )
     denoise: BoolSetting(
-        name="Denoise",
-        description="Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces",
+        "Denoise",
+        "Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces",
         default=True,
     )
     # More than the core's default: each bounce costs the core's synthesis as much again, but Cycles little.
@@ -64,4 +62,4 @@ class SamplesSettings:
 class MPS_PG_samples(SamplesSettings, bpy.types.PropertyGroup):
     """Training data: its settings, and the contact sheet of what has been rendered."""
 
-    image: PointerProperty(name="Contact Sheet", description="Some of the samples", type=bpy.types.Image)
+    image: image_pointer("Contact Sheet", "Some of the samples")

@@ -14,11 +14,11 @@ from bpy.props import (
 )
 
 from ..child_process.trust import is_ticked, tick
-from ..provenance import made_by
-from . import unknown
-from .align import MPS_PG_align, MPS_PG_image, MPS_PG_pair
-from .bake import MPS_PG_bake, MPS_PG_overlay
+from ..image_records import MADE_BY, remembered
+from .align import MPS_PG_align, MPS_PG_image
+from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
+from .declared import BoolSetting
 from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
 from .heights import MPS_PG_heights
@@ -26,7 +26,7 @@ from .material import MPS_PG_material
 from .photo import MPS_PG_photo
 from .record import MPS_PG_record
 from .relight import MPS_PG_relight
-from .rig import MPS_PG_light, MPS_PG_rig
+from .rig import MPS_PG_rig
 from .samples import MPS_PG_samples
 from .superpose import MPS_PG_superpose
 from .views import MPS_PG_views
@@ -40,7 +40,7 @@ def _way(mps: Any) -> int:
     chosen, photo = mps.get(_CHOSEN), mps.photo.image
     if chosen in (_PHOTOGRAPH, _RENDER):
         return int(chosen)
-    rendered = made_by(photo) == "render_photo" if photo is not None else bool(mps.rig.lights)
+    rendered = remembered(photo, MADE_BY) == "render_photo" if photo is not None else bool(mps.rig.lights)
     return _RENDER if rendered else _PHOTOGRAPH
 
 
@@ -104,54 +104,22 @@ class MPS_PG_job(bpy.types.PropertyGroup):
     message: StringProperty(name="Message", description="What is being done")
     left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")
     cancel: BoolProperty(name="Cancel", description="Whether to stop the work")
-    run_scripts: BoolProperty(
-        name="Run Scripts Once",
-        description="Let the Python of this file, drivers and text blocks, run in the next render. "
+    run_scripts: BoolSetting(
+        "Run Scripts Once",
+        "Let the Python of this file, drivers and text blocks, run in the next render. "
         "Only for files whose maker you trust",
         get=is_ticked,
         set=tick,
-        options={"SKIP_SAVE"},
     )
 
 
-CLASSES = (
-    MPS_PG_align,
-    MPS_PG_pair,
-    MPS_PG_image,
-    MPS_PG_light,
-    MPS_PG_rig,
-    MPS_PG_calibrate,
-    MPS_PG_photo,
-    MPS_PG_superpose,
-    MPS_PG_estimate,
-    MPS_PG_overlay,
-    MPS_PG_bake,
-    MPS_PG_heights,
-    MPS_PG_displace,
-    MPS_PG_views,
-    MPS_PG_material,
-    MPS_PG_samples,
-    MPS_PG_record,
-    MPS_PG_one_of_rigs,
-    MPS_PG_relight,
-    MPS_PG_scene,
-    MPS_PG_job,
-)
-
-
 def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
     bpy.types.Image.mps = PointerProperty(type=MPS_PG_image)
     bpy.types.Scene.mps = PointerProperty(type=MPS_PG_scene)
     bpy.types.WindowManager.mps = PointerProperty(type=MPS_PG_job)
-    unknown.register()
 
 
 def unregister() -> None:
-    unknown.unregister()
     del bpy.types.WindowManager.mps
     del bpy.types.Scene.mps
     del bpy.types.Image.mps
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

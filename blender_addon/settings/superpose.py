@@ -11,19 +11,16 @@ class SuperposeSettings:
     """Three photos under one white light each, in the order of the rig's lights, and the combined photo."""
 
     first: FileSetting(
-        name="First Light",
-        description="Photo of the object at rest under the rig's first light alone, turned white: the red channel",
+        "First Light", "Photo of the object at rest under the rig's first light alone, turned white: the red channel"
     )
     second: FileSetting(
-        name="Second Light",
-        description="Photo of the same pose under the rig's second light alone, turned white: the green channel",
+        "Second Light", "Photo of the same pose under the rig's second light alone, turned white: the green channel"
     )
     third: FileSetting(
-        name="Third Light",
-        description="Photo of the same pose under the rig's third light alone, turned white: the blue channel",
+        "Third Light", "Photo of the same pose under the rig's third light alone, turned white: the blue channel"
     )
     encoding: from_option(Superpose, "encoding")
-    output: FileSetting(name="File", description="OpenEXR file to write. Empty: a name of its own in the output folder")
+    output: FileSetting("File", "OpenEXR file to write. Empty: a name of its own in the output folder")
 
 
 class MPS_PG_superpose(SuperposeSettings, bpy.types.PropertyGroup):

@@ -46,14 +46,4 @@ def _is_valid(group: Any, setting: Any) -> bool:
     return True
 
 
-_HANDLERS = (bpy.app.handlers.load_post, bpy.app.handlers.blend_import_post)
-
-
-def register() -> None:
-    for handlers in _HANDLERS:
-        handlers.append(reset_invalid_settings)
-
-
-def unregister() -> None:
-    for handlers in _HANDLERS:
-        handlers.remove(reset_invalid_settings)
+HANDLERS = {"load_post": reset_invalid_settings, "blend_import_post": reset_invalid_settings}

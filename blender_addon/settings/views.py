@@ -16,13 +16,12 @@ class ViewsSettings:
     photos: from_option(BakeViews, "photos", unset="")
     white: from_option(BakeViews, "white", name="White Photos", unset="no albedo is baked")
     axes: EnumSetting(
-        name="Mesh Import",
-        description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
+        "Mesh Import",
+        "How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
         items=[
             ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do by default"),
             ("AS_IS", "As It Is", "With forward Y and up Z, as Blender's importer of PLY does"),
         ],
-        default="Y_UP",
     )
     lights_in: from_option(
         BakeViews,

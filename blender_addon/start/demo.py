@@ -15,11 +15,14 @@ NAME = "MPS Demo"
 
 @dataclass(frozen=True)
 class _Relief:
-    """A displacement pattern. strength: from its lowest to its highest point, in metres."""
+    """A displacement pattern."""
 
     pattern: str
+    """Blender's type of texture."""
     strength: float
+    """From its lowest to its highest point, in metres."""
     settings: dict[str, float]
+    """Of the texture."""
 
 
 _SCALES = _Relief("VORONOI", 0.05, {"noise_scale": 0.16, "weight_1": -1.0, "weight_2": 1.0})

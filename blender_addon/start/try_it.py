@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import IntProperty
 from mathutils import Euler, Vector
 
 from mpsnet_core.errors import Cancelled, InputError
@@ -18,7 +18,7 @@ from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
 from ..outputs import file_name, requested_path
 from ..scene.objects import by_session_uid
-from ..settings.declared import PATH
+from ..settings.declared import FolderSetting
 from ..settings.record import error_of
 from .demo import make_demo, remove_demo
 
@@ -48,11 +48,8 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         min=16,
         max=8192,
     )
-    output: StringProperty(
-        name="Folder",
-        description="Folder for the demo's photo, normal map and texture. Empty: only the .blend file keeps them",
-        subtype="DIR_PATH",
-        options=PATH,
+    output: FolderSetting(
+        "Folder", "Folder for the demo's photo, normal map and texture. Empty: only the .blend file keeps them"
     )
 
     _before = 0  # session UID of the scene that was shown before
@@ -213,6 +210,3 @@ def _viewports(context: Any) -> list[Any]:
     """The views of the window's 3D viewports."""
     areas = context.window.screen.areas if context.window else ()
     return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_try_it,))

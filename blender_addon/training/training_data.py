@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import atomic_write
@@ -31,7 +30,7 @@ from ..operators.core_run import RunsCore
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..scene.objects import by_session_uid
-from ..settings.declared import GIVEN, apply_given_settings, options_of
+from ..settings.declared import BoolSetting, StringSetting, apply_given_settings, options_of
 from ..settings.samples import SamplesSettings
 
 SCENE_FILE = "scene.blend"
@@ -46,24 +45,20 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     bl_label = "Render Samples"
 
     # Not stored in the scene: a .blend file must not name hosts that this machine connects to.
-    cluster: StringProperty(
-        name="Cluster",
-        description="Address of a Dask scheduler whose machines render, such as tls://host:8786. "
+    cluster: StringSetting(
+        "Cluster",
+        "Address of a Dask scheduler whose machines render, such as tls://host:8786. "
         "Empty: that of the preferences, where they have one",
-        options=GIVEN,
     )
-    cluster_trusted: BoolProperty(
-        name="Trusted Network",
-        description="This address need not be tls://. Whoever is in its network may run code on this machine",
-        default=False,
-        options=GIVEN,
+    cluster_trusted: BoolSetting(
+        "Trusted Network", "This address need not be tls://. Whoever is in its network may run code on this machine"
     )
 
     _withdraw: Callable[[], None] | None = None  # removes the job that this run began
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeSamples, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, SamplesSettings, scene.mps.samples)
+        apply_given_settings(self, scene.mps.samples)
         target = samples_folder(scene, self.output)
         if not (self.output or is_permanent(target)):
             raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
@@ -120,7 +115,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             objects, views = _chosen_objects(context, target), 1
         return SampleJob(
             renderer="cycles",
-            **options_of(Synthesize, SamplesSettings, self, without=("meshes", "views", "processes")),
+            **options_of(Synthesize, self, without=("meshes", "views", "processes")),
             shapes=shapes,
             meshes=meshes,
             objects=objects,
@@ -220,6 +215,3 @@ def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
     if (target / JOB_FILE).is_file():
         return read_job(target).objects
     raise InputError("no mesh object is selected; select what the samples are to show")
-
-
-register, unregister = bpy.utils.register_classes_factory((MPS_OT_render_samples,))

@@ -35,20 +35,22 @@ Vector = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Graph:
-    """The connections of N unknowns in the texture's cells: to grid neighbours, and by M ties between any two.
-
-    cells: (N, 2) row and column. islands: (N,) UV islands.
-    neighbours: (4, N) the unknown to the right, below, to the left and above; its own index if there is none. weights:
-    (4, N) of these links; 0 if there is none. ties: (M, 2) and tie_weights: (M,). hold: (N,) weights of h² itself.
-    """
+    """The connections of N unknowns in the texture's cells: to grid neighbours, and by M ties between any two."""
 
     cells: NDArray[np.int32]
+    """(N, 2). Row and column."""
     islands: NDArray[np.int32]
+    """(N,). UV islands."""
     neighbours: NDArray[np.int32]
+    """(4, N). The unknown to the right, below, to the left and above; its own index if there is none."""
     weights: Vector
+    """(4, N). Weights of these links; 0 if there is none."""
     ties: NDArray[np.int32]
+    """(M, 2). The two unknowns of each tie."""
     tie_weights: Vector
+    """(M,). Weights of the ties."""
     hold: Vector
+    """(N,). Weights of h² itself."""
 
     def diagonal(self) -> Vector:
         """(N,) the diagonal of the normal equations' matrix."""
@@ -166,11 +168,14 @@ class Solver:
 
 @dataclass(frozen=True)
 class _Level:
-    """A graph, its diagonal, and for each unknown its index on the coarser level; None on the coarsest."""
+    """One level of the multigrid solver."""
 
     graph: Graph
+    """The connections on this level."""
     diagonal: Vector
+    """(N,). The diagonal of the graph's matrix."""
     parent: NDArray[np.int64] | None
+    """(N,). Each unknown's index on the coarser level; None on the coarsest."""
 
 
 def _parents(graph: Graph) -> NDArray[np.int64]:
@@ -213,9 +218,9 @@ def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
 
 def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArray[np.int32], Vector]:
     """Merge ties between the same two unknowns, and drop those from one to itself."""
-    apart = ties[:, 0] != ties[:, 1]
-    keys, which = np.unique(ties[apart, 0] * count + ties[apart, 1], return_inverse=True)
-    summed = np.bincount(which.reshape(-1), weights[apart], len(keys)).astype(np.float32)
+    distinct = ties[:, 0] != ties[:, 1]
+    keys, which = np.unique(ties[distinct, 0] * count + ties[distinct, 1], return_inverse=True)
+    summed = np.bincount(which.reshape(-1), weights[distinct], len(keys)).astype(np.float32)
     return np.stack(np.divmod(keys, count), axis=1).astype(np.int32), summed
 
 

@@ -1,7 +1,7 @@
 """Whether normals belong to a surface as they are, or turned or mirrored in the image.
 
 The gradients of a surface have no curl, and mirrored or exchanged they have much. A turn by 180° leaves none either: it
-makes hollows of bumps. But at an object's outline before its background, normals point outwards.
+turns bumps into hollows. But at an object's outline before its background, normals point outwards.
 """
 
 from collections.abc import Sequence
@@ -55,21 +55,23 @@ WHOLE = 0.999  # least share of a block inside the object
 
 
 class Outline(NamedTuple):
-    """The outline of an object before its background.
-
-    rim: (H, W) blocks of the object at the outline. outwards: (H, W, 2) unit vectors across it to the background, y up.
-    """
+    """The outline of an object before its background."""
 
     rim: NDArray[np.bool_]
+    """(H, W). Blocks of the object at the outline."""
     outwards: NDArray[np.float64]
+    """(H, W, 2). Unit vectors across it to the background, y up."""
 
 
 class Blocks(NamedTuple):
-    """An object in an image, reduced to blocks. values: (h, w, C) means. whole: (h, w) blocks inside the object."""
+    """An object in an image, reduced to blocks."""
 
     values: NDArray[np.float64]
+    """(h, w, C). Means of the blocks."""
     whole: NDArray[np.bool_]
+    """(h, w). Blocks that are completely inside the object."""
     outline: Outline
+    """The object's outline, in blocks."""
 
 
 def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blocks | None:

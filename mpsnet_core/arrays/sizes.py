@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from mpsnet_core.errors import GeometryError
 
 SAME_SIZE = "they must be the same size"
-SAME_CAMERA = "take both with the same camera, held alike"
+SAME_CAMERA = "take both with the same camera, held the same way"
 
 
 def size(shape: Sequence[int]) -> str:

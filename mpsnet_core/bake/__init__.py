@@ -1,1 +1,1 @@
-"""BakeSettings of normals and colours onto a mesh's UVs."""
+"""Baking of normals and colours onto a mesh's UVs."""

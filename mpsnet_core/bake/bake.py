@@ -1,4 +1,4 @@
-"""BakeSettings: camera-space normals of one or more views onto the UVs of one or more meshes."""
+"""Baking: camera-space normals of one or more views onto the UVs of one or more meshes."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -17,9 +17,6 @@ from mpsnet_core.bake.padding import Padding, padded
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texel_surface import Barycentric, TexelSampler
-from mpsnet_core.bake.texture import Space, Texture
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
-from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, masks_hide_all, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
@@ -27,6 +24,9 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.texture import Space, Texture
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
+from mpsnet_core.scene.uv_islands import islands_of
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ def bake_texture_sets(
     views : sequence of View
         See :func:`bake_normals`.
     chosen : sequence of TextureSet
-        Texture sets of these meshes, from :func:`mpsnet_core.bake.texture_sets.texture_sets`.
+        Texture sets of these meshes, from :func:`mpsnet_core.scene.texture_sets.texture_sets`.
     baking : BakeSettings
         How the textures are baked.
     progress : Progress
@@ -123,17 +123,17 @@ def bake_texture_sets(
     """
     bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Unseen textures are held back until some texel is known to be seen: if none is, that is an error.
-    mesh_seen = any(triangles.any() for triangles in bake.seen)
+    any_face_seen = any(triangles.any() for triangles in bake.seen)
     any_seen, any_covered, waiting = False, False, list[TextureSet]()
     for number, texture_set in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
         texture = bake.texture(texture_set, step)
         if texture is None:
             if texture_set.named:
-                log.info("%s: no texel lies on its UVs, so there is no texture of it", texture_set.named)
+                log.info("%s: no texel lies on its UVs, so it gets no texture", texture_set.named)
             continue
         any_covered, any_seen = True, any_seen or bool(texture.seen.any())
-        if not (any_seen or mesh_seen):
+        if not (any_seen or any_face_seen):
             waiting.append(texture_set)
             continue
         step(0.9, "growing the margin")
@@ -143,19 +143,19 @@ def bake_texture_sets(
         width, height = width_and_height(baking.size)
         raise GeometryError(f"no texel of a {width} x {height} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        raise GeometryError(_why_unseen(meshes, bake, mesh_seen))
+        raise GeometryError(_why_unseen(meshes, bake, any_face_seen))
     for texture_set in waiting:
         texture = bake.texture(texture_set, part(progress, 1.0, 1.0))
         if texture is not None:
             yield texture_set, _finished(texture, baking)
 
 
-def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", mesh_seen: bool) -> str:
-    """Why no view sees a texel. mesh_seen: whether some view sees some triangle."""
-    if mesh_seen:
+def _why_unseen(meshes: Sequence[Mesh], bake: "_Bake", any_face_seen: bool) -> str:
+    """Why no view sees a texel. any_face_seen: whether some view sees some triangle."""
+    if any_face_seen:
         return (
-            "none of what the views see lands in the texture: in tangent space, it may not point away from the "
-            "mesh's normals. Was the object or the camera moved since the photo? If not, check the normals, or bake in "
+            "nothing that the views see lands in the texture: in tangent space, normals must not point away from the "
+            "mesh's own. Was the object or the camera moved since the photo? If not, check the normals, or bake in "
             "object space"
         )
     if masks_hide_all(meshes, bake.projectors):
@@ -196,18 +196,20 @@ def _finished(texture: Texture, baking: BakeSettings) -> Texture:
 
 @dataclass(frozen=True)
 class _Bake:
-    """What all textures of a bake share.
-
-    seen: for each mesh, (T,) whether a view sees the centres of its triangles. islands: for each mesh, (T,) the UV
-    island of each triangle, or None if nothing is filled.
-    """
+    """What all textures of a bake share."""
 
     meshes: Sequence[Mesh]
+    """The meshes."""
     projectors: Projectors
+    """The views' projectors."""
     seen: Sequence[NDArray[np.bool_]]
+    """For each mesh, (T,) whether a view sees the centres of its triangles."""
     middle: NDArray[np.float64]
+    """(3,). The scene's centre in world space."""
     baking: BakeSettings
+    """How the textures are baked."""
     islands: Sequence[NDArray[np.int32]] | None
+    """For each mesh, (T,) the UV island of each triangle; None if nothing is filled."""
 
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
         """The texture set's texture, without padding, or None if no texel lies on its UVs."""
@@ -221,7 +223,7 @@ class _Bake:
         # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
-        under = _Under(surfaces, order, Raster(corners[order], fine_size))
+        under = _RasterisedSurfaces(surfaces, order, Raster(corners[order], fine_size))
         texture = _blank((height, width), self.baking.space, colours=self.projectors.values > 4)
         island_of = self._islands(texture_set)
         filled = (0, 0) if island_of is None else (height, width)
@@ -259,7 +261,7 @@ class _Bake:
             return None
         inside = ((corners > -1) & (corners < fine_size)).all(axis=(1, 2))
         if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
-            _say_that_uvs_overlap(self.meshes, texture_set)
+            _warn_of_overlapping_uvs(self.meshes, texture_set)
         return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
 
     def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
@@ -273,7 +275,7 @@ class _Bake:
         together: NDArray[np.int32] = np.concatenate(numbers)
         return together
 
-    def _sample(self, points: Texture, under: "_Under", rows: slice, progress: Progress) -> None:
+    def _sample(self, points: Texture, under: "_RasterisedSurfaces", rows: slice, progress: Progress) -> None:
         """Write the views' samples at these rows of the texture into `points`, (R, C), which holds those rows alone."""
         width = points.covered.shape[1]
         jobs = bands(rows.stop - rows.start, max(1, POINTS_AT_ONCE // width))
@@ -349,15 +351,15 @@ class _Bake:
 
 
 @dataclass(frozen=True)
-class _Under:
-    """The surfaces under a texture's sample points.
-
-    raster: rasterised triangles of all surfaces, concatenated and sorted by `order`.
-    """
+class _RasterisedSurfaces:
+    """The surfaces under a texture's sample points."""
 
     surfaces: Sequence[TexelSampler]
+    """The meshes' surfaces."""
     order: NDArray[np.int64]
+    """For each triangle of `raster`, its index among the concatenated triangles of all surfaces."""
     raster: Raster
+    """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
 
     def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[TexelSampler, NDArray[np.int64], NDArray[np.int64]]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
@@ -376,19 +378,19 @@ class _Under:
             yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
 
 
-def _say_that_uvs_overlap(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
-    level, mend = logging.INFO, ""
+def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
+    level, remedy = logging.INFO, ""
     if texture_set.material is None and any(mesh.materials and len(mesh.materials.names) > 1 for mesh in meshes):
         # As of photogrammetry: each has a texture of its own.
         level = logging.WARNING
-        mend = "; if each material has its own texture, put <MATERIAL> into the output's name"
+        remedy = "; if each material has its own texture, put <MATERIAL> into the output's name"
     elif len(meshes) > 1:
-        mend = "; pack the objects' UVs together, or give each object a texture of its own"
+        remedy = "; pack the objects' UVs together, or give each object a texture of its own"
     log.log(
         level,
-        "UVs overlap: where they do, the texture shows only one of the surfaces, of those that a view sees if there "
-        "are any%s [overlapping-uvs]",
-        mend,
+        "UVs overlap: there, the texture shows only one of the surfaces, if possible one that a view sees"
+        "%s [overlapping-uvs]",
+        remedy,
     )
 
 

@@ -21,7 +21,7 @@ from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.errors import check_choice
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_seen import MeshSeen, mesh_seen
+from mpsnet_core.scene.mesh_hits import MeshHits, mesh_hits
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
@@ -42,18 +42,6 @@ PROBED_PIXELS = 128
 class BaseMap:
     """A normal map that an object has already, and that detail is added to.
 
-    Parameters
-    ----------
-    vectors : (H, W, 3) float32 array
-        Unit vectors in tangent space, row 0 at v = 1.
-    shown : {"auto", "yes", "no"}
-        Whether the photos show its relief, too; "auto" estimates the share of it.
-    triangles : (T,) bool array, optional
-        Triangles of the mesh that it applies to; all by default.
-    corner : (int, int), optional
-        Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1, and
-        repeats beyond.
-
     Raises
     ------
     SettingsError
@@ -61,9 +49,14 @@ class BaseMap:
     """
 
     vectors: NDArray[np.float32]
+    """(H, W, 3) float32. Unit vectors in tangent space, row 0 at v = 1."""
     shown: BaseMapInPhotos = "auto"
+    """Whether the photos show its relief, too: "yes", "no", or "auto" to estimate the share of it."""
     triangles: NDArray[np.bool_] | None = None
+    """(T,) bool. Triangles of the mesh that it applies to; all by default."""
     corner: tuple[int, int] | None = None
+    """Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1, and
+    repeats beyond."""
 
     def __post_init__(self) -> None:
         check_choice("shown", self.shown, SHOWN)
@@ -163,7 +156,7 @@ def _mask_of_map(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: 
     return inside
 
 
-def _map_applies(seen: MeshSeen, base_map: BaseMap) -> NDArray[np.bool_]:
+def _map_applies(seen: MeshHits, base_map: BaseMap) -> NDArray[np.bool_]:
     """(M,) whether the map applies at each surface point."""
     applies = np.ones(len(seen.triangle), bool) if base_map.triangles is None else base_map.triangles[seen.triangle]
     if base_map.corner is None:
@@ -184,7 +177,7 @@ def _shading_normals(
     for rows in bands(len(mask)):
         row, column = np.nonzero(mask[rows])
         row += rows.start
-        seen = mesh_seen(mesh, camera, scene, np.stack([column, row], axis=1) + 0.5)
+        seen = mesh_hits(mesh, camera, scene, np.stack([column, row], axis=1) + 0.5)
         normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
         right, up = (seen.at(mesh.uvs) - (base_map.corner or (0, 0))).T
@@ -207,7 +200,7 @@ def _reduce_to_photo_resolution(
     rows, columns = chosen_pixels(*reduced_shape(height, width, PROBED_PIXELS), height, width)
     row, column = np.nonzero(mask[np.ix_(rows, columns)])
     pixels = np.stack([columns[column], rows[row]], axis=1) + 0.5
-    first, second = (mesh_seen(mesh, camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
+    first, second = (mesh_hits(mesh, camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
     _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
     together = first.triangle[of_first] == second.triangle[of_second]
     together &= _map_applies(first, base_map)[of_first]

@@ -12,22 +12,24 @@ from numpy.typing import NDArray
 from mpsnet_core.bake.base_detail_removal import BaseMap, BaseMapInPhotos
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
-from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
-from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import FileError, SettingsError, check_choice
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import Convention
+from mpsnet_core.scene.texture_names import TOKENS, check_one_texture, map_files
+from mpsnet_core.scene.texture_sets import TextureSet
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class MapFile:
-    """The file of a base map and the convention of its green channel."""
+    """The file of a base map."""
 
     file: Path
+    """The file."""
     convention: Convention
+    """Which way its green channel points."""
 
 
 def base_map_files(
@@ -75,7 +77,9 @@ def one_base_map(file: str, convention: Convention, shown: BaseMapInPhotos) -> B
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
-        raise SettingsError(f"{file} lists existing maps for several textures; name the one image to go on top of")
+        raise SettingsError(
+            f"{file} lists existing maps for several textures; name the one image that the detail goes on top of"
+        )
     return BaseMap(read_base_map(file, convention=convention), shown)
 
 

@@ -56,10 +56,10 @@ def colour_gains(samples: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
                 both = well[known[one, well, channel] & known[other, well, channel]]
                 if len(both) < MIN_SHARED / 2:
                     continue
-                apart = np.median(logarithms[one, both, channel] - logarithms[other, both, channel])
+                log_ratio = np.median(logarithms[one, both, channel] - logarithms[other, both, channel])
                 left[channel][[one, other], [one, other]] += len(both)
                 left[channel][[one, other], [other, one]] -= len(both)
-                right[channel][[one, other]] += -len(both) * apart, len(both) * apart
+                right[channel][[one, other]] += -len(both) * log_ratio, len(both) * log_ratio
                 alone[[one, other]] = False
     # The minimum-norm solution: its mean is 0 in each group of overlapping views.
     gains = np.exp([np.linalg.lstsq(*equations, rcond=1e-9)[0] for equations in zip(left, right, strict=True)]).T

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot, normalised
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.scene.normal_encoding import Convention, read_vectors
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
+from mpsnet_core.scene.texture import Texture
 
 # Tolerance on the unit length of decoded normals: 8 bits, JPEG and averages of steep gradients change it.
 NEARLY_UNIT = 0.1
@@ -43,7 +43,7 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     FileError
         If the file cannot be read.
     FormatError
-        If it is no normal map, or an object-space one.
+        If it is not a normal map, or is one in object space.
     """
     vectors, alpha = read_vectors(path, convention)
     length = np.empty(vectors.shape[:2], np.float32)

@@ -11,9 +11,9 @@ from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.arrays.upsample import upsampled
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.scene.texture import Texture
 
 # Larger textures are solved at half the size first.
 FINEST = 512

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mpsnet_core.bake.base_detail_removal import BaseMap, log_shares, remove_base_details
-from mpsnet_core.bake.low_frequency_correction import apply_levelling, find_levelling
+from mpsnet_core.bake.low_frequency_correction import apply_low_frequency_correction, find_low_frequency_correction
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.errors import FileError
@@ -29,12 +29,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ViewInputs:
-    """The files of a view. Confidence and albedo are optional."""
+    """The files of a view."""
 
     camera: Path
+    """Camera file."""
     normals: Path
+    """Normal map in camera space."""
     confidence: Path | None = None
+    """Confidence map, if there is one."""
     albedo: Path | None = None
+    """Albedo, if there is one."""
 
     @property
     def files(self) -> list[Path]:
@@ -46,7 +50,9 @@ class BakeInputs:
     """The files of one bake."""
 
     meshes: tuple[Path, ...]
+    """Mesh files."""
     views: tuple[ViewInputs, ...]
+    """The files of each view."""
 
     @property
     def files(self) -> list[Path]:
@@ -63,16 +69,14 @@ class BakeInputs:
 
 @dataclass(frozen=True)
 class ViewReader:
-    """Reads views and prepares them to be baked.
+    """Reads views and prepares them to be baked."""
 
-    level: scale of the levelling as a fraction of the mesh's size, 0 for none. base_maps: the mesh's base maps, whose
-    relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`). convention: of the views' normal
-    maps.
-    """
-
-    level: float
+    correction_scale: float
+    """Scale of the low-frequency correction as a fraction of the mesh's size, 0 for none."""
     base_maps: Sequence[BaseMap] = ()
+    """The mesh's base maps, whose relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`)."""
     convention: Convention = "opengl"
+    """Convention of the views' normal maps."""
 
     def read(
         self,
@@ -113,10 +117,15 @@ class ViewReader:
         the shares of the relief that were removed (`known`, if given)."""
         normals, shares = remove_base_details(view.normals, view.camera, mesh, scene, self.base_maps, known)
         estimated = replace(view, normals=normals)
-        if not self.level:
+        if not self.correction_scale:
             return estimated, estimated, 0.0, shares
-        levelling = find_levelling(normals, view.camera, mesh, scene, scale=self.level)
-        return estimated, replace(view, normals=apply_levelling(normals, levelling)), levelling.mean_angle, shares
+        correction = find_low_frequency_correction(normals, view.camera, mesh, scene, scale=self.correction_scale)
+        return (
+            estimated,
+            replace(view, normals=apply_low_frequency_correction(normals, correction)),
+            correction.mean_angle,
+            shares,
+        )
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:
@@ -133,7 +142,7 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
     if isinstance(meshes, dict):
         numbers = [number for number in numbers if number in meshes]
     if not numbers:
-        raise FileError("no number is common to the frames of all views and meshes; check the patterns")
+        raise FileError("the frames of all views and meshes have no number in common; check the patterns")
     left_out = max(map(len, numbered)) - len(numbers)
     if left_out:
         log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)

@@ -1,4 +1,4 @@
-"""Levelling (low-frequency correction): a view's low frequencies come from the mesh, its detail from the photo.
+"""Low-frequency correction (levelling): a view's low frequencies come from the mesh, its detail from the photo.
 
 The errors of an estimate are smooth: a tilt, too flat here and too steep there, different in every view. A mesh from
 photogrammetry has correct low frequencies, and no detail. Each normal is turned by the rotation that carries the
@@ -23,7 +23,7 @@ from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_seen import mesh_seen
+from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
@@ -36,15 +36,14 @@ HOLD = 0.1
 
 
 @dataclass(frozen=True)
-class Levelling:
-    """Rotations that level a view's normals.
-
-    rotations: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, at a reduced
-    resolution, extrapolated smoothly where the mesh is not seen. known: (h, w) bool, where it is seen.
-    """
+class LowFrequencyCorrection:
+    """Rotations that match the low frequencies of a view's normals to the mesh's."""
 
     rotations: NDArray[np.float32]
+    """(h, w, 3) float32. Rotation vectors (axis times angle in radians) in camera space, at a reduced resolution,
+    extrapolated smoothly where the mesh is not seen."""
     known: NDArray[np.bool_]
+    """(h, w) bool. Where the mesh is seen."""
 
     @property
     def mean_angle(self) -> float:
@@ -54,7 +53,7 @@ class Levelling:
 
 
 def parse_scale(text: str) -> float:
-    """The scale of the levelling from "on", "off" or a number; 0 for none. Raises SettingsError for other text."""
+    """The scale of the correction from "on", "off" or a number; 0 for none. Raises SettingsError for other text."""
     if text in ("on", "off"):
         return LEVEL_SCALE if text == "on" else 0.0
     try:
@@ -105,12 +104,14 @@ def correct_low_frequencies(
     weights w: it minimises ``sum w |r x n - t x n|²``, where t is the rotation vector from n to m, perpendicular to n.
     The normal equations are ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
     """
-    return apply_levelling(normals, find_levelling(normals, camera, mesh, scene, scale=scale))
+    return apply_low_frequency_correction(
+        normals, find_low_frequency_correction(normals, camera, mesh, scene, scale=scale)
+    )
 
 
-def find_levelling(
+def find_low_frequency_correction(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
-) -> Levelling:
+) -> LowFrequencyCorrection:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
         raise SettingsError(
@@ -123,7 +124,7 @@ def find_levelling(
     rows, columns = chosen_pixels(*reduced_shape(height, width, TRACED_PIXELS), height, width)
     known = normals.mask[np.ix_(rows, columns)]
     row, column = np.nonzero(known)
-    seen = mesh_seen(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
+    seen = mesh_hits(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
     own = seen.in_camera(seen.at(mesh.corner_normals))
     front = seen.from_front
     row, column = row[seen.hit[front]], column[seen.hit[front]]
@@ -134,17 +135,17 @@ def find_levelling(
         points, estimate = seen.points[front].astype(np.float32), normals.vectors[rows[row], columns[column]]
         rotations[row, column] = _smoothed_rotations(points, estimate, own[front], scale * scene.size)
     # Some rays miss between triangles, and a mask may reach a little beyond the mesh.
-    return Levelling(push_pull(rotations, known), known)
+    return LowFrequencyCorrection(push_pull(rotations, known), known)
 
 
-def apply_levelling(normals: NormalMap, levelling: Levelling) -> NormalMap:
-    """Rotate the normals by the levelling of their view."""
+def apply_low_frequency_correction(normals: NormalMap, correction: LowFrequencyCorrection) -> NormalMap:
+    """Rotate the normals by the correction of their view."""
     vectors = np.zeros_like(normals.vectors)
 
     def rotate(rows: slice) -> None:
         inside = np.flatnonzero(normals.mask[rows])
         if len(inside):
-            own, rotations = normals.vectors[rows], upsampled(levelling.rotations, normals.mask.shape, rows)
+            own, rotations = normals.vectors[rows], upsampled(correction.rotations, normals.mask.shape, rows)
             own, rotations = (one.reshape(-1, 3).take(inside, axis=0) for one in (own, rotations))
             vectors[rows].reshape(-1, 3)[inside] = rotated(own, rotations)
 

@@ -17,13 +17,16 @@ FORMAT, VERSION = "mpsnet-present-maps", 1
 
 @dataclass(frozen=True)
 class ListedMap:
-    """A base map with its object and material; None stands for all. convention: of its green channel, None if the list
-    does not say."""
+    """A base map with its object and material."""
 
     file: Path
+    """The map."""
     object: str | None = None
+    """Name of the object; None for all."""
     material: str | None = None
+    """Name of the material; None for all."""
     convention: "Convention | None" = None
+    """Which way its green channel points; None if the list does not say."""
 
 
 def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:

@@ -44,18 +44,18 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ViewCaptureSettings:
-    """How the photos of all views are read.
-
-    rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks that have
-    the photos' names, with or without the suffix _mask, or what :func:`read_capture` takes. options: how photos are
-    read. white: folders of photos under white light that have the photos' names, with or without the suffix _white;
-    the photos of several folders are added up.
-    """
+    """How the photos of all views are read."""
 
     rig_of: Callable[[Camera], LightRig]
+    """The lights in a camera's space."""
     mask: str = MESH
+    """A folder of masks named like the photos, with or without the suffix _mask; "mesh", where the camera sees the
+    mesh; or what :func:`mpsnet_core.read_capture` takes."""
     options: PhotoReadOptions = AS_STATED
+    """How photos are read."""
     white: Sequence[str] = ()
+    """Folders of photos under white light, named like the photos, with or without the suffix _white. The photos of
+    several folders are added up."""
 
     @cached_property
     def masks(self) -> PhotoFolder | None:
@@ -68,7 +68,7 @@ class ViewCaptureSettings:
 
     def white_of(self, view: ViewPhoto) -> list[Path]:
         """The view's photos under white light, one from each folder. Raises FileError if a folder has none."""
-        return [_beside(view, folder, "white", "white photo") for folder in self.white_folders]
+        return [_companion_image(view, folder, "white", "white photo") for folder in self.white_folders]
 
     def mask_of(self, view: ViewPhoto) -> str:
         """The source of the view's mask for :func:`read_capture`.
@@ -78,7 +78,7 @@ class ViewCaptureSettings:
         """
         if self.masks is None:
             return self.mask
-        return os.fspath(_beside(view, self.masks, "mask", "mask"))
+        return os.fspath(_companion_image(view, self.masks, "mask", "mask"))
 
     def source(self, view: ViewPhoto, scene: RayScene) -> Source:
         """The view's photo, to be opened."""
@@ -94,7 +94,7 @@ class ViewCaptureSettings:
         )
 
 
-def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
+def _companion_image(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
     """The view's image in a folder: the one at the photo's relative path, else the one with the view's or the photo's
     name, with or without the suffix _`ending`. Raises FileError if there is none, or several match."""
     photo, top = view.photo, folder.path
@@ -108,14 +108,17 @@ def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Pat
 
 @dataclass(frozen=True)
 class CachedView:
-    """One view's estimated normals and confidence on disk, and its albedo if it is `coloured`.
+    """One view's estimated normals, confidence and albedo on disk.
 
     The files' descriptions record the inputs that they were made from.
     """
 
     folder: Path
+    """Folder of the files."""
     name: str
+    """Name of the view, with which the files' names begin."""
     coloured: bool = False
+    """Whether there is an albedo."""
 
     @property
     def normals(self) -> Path:
@@ -133,7 +136,7 @@ class CachedView:
     def files(self) -> list[Path]:
         return [self.normals, self.confidence, *([self.albedo] if self.coloured else [])]
 
-    def is_of(self, source: str) -> bool:
+    def is_made_from(self, source: str) -> bool:
         """Whether all files exist, are complete, and were made from `source`, a line of :func:`sources_of`."""
         return all(is_up_to_date(file, source) for file in self.files)
 
@@ -151,26 +154,28 @@ class CachedView:
         return View(camera, normals, read_albedo(self.albedo) if self.coloured else None)
 
 
-def sources_of(views: Sequence[ViewPhoto], photography: ViewCaptureSettings, mesh: Mesh, recipe: str) -> list[str]:
+def sources_of(
+    views: Sequence[ViewPhoto], photography: ViewCaptureSettings, mesh: Mesh, settings_fingerprint: str
+) -> list[str]:
     """For each view a line that changes with everything its normals depend on: photo, camera, rig, mask and settings.
 
-    The mesh is included if masks or depth come from it. recipe: fingerprint of the settings that all views share: the
+    The mesh is included if masks or depth come from it. settings_fingerprint: of the settings that all views share: the
     model, how photos are read, dark frame and flat field.
 
     Raises InputError, which names the view, if a mask is missing, two views would share one from a folder, a light is
     behind the object, or a white photo cannot be read or has another size than its camera, by its header.
     """
-    shape, whose, sources = _shape(mesh), dict[str, str](), []
+    shape, owners, sources = _shape(mesh), dict[str, str](), []
     for view in views:
         with prefix_errors(f"view {view.name}"):
             mask = photography.mask_of(view)
-            if photography.masks and whose.setdefault(mask, view.name) != view.name:
-                raise FileError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
-            sources.append(_source(view, photography, mask, shape, recipe))
+            if photography.masks and owners.setdefault(mask, view.name) != view.name:
+                raise FileError(f"its mask would be that of view {owners[mask]}, {mask}; add one named {view.name}")
+            sources.append(_source(view, photography, mask, shape, settings_fingerprint))
     return sources
 
 
-def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape: str, recipe: str) -> str:
+def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape: str, settings_fingerprint: str) -> str:
     rig = photography.rig_of(view.camera)
     needs_mesh = photography.mask == MESH or rig.near is not None
     white = photography.white_of(view)
@@ -180,7 +185,7 @@ def _source(view: ViewPhoto, photography: ViewCaptureSettings, mask: str, shape:
         check_same_size("the camera", camera, f"white photo {file}", size or camera)
     return provenance_line(
         "normals",
-        recipe,
+        settings_fingerprint,
         fingerprint(view.photo),
         json.dumps(camera_data(view.camera)),
         repr(view.lens),
@@ -255,7 +260,7 @@ def estimate_views(
         step = part(progress, number / len(views), (number + 1) / len(views))
         step(0.0, named)
         kept = stored.kept[number]
-        if kept.is_of(source):
+        if kept.is_made_from(source):
             known += 1
         else:
             capture = photos.open(photos.sources[number])

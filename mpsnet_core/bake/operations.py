@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.inputs import BakeInputs
     from mpsnet_core.bake.multi_view import ViewCaptureSettings
     from mpsnet_core.bake.settings import BakeSettings
-    from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureTarget
-    from mpsnet_core.bake.texture_sets import TextureSet
+    from mpsnet_core.bake.texture_files import BakePlan, TextureTarget
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.bake.written_texture import WrittenTexture
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.rig import LightRig
+    from mpsnet_core.scene.texture import Texture
+    from mpsnet_core.scene.texture_sets import TextureSet
     from mpsnet_core.scene.view_photos import ViewPhoto
 
 LEVEL = (
@@ -219,7 +219,9 @@ class BakesDetail(MakesTextures):
             fill=self.fill,
         )
 
-    def planned(self, target: "TextureTarget", protected_paths: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
+    def planned(
+        self, target: "TextureTarget", protected_paths: "Sequence[Path]", *, albedo: bool = False
+    ) -> "BakePlan":
         """The textures to bake, see :func:`mpsnet_core.bake.texture_files.planned`."""
         from mpsnet_core.bake.texture_files import planned
 
@@ -238,36 +240,40 @@ class BakesDetail(MakesTextures):
 
 @dataclass(frozen=True)
 class TexturesBaked(Result):
-    """The textures of one pose.
-
-    output: their file, or its name with tokens. outputs: each texture's file, its texture set, and the fraction of it
-    that some view saw. seen: that fraction over all. filled: the fraction that was filled, None without filling.
-    """
+    """The textures of one pose."""
 
     output: str
+    """The texture's file, or its name with tokens."""
     outputs: "list[WrittenTexture]"
+    """Each texture's files and texture set, and what the views saw of it."""
     seen: float
+    """Fraction of the surface that some view saw."""
     filled: float | None
+    """Fraction of the surface that was filled; None without filling."""
 
 
 @dataclass(frozen=True)
 class FramesBaked(Result):
-    """The textures of a sequence.
-
-    folder: where they are. first_output: the first one's file. first, last: their frame numbers. made, there: how many
-    were made now, and how many existed. seen: the fraction of the surface that some view saw, None if none was made.
-    filled: the fraction that was filled, None without filling.
-    """
+    """The textures of a sequence."""
 
     folder: str
+    """Folder of the textures."""
     first_output: str
+    """File of the first texture."""
     first: int
+    """First frame number."""
     last: int
+    """Last frame number."""
     count: int
+    """Number of textures."""
     made: int
+    """Number of textures made now."""
     there: int
+    """Number of textures that existed already."""
     seen: float | None
+    """Fraction of the surface that some view saw; None if no texture was made now."""
     filled: float | None
+    """Fraction that was filled; None without filling."""
 
 
 @dataclass(frozen=True)
@@ -408,13 +414,15 @@ class Bake(BakesDetail):
             baking,
             target,
             read_mesh=self.read_mesh,
-            recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
+            settings_fingerprint=operation_facts(
+                self, convention=target.convention, bits=str(target.bits), level=str(level)
+            ),
             progress=progress,
         )
         textures = {number: file for number, file in zip(numbers, frames, strict=True) if file not in outcome.failed}
         first, last = min(textures), max(textures)
         output = textures[first]
-        there = f", {outcome.there} there already" if outcome.there else ""
+        existing = f", {outcome.existing} there already" if outcome.existing else ""
         failed = f", {len(outcome.failed)} failed" if outcome.failed else ""
         return FramesBaked(
             target.output,
@@ -423,10 +431,10 @@ class Bake(BakesDetail):
             last,
             len(textures),
             outcome.made,
-            outcome.there,
+            outcome.existing,
             outcome.seen,
             outcome.filled,
-            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}{failed}",
+            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{existing}{failed}",
             failed=[*outcome.failed.values()] or None,
         )
 
@@ -435,8 +443,8 @@ class Bake(BakesDetail):
     ) -> "tuple[dict[Path, BakeInputs], list[int]]":
         """The inputs of each frame's texture, by its file, and the frames' numbers."""
         from mpsnet_core.bake.inputs import frame_inputs
-        from mpsnet_core.bake.texture_names import split_by
         from mpsnet_core.io.files import checked_bits
+        from mpsnet_core.scene.texture_names import split_by
 
         if len(self.mesh) > 1 or split_by(target.output):
             raise SettingsError(
@@ -461,15 +469,15 @@ class Bake(BakesDetail):
 
 @dataclass(frozen=True)
 class ViewsBaked(TexturesBaked):
-    """The textures of posed photos.
-
-    views: for each the fraction of the surface that it sees, its angle to the other views, and the gain of its colours.
-    level: the levelling's scale, 0 for none. model: the estimator's name.
-    """
+    """The textures of posed photos."""
 
     views: list[dict[str, Any]]
+    """For each view, the fraction of the surface that it sees, its angle to the other views, and the gain of its
+    colours."""
     level: float
+    """Scale of the low-frequency correction, 0 for none."""
     model: str
+    """Name of the model that estimated the normals."""
 
 
 @dataclass(frozen=True)
@@ -575,8 +583,8 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         protected_paths = [*inputs, *photos, *map(Path, outputs[1:]), *kept_files]
         plan = self.planned(target, protected_paths, albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)
-        recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
-        sources = sources_of(views, photography, mesh, recipe)
+        settings_fingerprint = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts(self.passes))
+        sources = sources_of(views, photography, mesh, settings_fingerprint)
         scene = RayScene.of(mesh)
         estimator = self.estimator(self.passes)
         with contextlib.ExitStack() as stack:
@@ -643,7 +651,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         return ViewCaptureSettings(rig_of, self.mask, self.read_options(), self.white)
 
     def _kept_files(self, views: "Sequence[ViewPhoto]") -> list[Path]:
-        """The files that keep the views. Raises FileError if one exists that is not ours."""
+        """The files that keep the views. Raises FileError if one exists that this program did not make."""
         from mpsnet_core.bake.multi_view import CachedView
         from mpsnet_core.io.files import check_own
 
@@ -665,7 +673,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
 
     def _written(
         self,
-        plan: "Plan",
+        plan: "BakePlan",
         baked: "Iterable[tuple[TextureSet, Texture]]",
         table: "Sequence[ViewAgreement]",
         model: str,

@@ -30,23 +30,6 @@ if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
 class Preset:
     """A program's requirements for a normal texture.
 
-    Attributes
-    ----------
-    label : str
-        Name of the program.
-    convention : {"opengl", "directx"}
-        Whether green points up or down.
-    bits : int
-        Bits per channel.
-    naming : str
-        Name of the file without its suffix, with {} for the object's name.
-    suffix : str
-        Suffix of the file.
-    lower : bool
-        Whether names are in snake_case.
-    strict : bool
-        Whether the program has no way to show another space or convention.
-
     Examples
     --------
     >>> PRESETS["unreal"].stem("HeroHead"), PRESETS["godot"].stem("HeroHead")
@@ -54,12 +37,19 @@ class Preset:
     """
 
     label: str
+    """Name of the program."""
     convention: "Convention"
+    """Which way green points: up for "opengl", down for "directx"."""
     bits: int
+    """Bits per channel."""
     naming: str = "{}_normal"
+    """Name of the file without its suffix, with {} for the object's name."""
     suffix: str = ".png"
+    """Suffix of the file."""
     lower: bool = False
+    """Whether names are in snake_case."""
     strict: bool = False
+    """Whether the program has no way to show another space or convention."""
 
     def stem(self, name: str) -> str:
         """The name of an object's texture, without suffix."""

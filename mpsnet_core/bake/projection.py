@@ -28,15 +28,6 @@ FACING_POWER = 4
 class View:
     """One photo's normals and its camera.
 
-    Parameters
-    ----------
-    camera : Camera
-        The camera's pose in the world, and its projection.
-    normals : NormalMap
-        Normals in camera space, (H, W).
-    colours : (H, W, 3) float32 array, optional
-        Linear values to bake along with the normals, such as an albedo; NaN where they are unknown.
-
     Raises
     ------
     GeometryError
@@ -44,8 +35,12 @@ class View:
     """
 
     camera: Camera
+    """The camera's pose in the world, and its projection."""
     normals: NormalMap
+    """Normals in camera space, (H, W)."""
     colours: NDArray[np.float32] | None = None
+    """(H, W, 3) float32. Linear values to bake along with the normals, such as an albedo; NaN where they are
+    unknown."""
 
     def __post_init__(self) -> None:
         shape = self.normals.mask.shape

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.view_agreement import ViewAgreement
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
@@ -16,6 +15,7 @@ from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import on_background, scaled_error_bands
+from mpsnet_core.scene.texture import Texture
 
 PICTURE = 1024  # pixels on a side, at most
 # Colours of texels seen by no view, by one, by two, ...; the last one is for all higher counts.
@@ -52,11 +52,14 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
 
 @dataclass(frozen=True)
 class TextureMap:
-    """An image of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: its colour key, as HTML."""
+    """An image of the texture for the report."""
 
     words: str
+    """What it shows."""
     picture: NDArray[np.float32]
+    """(H, W, 3). Its pixels, 0 to 1."""
     key: str = ""
+    """Its colour key, as HTML."""
 
 
 def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
@@ -77,16 +80,14 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
     ]
     if texture.colours is not None:
         colours = on_background(linear_to_srgb(texture.colours[few][..., :3]), covered)
-        maps.append(TextureMap("the albedo; what no view sees continues what is near", colours))
+        maps.append(TextureMap("the albedo; what no view sees is filled from its surroundings", colours))
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / np.float32(255)
         counts = on_background(palette[np.minimum(texture.views[few], len(palette) - 1)], covered)
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
-        _, apart = scaled_error_bands(spread, shared)
-        maps.append(
-            TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart(np.s_[:]))
-        )
+        _, spread_bands = scaled_error_bands(spread, shared)
+        maps.append(TextureMap("how much the baked views differ where several see it (°)", spread_bands(np.s_[:])))
     return maps
 
 

@@ -9,30 +9,30 @@ from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.inputs import BakeInputs, ViewReader
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.texture_files import TextureTarget
-from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.batch import Batch
 from mpsnet_core.io.files import check_own
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import write_texture
+from mpsnet_core.scene.texture_sets import texture_sets
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a sequence.
-
-    made, there: how many textures were made now, and how many existed. seen: the mean fraction of the surface that some
-    view saw in those made now, None if none was made. filled: the mean fraction that was filled, None without filling.
-    failed: why frames failed, by their textures, although the others were made.
-    """
+    """The result of a sequence."""
 
     made: int
-    there: int
+    """Number of textures made now."""
+    existing: int
+    """Number of textures that existed already."""
     seen: float | None
+    """Mean fraction of the surface that some view saw in the textures made now; None if none was made."""
     filled: float | None
+    """Mean fraction that was filled; None without filling."""
     failed: dict[Path, str]
+    """Why frames failed, by their textures, although the others were made."""
 
 
 def bake_sequence(
@@ -42,13 +42,13 @@ def bake_sequence(
     target: TextureTarget,
     *,
     read_mesh: Callable[[Path], Mesh],
-    recipe: str,
+    settings_fingerprint: str,
     progress: Progress,
 ) -> Outcome:
     """Bake and write the textures of frames, each with one mesh.
 
-    frames: inputs by texture file, in order. reader: has at most one base map, which applies to every frame. recipe:
-    fingerprint of all settings that change the textures.
+    frames: inputs by texture file, in order. reader: has at most one base map, which applies to every frame.
+    settings_fingerprint: of all settings that change the textures.
 
     Raises InputError if a texture cannot be written, or the first few frames cannot be read or baked.
     """
@@ -62,7 +62,9 @@ def bake_sequence(
         step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
         step(0.0, "")
         sources = [inputs, first] if base_map is not None and base_map.shown == "auto" else [inputs]
-        line = provenance_line("texture", recipe, *(fact for source in sources for fact in source.facts()))
+        line = provenance_line(
+            "texture", settings_fingerprint, *(fact for source in sources for fact in source.facts())
+        )
         if is_up_to_date(output, line):
             batch.succeeded += 1
             continue
@@ -86,5 +88,5 @@ def bake_sequence(
     batch.check_any()
     progress(1.0, "done")
     of_frames = [round(share / made, 4) if made else None for share in (seen, filled)]
-    there = len(frames) - made - len(batch.errors)
-    return Outcome(made, there, of_frames[0], of_frames[1] if baking.fill else None, batch.failed())
+    existing = len(frames) - made - len(batch.errors)
+    return Outcome(made, existing, of_frames[0], of_frames[1] if baking.fill else None, batch.failed())

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
+from mpsnet_core.arrays.rasterize import TextureSize
 from mpsnet_core.bake.fill import check_filling
 from mpsnet_core.bake.padding import PADDINGS, Padding
-from mpsnet_core.bake.texture import SPACES, Space
-from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
+from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
+from mpsnet_core.scene.texture import Space, check_texture
 
 # Sample points per texel, along each side.
 SAMPLES = (1, 2, 4)
@@ -17,27 +17,6 @@ SAMPLES = (1, 2, 4)
 class BakeSettings:
     """How a texture is baked.
 
-    Parameters
-    ----------
-    size : int or (int, int)
-        Side of the texture in texels, 1 to 16384, or its width and height.
-    space : {"tangent", "object"}
-        "tangent" is MikkTSpace, "object" the mesh's own axes.
-    margin : int
-        Texels by which the UV islands are dilated if the padding is "nearest".
-    padding : {"nearest", "push-pull", "none"}
-        What the texture holds beyond the islands: see :mod:`mpsnet_core.bake.padding`.
-    samples : {1, 2, 4}
-        A texel is the mean of those of its samples x samples points that lie on the surface.
-    feather : float
-        Distance, as a fraction (0 to 1) of the mesh's size, over which each view fades towards its borders into the
-        other views or the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
-    strength : float
-        Factor, 0 to 2, on the slopes relative to the mesh's own normals; 0 removes all detail.
-    fill : bool
-        Whether to fill unseen texels smoothly from the relief around them, see :mod:`mpsnet_core.bake.fill`. Not
-        available in object space.
-
     Raises
     ------
     SettingsError
@@ -45,34 +24,33 @@ class BakeSettings:
     """
 
     size: TextureSize = TEXTURE_SIZE
+    """Side of the texture in texels, 1 to 16384, or its width and height."""
     space: Space = "tangent"
+    """What the normals are relative to: "tangent" is MikkTSpace, "object" the mesh's own axes."""
     margin: int = MARGIN
+    """Texels by which the UV islands are dilated if the padding is "nearest"."""
     padding: Padding = "nearest"
+    """What the texture holds beyond the islands: "nearest", "push-pull" or "none", see
+    :mod:`mpsnet_core.bake.padding`."""
     samples: int = 1
+    """1, 2 or 4. A texel is the mean of those of its samples x samples points that lie on the surface."""
     feather: float = 0.0
+    """Distance, as a fraction (0 to 1) of the mesh's size, over which each view fades towards its borders into the
+    other views or the mesh's own normals: see :mod:`mpsnet_core.bake.feather`."""
     strength: float = 1.0
+    """Factor, 0 to 2, on the slopes relative to the mesh's own normals; 0 removes all detail."""
     fill: bool = False
+    """Whether to fill unseen texels smoothly from the relief around them, see :mod:`mpsnet_core.bake.fill`. Not
+    available in object space."""
 
     def __post_init__(self) -> None:
         check_texture(self.size, self.space, self.margin)
         check_choice("padding", self.padding, PADDINGS)
         if self.samples not in SAMPLES:
-            raise SettingsError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
+            raise SettingsError(f"{self.samples} x {self.samples} samples per texel cannot be baked; choose 1, 2 or 4")
         if not 0 <= self.feather <= 1:
             raise SettingsError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
         if not 0 <= self.strength <= MAX_STRENGTH:
             raise SettingsError(f"a strength of {self.strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
         if self.fill:
             check_filling(self.space)
-
-
-def check_texture(size: TextureSize, space: str, margin: int) -> None:
-    """Raise SettingsError if the size, space or margin of a texture is invalid."""
-    for side in width_and_height(size):
-        if not 1 <= side <= MAX_TEXTURE_SIZE:
-            raise SettingsError(
-                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
-            )
-    if not 0 <= margin <= MAX_TEXTURE_SIZE:
-        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
-    check_choice("space", space, SPACES)

@@ -7,29 +7,33 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates
 from mpsnet_core.arrays.unit_vectors import SHORTEST, transformed
-from mpsnet_core.bake.texture import Space
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import Space
 
 
 class Barycentric(NamedTuple):
-    """Sample points of a texture, each (N,): the triangle under them, and the offset in columns and rows from its first
-    corner."""
+    """N sample points of a texture, on the triangles under them."""
 
     triangle: NDArray[np.int64]
+    """(N,). The triangle under each point."""
     x: NDArray[np.float32]
+    """(N,). Offset from the triangle's first corner, in columns."""
     y: NDArray[np.float32]
+    """(N,). Offset from the triangle's first corner, in rows."""
 
     def some(self, which: NDArray[np.int64]) -> "Barycentric":
         return Barycentric(self.triangle.take(which), self.x.take(which), self.y.take(which))
 
 
 class SurfacePoints(NamedTuple):
-    """Points of a surface in world space, each (3, N): positions, unit shading normals, and the unit normals of the
-    triangles, which decide what a camera sees."""
+    """N points of a surface, in world space."""
 
     positions: NDArray[np.float32]
+    """(3, N). Positions."""
     normals: NDArray[np.float32]
+    """(3, N). Unit shading normals."""
     outwards: NDArray[np.float32]
+    """(3, N). Unit normals of the triangles, which decide what a camera sees."""
 
 
 class TexelSampler:

@@ -11,9 +11,6 @@ from mpsnet_core.bake.base_detail_removal import BaseMapInPhotos
 from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.presets import PRESETS, preset_output
-from mpsnet_core.bake.texture import Texture, write_texture
-from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
@@ -22,6 +19,9 @@ from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_encoding import Convention
+from mpsnet_core.scene.texture import Texture, write_texture
+from mpsnet_core.scene.texture_names import albedo_file, split_by, texture_files, tile_patterns
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 # Value of filled texels in the image of the coverage; seen ones are 1, all others 0.
 FILLED = 0.5
@@ -31,16 +31,17 @@ LISTED = 12
 
 @dataclass(frozen=True)
 class TextureTarget:
-    """Where and how textures are written.
-
-    output: a file name, with the tokens of :mod:`mpsnet_core.bake.texture_names` if there are several; the folder of a
-    sequence. suffix: of a sequence's files. bits: per channel, None for the suffix's own.
-    """
+    """Where and how textures are written."""
 
     output: str
+    """A file name, with the tokens of :mod:`mpsnet_core.scene.texture_names` if there are several; the folder of a
+    sequence."""
     convention: Convention
+    """Which way the green channel points."""
     bits: int | None
+    """Bits per channel; None for the suffix's default."""
     suffix: str
+    """Suffix of a sequence's files."""
 
     def frame(self, number: int, digits: int) -> Path:
         """The file of a frame of a sequence."""
@@ -90,21 +91,25 @@ def texture_target(
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Textures to bake for meshes: a texture set and a file for each.
-
-    albedos: files of the views' colours, if they have any. patterns: the files with <UDIM> in place of the tile number.
-    base_maps: the maps that the detail goes on top of. coverage: folder for coverage maps, None for none.
-    """
+class BakePlan:
+    """Textures to bake for meshes."""
 
     target: TextureTarget
+    """Where and how they are written."""
     meshes: Sequence[Mesh]
+    """The meshes."""
     texture_sets: Sequence[TextureSet]
+    """Each texture's texture set."""
     files: Sequence[Path]
+    """Each texture's file."""
     albedos: Sequence[Path]
+    """Files of the views' colours, if they have any."""
     patterns: Sequence[Path]
+    """The files with <UDIM> in place of the tile number."""
     base_maps: BaseMaps
+    """The maps that the detail is added to."""
     coverage: Path | None
+    """Folder for coverage maps; None for none."""
 
 
 def planned(
@@ -118,12 +123,12 @@ def planned(
     onto_shown: BaseMapInPhotos = "auto",
     albedo: bool = False,
     coverage: str | None = None,
-) -> Plan:
+) -> BakePlan:
     """Read the meshes, and plan the textures of the target.
 
     protected_paths: files that no texture may overwrite. read_mesh: reads a mesh file. onto, onto_convention: as for
     :func:`base_map_files`. onto_shown: whether the photos show that map. albedo: whether the views' colours are baked
-    as well. coverage: see :class:`Plan`.
+    as well. coverage: see :class:`BakePlan`.
 
     Raises InputError if a mesh cannot be read, no texture has a base map, or a texture cannot be written.
     """
@@ -143,7 +148,7 @@ def planned(
     check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
     check_no_overwrite(files, seen)
     base_maps = BaseMaps(base_files, chosen, meshes, onto_shown)
-    return Plan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
+    return BakePlan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
@@ -152,7 +157,7 @@ def _named(mesh: Mesh, name: str) -> Mesh:
 
 
 def write_textures(
-    plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]
+    plan: BakePlan, baked: Iterable[tuple[TextureSet, Texture]]
 ) -> Iterator[tuple[TextureSet, WrittenTexture, Texture]]:
     """Write textures one by one, as they are baked. Yields each texture's set, the record of it, and the texture.
 

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texel_surface import SurfacePoints
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.texture import Texture
 
 # Bytes of views held in memory at once, approximately. If there are more, they are read again in each pass.
 HELD_BYTES = 1 << 29
@@ -66,14 +66,13 @@ def _held_bytes(projector: Projector) -> int:
 
 @dataclass(frozen=True)
 class ViewAccumulator:
-    """Running sums over views at N texels.
-
-    sums: (N, 4) weighted normals in world space, and the lengths of these vectors; with colours (N, 8), weighted
-    colours and their weights follow. views: (N,) number of views that see the texel.
-    """
+    """Running sums over views at N texels."""
 
     sums: NDArray[np.float32]
+    """(N, 4). Weighted normals in world space, and the lengths of these vectors; with colours (N, 8), weighted colours
+    and their weights follow."""
     views: NDArray[np.uint16]
+    """(N,). Number of views that see the texel."""
 
     @classmethod
     def none(cls, count: int, values: int) -> "ViewAccumulator":

@@ -22,40 +22,42 @@ log = logging.getLogger(__name__)
 
 POINTS = 20_000
 # Degrees. Estimates of the same surface differ by less, with any network.
-MAX_APART = 20.0
+MAX_DIFFERENCE = 20.0
 # Roberts' additive sequence for two dimensions, from the plastic number.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 @dataclass(frozen=True)
 class ViewAgreement:
-    """What one view contributes. Angles are in degrees, NaN if no other view sees the same surface.
-
-    seen: fraction of the surface's area. level: mean angle of its levelling. before, after: mean angle between its
-    normals and the mean of the others, weighted as in the bake, without and with levelling of all views. gain: factors
-    on the channels of its colours, if it has any.
-    """
+    """What one view contributes. Angles are in degrees, NaN if no other view sees the same surface."""
 
     name: str
+    """Name of the view."""
     seen: float
+    """Fraction of the surface's area that it sees."""
     level: float
+    """Mean angle of its low-frequency correction."""
     before: float
+    """Mean angle between its normals and the mean of the others, weighted as in the bake, without low-frequency
+    correction of any view."""
     after: float
+    """The same with low-frequency correction of all views."""
     gain: Sequence[float] | None = None
+    """Factors on the channels of its colours, if it has any."""
 
 
 @dataclass
 class Agreement:
-    """The views' samples at points of the surface.
-
-    points: N of them, relative to the scene's centre. feather: as in the bake.
-    colours: for each view (N, 4) its colour times its weight, and the weight; (N, 0) for views without.
-    """
+    """The views' samples at points of the surface."""
 
     scene: RayScene
+    """The scene of the meshes."""
     feather: float
+    """Distance over which views fade, as in :class:`.settings.BakeSettings`."""
     points: SurfacePoints
+    """N points, relative to the scene's centre."""
     colours: list[NDArray[np.float32]] = field(default_factory=list)
+    """For each view, (N, 4) its colour times its weight, and the weight; (N, 0) for views without colours."""
     _views: list[tuple[str, float]] = field(default_factory=list)
     _samples: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
 
@@ -121,13 +123,13 @@ def _angles_to_the_others(samples: Sequence[NDArray[np.float32]]) -> list[float]
 def warn_of_doubts(views: Sequence[ViewAgreement]) -> None:
     """Warn of views whose angle to the others, or to the mesh, exceeds that between estimates."""
     for view in views:
-        if max(np.nan_to_num(view.before), view.level) > MAX_APART:
-            apart = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
+        if max(np.nan_to_num(view.before), view.level) > MAX_DIFFERENCE:
+            difference = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
             log.warning(
                 "view %s %swas levelled by %.0f°: check that rig, camera and mesh belong together, and "
                 "check --lights-in [views-apart]",
                 view.name,
-                apart,
+                difference,
                 view.level,
             )
 

@@ -10,7 +10,7 @@ from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.projection import View
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, world_from_file
-from mpsnet_core.scene.mesh_seen import mesh_seen
+from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
@@ -33,24 +33,16 @@ UNITS = (0.001, 0.01, 0.0254, 0.1, 0.3048, 1 / 0.3048, 10.0, 1 / 0.0254, 100.0, 
 
 @dataclass(frozen=True)
 class ViewFit:
-    """How well a mesh fits a view.
-
-    Parameters
-    ----------
-    covered
-        The share of the view's mask that shows the mesh. The mesh may go on beyond the mask and the image.
-    degrees
-        Median angle between the mesh's facets and the view's normals there; 180 if there is no such pixel.
-    explained
-        The share of the normals' variance there that the mesh explains, at most 1.
-    outlined
-        Whether the mask has an outline.
-    """
+    """How well a mesh fits a view."""
 
     covered: float
+    """The share of the view's mask that shows the mesh. The mesh may go on beyond the mask and the image."""
     degrees: float
+    """Median angle between the mesh's facets and the view's normals there; 180 if there is no such pixel."""
     explained: float
+    """The share of the normals' variance there that the mesh explains, at most 1."""
     outlined: bool
+    """Whether the mask has an outline."""
 
     @property
     def cost(self) -> float:
@@ -68,7 +60,7 @@ def view_fit(view: View, camera: Camera, mesh: Mesh, scene: RayScene) -> ViewFit
     rows, columns = chosen_pixels(*reduced_shape(height, width, PIXELS), height, width)
     shown = view.normals.mask[np.ix_(rows, columns)]
     row, column = np.nonzero(shown)
-    seen = mesh_seen(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
+    seen = mesh_hits(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
     facets = mesh.outwards[seen.triangle] @ camera.rotation
     facets[(facets * seen.directions).sum(axis=1) > 0] *= -1  # the mesh may be open
     normals = view.normals.vectors[rows[row], columns[column]][seen.hit]
@@ -87,8 +79,8 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     found = view_fit(view, view.camera, mesh, scene)
     if found.cost < DOUBTFUL and found.covered >= TINY:
         return
-    mend = _mend(found, view, mesh, scene)
-    if not (mend or found.poor):
+    remedy = _remedy(found, view, mesh, scene)
+    if not (remedy or found.poor):
         return
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
@@ -96,11 +88,11 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
         name,
         f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
         found.degrees,
-        mend or "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)",
+        remedy or "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)",
     )
 
 
-def _mend(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
+def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
     """The change of the mesh's axes or unit with which it fits, "" if there is none."""
     turn = world_from_file("y", 1.0)
     tried = [

@@ -22,11 +22,14 @@ NO_FIT = "no ball fits the outline that was found; give the circle by hand (x,y,
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle in a photo: centre and radius in pixels. Raises SettingsError if the radius is not above 0."""
+    """A circle in a photo. Raises SettingsError if the radius is not above 0."""
 
     x: float
+    """Centre, in pixels from the left."""
     y: float
+    """Centre, in pixels from the top."""
     radius: float
+    """Radius, in pixels."""
 
     def __post_init__(self) -> None:
         if not np.isfinite([self.x, self.y, self.radius]).all() or self.radius <= 0:
@@ -40,34 +43,23 @@ class Circle:
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball in front of a camera.
-
-    Attributes
-    ----------
-    centre : (3,) float64
-        In camera space. With a perspective camera, in the unit of the given radius, else in ball radii. With an
-        orthographic camera, in its world unit; the depth is unknown, and z is 0.
-    radius
-        In the same unit.
-    camera
-        Its pose is ignored here.
-    residual
-        RMS distance of the outline's inliers from the fit, in pixels.
-    seen
-        Share of the outline that was found, 0 to 1.
-    covariance : (3, 3) float64
-        Covariance of the outline's centre x, y and radius, in pixels squared.
-    by_hand
-        Whether the user drew the outline; residual and seen are then meaningless.
-    """
+    """A ball in front of a camera."""
 
     centre: NDArray[np.float64]
+    """(3,) float64. Position in camera space. With a perspective camera, in the unit of the given radius, else in ball
+    radii. With an orthographic camera, in its world unit; the depth is unknown, and z is 0."""
     radius: float
+    """Radius, in the same unit."""
     camera: Camera
+    """The camera. Its pose is ignored here."""
     residual: float
+    """RMS distance of the outline's inliers from the fit, in pixels."""
     seen: float
+    """Share of the outline that was found, 0 to 1."""
     covariance: NDArray[np.float64]
+    """(3, 3) float64. Covariance of the outline's centre x, y and radius, in pixels squared."""
     by_hand: bool = False
+    """Whether the user drew the outline; residual and seen are then meaningless."""
 
     def outline(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
         """(count, 2) points of the outline in the photo: a circle, or an ellipse under perspective."""
@@ -177,7 +169,7 @@ def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0)
             np.stack([columns + 0.5, bottom], axis=-1),
         ]
     )
-    # Points on the image border are no outline.
+    # Points on the image border do not belong to the outline.
     x, y = points.T
     return fit_ball(points[(x > 0) & (x < width) & (y > 0) & (y < height)], camera, radius)
 

@@ -22,7 +22,7 @@ CANDIDATES = 12
 # Circles whose centres and radii differ by less, as a share of the radius, are duplicates: of candidates, and after
 # they were moved to outlines.
 ALIKE, SAME = 0.1, 0.02
-# A circle with less of its outline visible, or a larger residual (as a share of the radius), is no ball.
+# A circle with less of its outline visible, or a larger residual (as a share of the radius), is not a ball.
 MIN_SEEN = 0.2
 ROUGHEST = 0.01
 # Pixels above this share of the brightest are mirrored lights, if they are a small share of the photo.
@@ -69,7 +69,7 @@ def find_balls(
     likely.sort(key=_score, reverse=True)
     balls: list[Ball] = []
     for ball in likely:
-        if len(balls) < count and all(_apart(ball.circle, other.circle) for other in balls):
+        if len(balls) < count and all(_are_separate(ball.circle, other.circle) for other in balls):
             balls.append(ball)
     if len(balls) < count:
         number = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
@@ -83,7 +83,7 @@ def _warn_of_rival(ball: Ball, likely: list[Ball]) -> None:
     """Warn of an overlapping circle that is nearly as likely to be the ball."""
     for other in likely:
         a, b = ball.circle, other.circle
-        if _score(other) > RIVAL * _score(ball) and _differ(a, b, ALIKE) and not _apart(a, b):
+        if _score(other) > RIVAL * _score(ball) and _differ(a, b, ALIKE) and not _are_separate(a, b):
             log.warning(
                 "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was chosen: look at the "
                 "overlay, and give the circle by hand (x,y,r) if it is not the ball's",
@@ -96,7 +96,7 @@ def _score(ball: Ball) -> float:
     return ball.seen**2 * float(np.sqrt(ball.circle.radius)) / (1 + ball.residual)
 
 
-def _apart(a: Circle, b: Circle) -> bool:
+def _are_separate(a: Circle, b: Circle) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > 0.9 * (a.radius + b.radius)
 
 

@@ -34,31 +34,22 @@ MIN_MARGIN = 0.2
 
 @dataclass(frozen=True)
 class Highlight:
-    """A light's reflection in a mirror ball.
-
-    Attributes
-    ----------
-    x, y
-        Its centre in the photo, in pixels.
-    radius
-        Radius of a disc of the same area, in pixels.
-    uncertainty
-        Of the centre, in pixels.
-    clipped
-        Whether any of its pixels is saturated.
-    rival
-        Light of the second-best spot as a share of this one's: 0 if there is none, 1 if both are equally likely.
-    colour
-        Red, green and blue, scaled to a maximum of 1.
-    """
+    """A light's reflection in a mirror ball."""
 
     x: float
+    """Its centre in the photo, in pixels from the left."""
     y: float
+    """Its centre in the photo, in pixels from the top."""
     radius: float
+    """Radius of a disc of the same area, in pixels."""
     uncertainty: float
+    """Standard deviation of the centre, in pixels."""
     clipped: bool
+    """Whether any of its pixels is saturated."""
     rival: float
+    """Light of the second-best spot as a share of this one's: 0 if there is none, 1 if both are equally likely."""
     colour: tuple[float, float, float]
+    """Red, green and blue, scaled to a maximum of 1."""
 
     @property
     def point(self) -> tuple[float, float]:
@@ -68,16 +59,18 @@ class Highlight:
 
 @dataclass(frozen=True)
 class _Window:
-    """The part of a photo that contains the ball.
-
-    excess: (H, W, 3) light above what the ball mirrors elsewhere. clipped: (H, W, 3) whether it is saturated.
-    """
+    """The part of a photo that contains the ball."""
 
     left: int
+    """Its first column in the photo."""
     top: int
+    """Its first row in the photo."""
     inside: NDArray[np.bool_]
+    """(H, W). Pixels of the ball."""
     excess: NDArray[np.float64]
+    """(H, W, 3). Light above what the ball mirrors elsewhere."""
     clipped: NDArray[np.bool_]
+    """(H, W, 3). Whether it is saturated."""
 
 
 def find_highlight(photo: Image, ball: Ball) -> Highlight:

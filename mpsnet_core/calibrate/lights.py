@@ -31,14 +31,14 @@ USUAL_LENS = 45.0
 
 @dataclass(frozen=True)
 class Sighting:
-    """A mirror ball at one place, and each light's highlight in it, in the lights' order.
-
-    lens_known: whether the ball's camera is known. If not, it is assumed to be far away, which may be wrong.
-    """
+    """A mirror ball at one place, and each light's highlight in it."""
 
     ball: Ball
+    """The ball."""
     highlights: tuple[Highlight, ...]
+    """Each light's highlight, in the lights' order."""
     lens_known: bool = True
+    """Whether the ball's camera is known. If not, it is assumed to be far away, which may be wrong."""
 
     def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Positions on the ball where the lights are mirrored, and unit directions from there to them; each (N, 3)."""
@@ -70,33 +70,23 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class LightsFound:
-    """Directions or positions of N lights, in camera space.
-
-    Attributes
-    ----------
-    sightings
-        The balls they were computed from.
-    directions : (N, 3) float64
-        Unit vectors to the lights, from the target if lights are near.
-    uncertainties : (N,) float64
-        One standard deviation in degrees, including the effect of perspective if the lens is unknown.
-    target : (3,) float64
-        Centre of the ball, or mean of its places.
-    positions : (N, 3) float64, or None
-        In the unit of the balls' radius, if the lights were seen from two places and are near enough.
-    position_uncertainties : (N,) float64, or None
-        One standard deviation, in the same unit.
-    gaps : (N,) float64, or None
-        RMS distance of the rays to a light from their best intersection, in the same unit.
-    """
+    """Directions or positions of N lights, in camera space."""
 
     sightings: tuple[Sighting, ...]
+    """The balls they were computed from."""
     directions: NDArray[np.float64]
+    """(N, 3) float64. Unit vectors to the lights, from the target if lights are near."""
     uncertainties: NDArray[np.float64]
+    """(N,) float64. One standard deviation in degrees, including the effect of perspective if the lens is unknown."""
     target: NDArray[np.float64]
+    """(3,) float64. Centre of the ball, or mean of its places."""
     positions: NDArray[np.float64] | None = None
+    """(N, 3) float64. Positions in the unit of the balls' radius, if the lights were seen from two places and are near
+    enough."""
     position_uncertainties: NDArray[np.float64] | None = None
+    """(N,) float64. One standard deviation of the positions, in the same unit."""
     gaps: NDArray[np.float64] | None = None
+    """(N,) float64. RMS distance of the rays to a light from their best intersection, in the same unit."""
 
 
 def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
@@ -143,9 +133,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     if len(sightings) == 1:
         return found
     if sightings[0].ball.camera.projection == "orthographic":
-        log.info(
-            "several places give positions only where the camera's focal length is known; these are directions alone"
-        )
+        log.info("positions need the camera's focal length, which is unknown; only directions were found")
         return _with_spread(found, rays)
     return _with_positions(found, origins, rays, np.radians(blur))
 
@@ -166,8 +154,8 @@ def _with_positions(
     if unsure_lights.any():
         names = ", ".join(str(k + 1) for k in np.flatnonzero(unsure_lights))
         log.info(
-            "light %s: the rays from the ball's places are nearly parallel, so it is far away; "
-            "these are directions alone",
+            "light %s: the rays from the ball's places are nearly parallel, so it is far away; only "
+            "directions were found",
             names,
         )
         return _with_spread(found, rays)
@@ -207,10 +195,12 @@ def meeting_point(
 
 def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
     """Report a distant light whose direction differs between places: it is near, or something moved."""
-    apart = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
-    worst = int(apart.argmax())
-    if apart[worst] > MISSED * found.uncertainties[worst]:
-        log.info("light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * apart[worst])
+    deviations = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
+    worst = int(deviations.argmax())
+    if deviations[worst] > MISSED * found.uncertainties[worst]:
+        log.info(
+            "light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * deviations[worst]
+        )
     return found
 
 

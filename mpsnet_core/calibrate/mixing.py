@@ -52,41 +52,28 @@ AMBIENT = 0.03
 
 @dataclass(frozen=True, eq=False)
 class MixingFound:
-    """A mixing matrix and how well it describes the photo.
-
-    Attributes
-    ----------
-    mixing : (3, 3) float64
-        Rows are the camera channels red, green, blue, columns the lights in rig order. The largest entry is 1. It
-        includes brightness: the weaker of two lights has the smaller column.
-    residual
-        RMS residual of the fit, as a share of the mean brightness.
-    ambient : (3,) float64
-        Ambient light, in the unit of the matrix; 0 for a card, which does not determine it.
-    pixels
-        Number of pixels used, without clipped ones.
-    left_out
-        Share of these that are outliers, such as highlights and stains.
-    ball
-        The ball with its outline refined by the shading, or None for a card.
-    determined
-        Whether the photo determines the whole matrix. If not, it is diagonal, with the lights' strengths only.
-    uncertainty
-        Largest standard deviation of the off-diagonal entries, from the errors of ball and lights, and from leaving
-        out parts of the ball.
-    unexplained
-        Share of the photo's variance that the fit leaves, outliers included.
-    """
+    """A mixing matrix and how well it describes the photo."""
 
     mixing: NDArray[np.float64]
+    """(3, 3) float64. Rows are the camera channels red, green, blue, columns the lights in rig order. The largest entry
+    is 1. It includes brightness: the weaker of two lights has the smaller column."""
     residual: float
+    """RMS residual of the fit, as a share of the mean brightness."""
     ambient: NDArray[np.float64]
+    """(3,) float64. Ambient light, in the unit of the matrix; 0 for a card, which does not determine it."""
     pixels: int
+    """Number of pixels used, without clipped ones."""
     left_out: float
+    """Share of these that are outliers, such as highlights and stains."""
     ball: Ball | None
+    """The ball with its outline refined by the shading, or None for a card."""
     determined: bool = True
+    """Whether the photo determines the whole matrix. If not, it is diagonal, with the lights' strengths only."""
     uncertainty: float = 0.0
+    """Largest standard deviation of the off-diagonal entries, from the errors of ball and lights, and from leaving out
+    parts of the ball."""
     unexplained: float = 0.0
+    """Share of the photo's variance that the fit leaves, outliers included."""
 
 
 def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
@@ -278,7 +265,7 @@ def mixing_from_card(
         if usable.sum() < MIN_PIXELS:
             raise GeometryError(
                 f"the photo of the {LIGHT_NAMES[light]} light has fewer than {MIN_PIXELS} usable pixels of the card; "
-                "expose shorter, or mark more of it"
+                "use a shorter exposure, or mark more of it"
             )
         columns.append(inside[usable] / cosines[light])
     return _from_columns(columns, None)
@@ -432,7 +419,7 @@ def _checked(found: MixingFound) -> MixingFound:
         )
     if np.abs(found.ambient).max() > AMBIENT:
         log.info(
-            "there is light from everywhere, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
+            "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
             "photo with the lamps off [room-light]",
             100 * np.abs(found.ambient).max(),
         )

@@ -402,7 +402,7 @@ class CalibrateMixing(UsesBall):
         warn_of_other_exposures(files, read)
         image = mean_photo(photos, read)
         found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
-        calibrated = replace(rig, mixing=found.mixing, exact=False)
+        calibrated = replace(rig, mixing=found.mixing, is_ground_truth=False)
         off = None if found.ball is None else lambertian_error(read, found.ball, calibrated)
         result = self._result(found, off)
         with write_transaction():

@@ -72,29 +72,32 @@ def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool) -> Ball:
 
 @dataclass(frozen=True)
 class _Edges:
-    """Gradients of an image along lines across a ball's outline.
-
-    outline, across: (LINES, 2) points where the lines cross the outline, and their directions, in the photo's pixels.
-    offsets: (N,) pixels along each line. steep: (LINES, N) gradients. usual: (LINES,) their local median. sure:
-    (LINES,) whether the surrounding arc has an edge above noise within reach. whole: (LINES,) whether the whole line is
-    inside the photo. reach, step: in pixels.
-    """
+    """Gradients of an image along lines across a ball's outline."""
 
     outline: NDArray[np.float64]
+    """(LINES, 2). Points where the lines cross the outline, in the photo's pixels."""
     across: NDArray[np.float64]
+    """(LINES, 2). Directions of the lines."""
     offsets: NDArray[np.float64]
-    steep: NDArray[np.float64]
-    usual: NDArray[np.float64]
-    sure: NDArray[np.bool_]
-    whole: NDArray[np.bool_]
+    """(N,). Positions along each line, in pixels."""
+    gradients: NDArray[np.float64]
+    """(LINES, N). Gradients."""
+    noise_levels: NDArray[np.float64]
+    """(LINES,). Local median of the gradients."""
+    has_edge: NDArray[np.bool_]
+    """(LINES,). Whether the surrounding arc has an edge above noise within reach."""
+    inside_photo: NDArray[np.bool_]
+    """(LINES,). Whether the whole line is inside the photo."""
     reach: float
+    """Distance to search on either side of the outline, in pixels."""
     step: float
+    """Distance of the offsets, in pixels."""
 
     def best_nudge(self) -> tuple[float, float, float]:
         """Shift within reach that moves most of the outline onto edges: pixels right, down, and outwards."""
         # Saturate: strong edges must not outweigh faint ones.
-        evidence = self.steep / (self.steep + 2 * self.usual[:, None])
-        evidence[~self.whole] = 0
+        evidence = self.gradients / (self.gradients + 2 * self.noise_levels[:, None])
+        evidence[~self.inside_photo] = 0
         line = np.arange(len(evidence))
         best, span = np.zeros(3), self.reach / 2
         while span > 0.4 * self.step:
@@ -111,17 +114,17 @@ class _Edges:
     def steepest(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(N, 2) the steepest point on each line, interpolated, and (N,) whether it is an edge above noise."""
         weighted = (
-            self.steep
+            self.gradients
             * np.exp(-((self.offsets / self.reach) ** 2))
             * (np.abs(self.offsets) < self.reach + 2 * self.step)
         )
         best = np.clip(weighted.argmax(axis=1), 1, len(self.offsets) - 2)
         line = np.arange(len(best))
-        before, here, after = (self.steep[line, best + k] for k in (-1, 0, 1))
+        before, here, after = (self.gradients[line, best + k] for k in (-1, 0, 1))
         bend = np.minimum(before - 2 * here + after, -1e-12)
         part = np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
         points = self.outline + (self.offsets[best] + self.step * part)[:, None] * self.across
-        return points, self.whole & self.sure & (here > 0.05 * np.median(here))
+        return points, self.inside_photo & self.has_edge & (here > 0.05 * np.median(here))
 
 
 def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
@@ -142,15 +145,15 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     fine = np.roll(bilinear(picture, *np.moveaxis(places / smaller, -1, 0)), points_per_line // 2, axis=0)
     profile = fine.reshape(LINES, points_per_line, -1).mean(axis=1)
     gradient = profile[:, 2:] - profile[:, :-2]
-    steep, usual = _steepness(gradient, BESIDE)
-    on_arc, usual_on_arc = _steepness(gradient, [1 / ARC] * ARC)
+    gradients, noise_levels = _steepness(gradient, BESIDE)
+    on_arc, noise_on_arc = _steepness(gradient, [1 / ARC] * ARC)
     near = np.abs(offsets[1:-1]) <= reach
-    sure = on_arc[:, near].max(axis=1) > CLEAR * usual_on_arc
+    has_edge = on_arc[:, near].max(axis=1) > CLEAR * noise_on_arc
     outline, across = outline[::points_per_line], across[::points_per_line]
     height, width = picture.shape
     ends = outline[:, None] + np.array([-1, 1])[:, None] * (reach + step) * across[:, None]
-    whole = np.all((ends > smaller) & (ends < np.array([width - 1, height - 1]) * smaller), axis=(1, 2))
-    return _Edges(outline, across, offsets[1:-1], steep, usual, sure, whole, reach, step)
+    inside_photo = np.all((ends > smaller) & (ends < np.array([width - 1, height - 1]) * smaller), axis=(1, 2))
+    return _Edges(outline, across, offsets[1:-1], gradients, noise_levels, has_edge, inside_photo, reach, step)
 
 
 def _steepness(
@@ -158,10 +161,10 @@ def _steepness(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(LINES, N) gradients of weighted means of neighbouring lines, and (LINES,) their local median."""
     around = _ring(gradient, len(weights) // 2)
-    steep = np.abs(sum(weight * around[turn : turn + LINES] for turn, weight in enumerate(weights)))
-    usual = _ring(np.median(steep, axis=1), NOISE_LINES)
-    usual = np.median(np.lib.stride_tricks.sliding_window_view(usual, 2 * NOISE_LINES + 1), axis=1)
-    return steep, np.maximum(usual, 1e-12)
+    gradients = np.abs(sum(weight * around[turn : turn + LINES] for turn, weight in enumerate(weights)))
+    noise_levels = _ring(np.median(gradients, axis=1), NOISE_LINES)
+    noise_levels = np.median(np.lib.stride_tricks.sliding_window_view(noise_levels, 2 * NOISE_LINES + 1), axis=1)
+    return gradients, np.maximum(noise_levels, 1e-12)
 
 
 def _ring(lines: NDArray[np.float64], more: int) -> NDArray[np.float64]:

@@ -29,34 +29,24 @@ from mpsnet_core.scene.rig import LightRig
 
 @dataclass(frozen=True)
 class BallPhotos:
-    """Photos of a ball and how to read them.
-
-    Attributes
-    ----------
-    files
-        Photos of the ball at one place: one under all lights, or one for each light alone.
-    circles
-        Outlines of the balls, drawn by hand.
-    mask
-        Mask file of the ball. Without circles and mask the balls are detected.
-    balls, radius
-        Number of balls, and their radius in the desired unit of positions.
-    camera
-        A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a distant camera.
-    options
-        How to read the photos.
-    mirror
-        Whether the ball is a mirror; if not, it is matt.
-    """
+    """Photos of a ball and how to read them."""
 
     files: Sequence[Path]
+    """Photos of the ball at one place: one under all lights, or one for each light alone."""
     circles: Sequence[Circle] = ()
+    """Outlines of the balls, drawn by hand."""
     mask: Path | None = None
+    """Mask file of the ball. Without circles and mask the balls are detected."""
     balls: int = 1
+    """Number of balls."""
     radius: float = 1.0
+    """Radius of the balls, in the desired unit of positions."""
     camera: Camera | float | None = None
+    """A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a distant camera."""
     options: PhotoReadOptions = AS_STATED
+    """How to read the photos."""
     mirror: bool = True
+    """Whether the ball is a mirror; if not, it is matt."""
 
     def read(self, *, corrected_too: bool = True) -> Iterator[Image]:
         """Read the photos, one at a time: the camera stood still. Those of one light each may have one channel."""
@@ -124,7 +114,7 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
                 )
             if not (0 <= circle.x <= width and 0 <= circle.y <= height):
                 raise GeometryError(
-                    f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its middle outside the photo, which "
+                    f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its centre outside the photo, which "
                     f"is {size(image.shape)}; x and y count pixels from the top left corner"
                 )
         return [ball_from_circle(circle, camera, photos.radius) for circle in photos.circles]

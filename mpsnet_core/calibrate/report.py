@@ -16,35 +16,48 @@ from mpsnet_core.scene.rig import angles_of
 
 @dataclass(frozen=True)
 class HighlightFacts:
-    """A light's highlight on a ball. ball: its number. Other fields as in :class:`Highlight`."""
+    """A light's highlight on a ball: see :class:`mpsnet_core.calibrate.highlights.Highlight`."""
 
     ball: int
+    """Number of the ball."""
     x: float
+    """Centre in the photo, in pixels from the left."""
     y: float
+    """Centre in the photo, in pixels from the top."""
     radius: float
+    """Radius of a disc of the same area, in pixels."""
     clipped: bool
+    """Whether any of its pixels is saturated."""
     rival: float
+    """Light of the second-best spot, as a share of this one's."""
     colour: list[float]
+    """Red, green and blue, scaled to a maximum of 1."""
 
 
 @dataclass(frozen=True)
 class LightFacts:
-    """A light's name, unit direction in camera space, slant and tilt in degrees, and the file that shows it.
-
-    uncertainty, in degrees, and highlights: only if calibrated by balls. position, position_uncertainty, gap: only if
-    the position is known; gap is the distance by which the rays miss one another.
-    """
+    """A light as it was found."""
 
     name: str
+    """Name of the light."""
     direction: list[float]
+    """(3,). Unit vector to the light, in camera space."""
     slant: float
+    """Angle to the viewing direction, in degrees."""
     tilt: float
+    """Direction in the image, in degrees counter-clockwise from the right."""
     file: str | None = None
+    """The photo or entry that shows it."""
     uncertainty: float | None = None
+    """One standard deviation of the direction, in degrees, if calibrated by balls."""
     highlights: list[HighlightFacts] | None = None
+    """Its highlights, if calibrated by balls."""
     position: list[float] | None = None
+    """(3,). Its position in camera space, if it was found."""
     position_uncertainty: float | None = None
+    """One standard deviation of the position."""
     gap: float | None = None
+    """Distance by which the rays to the light miss one another."""
 
     def __str__(self) -> str:
         shown = f" ({self.file})" if self.file else ""
@@ -59,14 +72,20 @@ class LightFacts:
 
 @dataclass(frozen=True)
 class BallFacts:
-    """A ball's circle in the photo, in pixels, and its position in camera space. Other fields as in `Ball`."""
+    """A ball as it was found: see :class:`mpsnet_core.calibrate.ball.Ball`."""
 
     by_hand: bool
+    """Whether the user drew the outline."""
     circle: list[float]
+    """(3,). Centre x, y and radius in the photo, in pixels."""
     residual: float
+    """RMS distance of the outline's inliers from the fit, in pixels."""
     seen: float
+    """Share of the outline that was found, 0 to 1."""
     centre: list[float]
+    """(3,). Position in camera space."""
     radius: float
+    """Radius, in the unit of the position."""
 
     def __str__(self) -> str:
         x, y, radius = self.circle

@@ -45,32 +45,6 @@ DEPTH_MARGIN = 32
 class Capture:
     """One photo under three lights at once, optionally with a second one under white light.
 
-    Parameters
-    ----------
-    image : (H, W, 3) float32 or float16
-        Linear; the channels are the camera's R, G, B. float16 is kept, other types become float32.
-    mask : (H, W) bool
-        The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5.
-    rig
-        The lights, in camera space.
-    camera
-        Projection and pose, if known.
-    clip
-        Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given.
-    depth : (H, W) float32
-        Distance of each pixel's surface in front of the camera, along its axis, in the unit of the camera's pose.
-        Required if the rig's lights are near.
-    clipped : (H, W, 3) bool
-        Where a channel is saturated; None if `clip` decides it.
-    white : (H, W, 3) float32
-        Linear RGB of the same pose under white light. Values outside the mask that are not finite become zero. Clipped
-        pixels keep their value, a lower bound.
-    white_clipped : (H, W, 3) bool
-        Where a channel of `white` is saturated; None if nowhere.
-    white_light : (3,) float64
-        Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights, turned white,
-        lit it.
-
     Raises
     ------
     GeometryError
@@ -89,15 +63,29 @@ class Capture:
     """
 
     image: NDArray[np.floating[Any]]
+    """(H, W, 3) float32 or float16. The photo, linear; the channels are the camera's R, G, B. float16 is kept, other
+    types become float32."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5."""
     rig: LightRig
+    """The lights, in camera space."""
     camera: Camera | None = None
+    """Projection and pose, if known."""
     clip: float = np.inf
+    """Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given."""
     depth: NDArray[np.float32] | None = None
+    """(H, W) float32. Distance of each pixel's surface in front of the camera, along its axis, in the unit of the
+    camera's pose. Required if the rig's lights are near."""
     clipped: NDArray[np.bool_] | None = None
+    """(H, W, 3) bool. Where a channel is saturated; None if `clip` decides it."""
     white: NDArray[np.float32] | None = None
+    """(H, W, 3) float32. Linear RGB of the same pose under white light. Values outside the mask that are not finite
+    become zero. Clipped pixels keep their value, a lower bound."""
     white_clipped: NDArray[np.bool_] | None = None
+    """(H, W, 3) bool. Where a channel of `white` is saturated; None if nowhere."""
     white_light: NDArray[np.float64] | None = None
+    """(3,) float64. Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights,
+    turned white, lit it."""
 
     def __post_init__(self) -> None:
         image, mask = np.asarray(self.image), np.asarray(self.mask)
@@ -105,7 +93,7 @@ class Capture:
         if image.dtype != np.float16:
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
-            raise FormatError(f"a photo has three channels a pixel; this one has shape {image.shape}")
+            raise FormatError(f"a photo has three channels per pixel; this one has shape {image.shape}")
         self._check_sizes(mask.shape, image.shape)
         if not mask.any():
             raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
@@ -200,7 +188,7 @@ def checked_white(
 ) -> NDArray[np.float32]:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
-        raise FormatError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
+        raise FormatError(f"a white photo has three channels per pixel; this one has shape {white.shape}")
     check_same_size("the white photo", white.shape[:2], "the photo", mask.shape, SAME_CAMERA)
     white = _finite_and_lit(white, mask, "white photo", "was the light on, and is it of the same pose?")
     if clipped is not None:
@@ -230,7 +218,7 @@ def depth_within(
         return None
     if depth is None:
         depth = -float(rig.near.target[2])
-        log.info("the object is assumed flat, %.4g in front of the camera as the lights' target is", depth)
+        log.info("the object is assumed to be flat and %.4g in front of the camera, like the lights' target", depth)
     if not isinstance(depth, np.ndarray):
         if not (np.isfinite(depth) and depth > 0):
             raise SettingsError(f"the object's distance is a number above 0, not {depth:g}")
@@ -254,7 +242,7 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
     """Report an object far from the lights' target: its distance is probably in another unit."""
     expected = -float(near.target[2])
     if not expected / MAX_OFF < distance < expected * MAX_OFF:
-        words = "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?"
+        words = "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in the same unit?"
         log.info(words, distance, expected)
 
 

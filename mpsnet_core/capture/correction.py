@@ -28,29 +28,20 @@ BAD_SHARE = 0.001
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """An image to subtract from a photo, and one to multiply the difference by.
-
-    Attributes
-    ----------
-    dark : (H, W, 3) float32, or None
-        Dark frame: the linear values of a photo without the three lights.
-    gain : (H, W, 3) float32, or None
-        Reciprocal of the flat field, which has mean 1 in the middle in each channel.
-    unusable : (H, W, 3) bool, or None
-        Where dark frame or flat field are saturated or too weak; None if there is neither.
-    exposure_time : float, or None
-        The dark frame's, in seconds, if its file states it.
-    orientation : int, or None
-        By which the frames were turned, as :attr:`mpsnet_core.io.image.Image.orientation`.
-    """
+    """An image to subtract from a photo, and one to multiply the difference by."""
 
     dark: NDArray[np.float32] | None
+    """(H, W, 3) float32. Dark frame: the linear values of a photo without the three lights."""
     gain: NDArray[np.float32] | None
+    """(H, W, 3) float32. Reciprocal of the flat field, which has mean 1 in the middle in each channel."""
     unusable: NDArray[np.bool_] | None
+    """(H, W, 3) bool. Where dark frame or flat field are saturated or too weak; None if there is neither."""
     exposure_time: float | None
+    """Exposure time of the dark frame in seconds, if its file states it."""
     orientation: int | None = None
+    """The EXIF orientation by which the frames were turned, as :attr:`mpsnet_core.io.image.Image.orientation`."""
 
-    def turned_like(self, photo: Image) -> "Correction":
+    def oriented_like(self, photo: Image) -> "Correction":
         """The correction in the frame of a photo: turned by the photo's orientation, if that makes the sizes equal."""
         ways = self.orientation, photo.orientation
         frame = self.dark if self.dark is not None else self.gain
@@ -115,7 +106,7 @@ def read_correction(
         mean = mean if first is None else in_frame_of(mean, flat, first, dark)
         field, clipped = mean.pixels, mean.saturated
         if clipped.mean() > BAD_SHARE:
-            raise FormatError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; expose it shorter")
+            raise FormatError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; use a shorter exposure")
         if level is not None:
             check_same_size(f"the dark frame {dark}", level.shape, f"the flat field {flat}", field.shape, SAME_CAMERA)
             field = field - level
@@ -137,7 +128,7 @@ def corrected(image: Image, correction: Correction | None) -> Image:
     """
     if correction is None:
         return image
-    correction = correction.turned_like(image)
+    correction = correction.oriented_like(image)
     for name, frame in (("dark frame", correction.dark), ("flat field", correction.gain)):
         if frame is not None:
             check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)

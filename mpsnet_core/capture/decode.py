@@ -20,22 +20,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PhotoReadOptions:
-    """How to read a photo and its companions: the photo of the background and the one under white light.
-
-    Attributes
-    ----------
-    encoding, layer
-        As in :func:`read_image`.
-    correction
-        Dark frame and flat field; None if there is neither.
-    assumed
-        The encoding of files that do not state it. By default that which is usual: integers are sRGB, floats linear.
-    """
+    """How to read a photo and its companions: the photo of the background and the one under white light."""
 
     encoding: Encoding = "auto"
+    """How the values encode light, as in :func:`mpsnet_core.read_image`."""
     layer: str | None = None
+    """Layer of a file with several, as in :func:`mpsnet_core.read_image`."""
     correction: Correction | None = None
+    """Dark frame and flat field; None if there is neither."""
     assumed: Assumed | None = None
+    """The encoding of files that do not state it. By default the usual one: sRGB for integers, linear for floats."""
 
     def photo(self, path: str | os.PathLike[str], *, grey: bool = False) -> Image:
         """Read a photo, without correction. grey and errors: as in :func:`read_image`.
@@ -61,7 +55,7 @@ class PhotoReadOptions:
 AS_STATED: PhotoReadOptions = PhotoReadOptions()  # the encoding that the files state
 
 
-def straightened(image: Image, camera: Camera, lens: Lens | None) -> Image:
+def undistorted_photo(image: Image, camera: Camera, lens: Lens | None) -> Image:
     """An image of the camera's size without lens distortion."""
     if lens is None:
         return image

@@ -221,10 +221,12 @@ def background_mask(
 
 
 class _Segmentation(NamedTuple):
-    """The object's mask in the small image, and the threshold of its contrast."""
+    """The object in the small image."""
 
     mask: NDArray[np.bool_]
+    """(h, w). The object's mask."""
     threshold: float
+    """Threshold of the contrast between object and background."""
 
 
 def _segment(
@@ -275,8 +277,8 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[str]:
         yield "object and background hardly differ in places: look at the mask before you use it"
     if touching > 0.01:
         yield (
-            f"the mask meets {100 * touching:.0f}% of the photo's border: is the object wholly in the picture, before "
-            "a dark or plain background?"
+            f"the mask meets {100 * touching:.0f}% of the photo's border: is the object completely in the picture, in "
+            "front of a dark or plain background?"
         )
     holes = fill_small_holes(mask, mask.size).mean() / share - 1
     if holes > SHADOW:

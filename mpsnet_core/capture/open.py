@@ -14,10 +14,17 @@ from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.arrays.upsample import chosen_pixels
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
 from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, straightened
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, undistorted_photo
 from mpsnet_core.capture.masks import MaskNotes, mask_of
 from mpsnet_core.capture.sources import MESH, Source
-from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear, looked_at, other_than, warn_of_curve
+from mpsnet_core.capture.transfer import (
+    CLOSE,
+    DECIDED,
+    evidence_for_linear,
+    other_encoding,
+    photos_to_examine,
+    warn_of_transfer_curve,
+)
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 from mpsnet_core.io.files import prefix_errors, resolved
@@ -153,10 +160,10 @@ class PhotoSet:
             evidence, first = self._encoding_evidence(source, image, photo), self.encoding_evidence is None
             if first:
                 self.encoding_evidence = self._decide_encoding(source, image, evidence)
-            others = self.options.assumed == other_than(image.assumed)
+            others = self.options.assumed == other_encoding(image.assumed)
             limit = CLOSE if first else DECIDED
             if max(evidence, self.encoding_evidence or 0) > limit and self._first_report("transfer"):
-                warn_of_curve(source.file_name, image.assumed, decided=others)
+                warn_of_transfer_curve(source.file_name, image.assumed, decided=others)
             if others:
                 # A mask found by brightness depends on the curve: find it again, but report it once.
                 photo = self._masked_photo(source, otherwise_encoded(image), "none")
@@ -196,7 +203,7 @@ class PhotoSet:
                 mask = mask_of(image, "none" if choice == MESH else choice, self.options, notes)
             check_same_size("the mask", mask.shape, "the photo", (height, width))
             if source.lens is not None and camera is not None:
-                mask, image = undistorted_mask(mask, camera, source.lens), straightened(image, camera, source.lens)
+                mask, image = undistorted_mask(mask, camera, source.lens), undistorted_photo(image, camera, source.lens)
             if choice == MESH and camera is not None and source.scene is not None:
                 mask = mask & mesh_mask(camera, source.scene)
                 if not mask.any():
@@ -219,7 +226,7 @@ class PhotoSet:
         They are the same whichever photo, the `source`, is opened first. image, evidence: of this one.
         """
         found = [0.0]
-        for other in looked_at(self.sources) or [source]:
+        for other in photos_to_examine(self.sources) or [source]:
             if other is source:
                 found.append(evidence)
                 continue
@@ -230,7 +237,7 @@ class PhotoSet:
         clearest = max(found, key=abs)
         # Dark frame and flat field were read as usual, so the photos stay that, too.
         if image.assumed and clearest > DECIDED and self.options.correction is None:
-            self.options = replace(self.options, assumed=other_than(image.assumed))
+            self.options = replace(self.options, assumed=other_encoding(image.assumed))
         return clearest
 
     def _with_white(self, capture: Capture, source: Source, photo: Image) -> Capture:
@@ -244,7 +251,7 @@ class PhotoSet:
             with prefix_errors(file):
                 image = corrected(image, self.options.correction)
                 if source.lens is not None and capture.camera is not None:
-                    image = straightened(image, capture.camera, source.lens)
+                    image = undistorted_photo(image, capture.camera, source.lens)
                 total += checked_white(image.pixels, None, capture.mask)
             clipped |= image.saturated
         if np.array_equal(total.astype(capture.image.dtype), capture.image):

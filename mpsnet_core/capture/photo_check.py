@@ -56,23 +56,17 @@ MIN_RUNS = 30
 
 @dataclass(frozen=True)
 class Finding:
-    """One item of a check.
-
-    Parameters
-    ----------
-    item : str
-        "encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach" or "focus".
-    level : {"good", "watch", "bad"}
-    sentence : str
-        The finding and, unless it is good, what to do about it.
-    figures : dict
-        The measured values.
-    """
+    """One item of a check."""
 
     item: str
+    """What was checked: "encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach" or
+    "focus"."""
     level: Level
+    """How serious it is: "good", "watch" or "bad"."""
     sentence: str
+    """The finding and, unless it is good, what to do about it."""
     figures: Figures
+    """The measured values."""
 
 
 def check_photo(
@@ -195,7 +189,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
     if level == "good":
         words = "almost nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
     else:
-        words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
+        words += f"; use a shorter exposure, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
@@ -225,26 +219,26 @@ def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
 
 def _lights(rig: LightRig) -> Finding:
     pairs = [(0, 1), (0, 2), (1, 2)]
-    apart = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
-    first, second = (CHANNELS[light] for light in pairs[int(apart.argmin())])
+    angles = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
+    first, second = (CHANNELS[light] for light in pairs[int(angles.argmin())])
     condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
     figures: Figures = {
-        "apart_deg": _listed(apart),
+        "apart_deg": _listed(angles),
         "slants_deg": _listed(rig.slants),
         "condition": round(condition, 2),
     }
-    close, low = _level(float(apart.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
+    close, low = _level(float(angles.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
     in_line = _level(condition, IN_LINE)
     level = _worse(close, low, in_line)
     if level == "good":
-        words = f"the lights stand {apart.min():.0f}° apart or more, {rig.slants.min():.0f}° to "
+        words = f"the lights stand {angles.min():.0f}° apart or more, {rig.slants.min():.0f}° to "
         return Finding("lights", level, f"{words}{rig.slants.max():.0f}° from the camera's axis", figures)
     if close == level:
-        words = f"the {first} and the {second} light stand only {apart.min():.0f}° apart; move them apart"
+        words = f"the {first} and the {second} light stand only {angles.min():.0f}° apart; move them apart"
     elif in_line == level:
         words = "the lights stand nearly in one line, or close around the camera; move one out of it, or all outwards"
     else:
-        words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and throws long "
+        words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and casts long "
         words += "shadows; move it towards the camera"
     return Finding("lights", level, words, figures)
 
@@ -342,7 +336,7 @@ def _sharpest_edges(
     small = block_means(pixels[part], factor)
     inside = mask[part][::factor, ::factor]
     near = dilated(inside, 2)
-    # The image border is no edge.
+    # The image border is not an edge.
     near[:6], near[-6:], near[:, :6], near[:, -6:] = False, False, False, False
     if not near.any():
         return None

@@ -97,8 +97,6 @@ def _together(images: Sequence[Image], pixels: NDArray[np.float32]) -> Image:
     alphas = [image.alpha for image in images if image.alpha is not None]
     alpha: NDArray[np.float32] | None = np.max(alphas, axis=0) if alphas else None
     if alpha is not None and not alpha.any():
-        raise NoObject(
-            "the photo shows nothing, all of it is transparent; show the object in renders, and let the camera see it"
-        )
+        raise NoObject("the photo is completely transparent; make the object visible in renders and to the camera")
     assumed = images[0].assumed if len({image.assumed for image in images}) == 1 else None
     return Image(pixels, alpha, np.inf, assumed=assumed)

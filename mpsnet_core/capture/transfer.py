@@ -19,8 +19,8 @@ T = TypeVar("T")
 
 # The encodings in words.
 WORDS: dict[Assumed, str] = {"srgb": "sRGB", "linear": "linear"}
-# Number of photos of a set to look at.
-LOOKED_AT = 5
+# Number of photos of a set to examine.
+EXAMINED = 5
 
 # Above DECIDED, values are taken as linear; above CLOSE, there is a warning. Tested on 1,320 real and synthetic photos
 # with paint, gloss, shadows, noise and inaccurate rigs: stored as sRGB, 1 was above DECIDED and 46 above CLOSE; stored
@@ -38,30 +38,32 @@ MIN_CELLS = 100
 MIN_FACING = 0.15
 
 
-def looked_at(sources: Sequence[T]) -> list[T]:
+def photos_to_examine(sources: Sequence[T]) -> list[T]:
     """The photos of a set by which its encoding is decided: all of a small set, some evenly spread over a large one."""
-    places = np.linspace(0, len(sources) - 1, min(LOOKED_AT, len(sources))).round().astype(int)
+    places = np.linspace(0, len(sources) - 1, min(EXAMINED, len(sources))).round().astype(int)
     return [sources[place] for place in places]
 
 
-def other_than(assumed: Assumed) -> Assumed:
+def other_encoding(assumed: Assumed) -> Assumed:
     """The other encoding."""
     return "linear" if assumed == "srgb" else "srgb"
 
 
-def warn_of_curve(name: str, assumed: Assumed, *, decided: bool) -> None:
+def warn_of_transfer_curve(name: str, assumed: Assumed, *, decided: bool) -> None:
     """Warn of a file without a stated encoding: that it was `decided` to have the other one, or may have it."""
-    other = other_than(assumed)
-    usual, shown = WORDS[assumed], "sRGB" if other == "srgb" else "LINEAR"
+    other = other_encoding(assumed)
+    usual, likely = WORDS[assumed], "sRGB" if other == "srgb" else "LINEAR"
     if decided:
-        told = (
-            f"was READ AS {shown}, because read as {usual} its normals would fit no single surface; if it is {usual}, "
+        words = (
+            f"was READ AS {likely}, because read as {usual} its normals would fit no single surface; if it is {usual}, "
         )
-        told += f"set the encoding to {assumed} (--encoding {assumed})"
+        words += f"set the encoding to {assumed} (--encoding {assumed})"
     else:
-        told = f"was read as {usual}, but MAY BE {shown}; if so, set the encoding to {other} (--encoding {other}): the "
-        told += "wrong curve turns normals by ten degrees and more"
-    log.warning("%s does not state its colour encoding and %s [transfer-curve]", name, told)
+        words = (
+            f"was read as {usual}, but MAY BE {likely}; if so, set the encoding to {other} (--encoding {other}): the "
+        )
+        words += "wrong curve turns normals by ten degrees and more"
+    log.warning("%s does not state its colour encoding and %s [transfer-curve]", name, words)
 
 
 def evidence_for_linear(

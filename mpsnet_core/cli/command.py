@@ -22,7 +22,7 @@ from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Subparsers
 from mpsnet_core.cli.operations import add_operation
-from mpsnet_core.cli.reporter import Notes, Reporter, log_level, print_json, refuse
+from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.lights.operation import CalibratePhoto
@@ -91,7 +91,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
 def run(arguments: Sequence[str]) -> int:
     """Run a verb and return the exit code. Errors other than bad input, I/O and lack of memory are raised."""
     _open_closed_streams()
-    notes = Notes()
+    notes = NoteCollector()
     core_log = logging.getLogger("mpsnet_core")
     core_log.addHandler(notes)
     core_log.setLevel(logging.INFO)
@@ -106,13 +106,13 @@ def run(arguments: Sequence[str]) -> int:
             failed = _run(arguments, notes)
         return EXIT_BAD_INPUT if failed else 0
     except (InputError, OSError, MemoryError) as error:
-        if _nobody_reads(error):
+        if _is_closed_pipe(error):
             return EXIT_CANCELLED
         sentence = str(error)
         if isinstance(error, OSError):
             sentence = f"{error.filename or 'output'}: {error.strerror or error}; check the path and its permissions"
         elif isinstance(error, MemoryError):
-            sentence = "there is not enough memory; take a smaller size, or smaller photos"
+            sentence = "there is not enough memory; use a smaller size, or smaller photos"
         refuse(sentence, arguments)
         return EXIT_BAD_INPUT
     finally:
@@ -120,18 +120,18 @@ def run(arguments: Sequence[str]) -> int:
         _flush_stdout()
 
 
-def _nobody_reads(error: Exception) -> bool:
+def _is_closed_pipe(error: Exception) -> bool:
     """Whether the reader of the output has closed it, which Windows reports as an invalid argument."""
     if sys.platform == "win32" and isinstance(error, OSError) and not error.filename:
         return error.errno in (errno.EPIPE, errno.EINVAL)
     return isinstance(error, BrokenPipeError)
 
 
-def _run(arguments: Sequence[str], notes: Notes) -> bool:
+def _run(arguments: Sequence[str], notes: NoteCollector) -> bool:
     """Run a verb and report its result. Returns whether inputs of a batch failed."""
     notes.setLevel(log_level())
     if "" in arguments:
-        raise SettingsError("an argument is empty; is a shell variable that it comes from not set?")
+        raise SettingsError("an argument is empty; check that the shell variable that it comes from is set")
     if not arguments:
         argument_parser().print_help()
         return False

@@ -19,7 +19,7 @@ _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ER
 def log_level() -> int:
     """The level of the notes to show, by the environment variable MPSNET_LOG_LEVEL; all by default.
 
-    Raises SettingsError if it is none.
+    Raises SettingsError if it is unknown.
     """
     name = os.environ.get("MPSNET_LOG_LEVEL") or "info"
     if name.lower() not in _LEVELS:
@@ -27,7 +27,7 @@ def log_level() -> int:
     return _LEVELS[name.lower()]
 
 
-class Notes(logging.Handler):
+class NoteCollector(logging.Handler):
     """Collects the core's notes, to be shown once the work is done."""
 
     def __init__(self) -> None:

@@ -146,7 +146,7 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     Raises
     ------
     InputError
-        If the file is missing, damaged or no colour image.
+        If the file is missing, damaged or not a colour image.
     """
     image = read_image(path)
     if image.alpha is None:

@@ -49,7 +49,7 @@ def warn_of_ambient_light(capture: Capture, normals: NormalMap) -> None:
         log.warning(
             "where a light cannot reach the object, its channel still shows %.0f%% of it, which makes normals flatter: "
             "light comes from elsewhere, or the rig is wrong about where the lights stand or how their colours mix; "
-            "darken the room, or give a photo with the three lights off by --dark [room-light]",
+            "darken the room, or give a photo with the three lights off with --dark [room-light]",
             100 * share,
         )
 
@@ -80,7 +80,7 @@ def shadow_brightness(capture: Capture, normals: NormalMap) -> float | None:
 def rim_brightness(capture: Capture, normals: NormalMap) -> float | None:
     """As :func:`shadow_brightness`, at the outline of a round object alone, where the surface faces outwards.
 
-    How far it does there is known by the normals all around. None if it may be no round object.
+    The normals all around show how far it does. None if the object may not be round.
     """
     vectors, photo = blocks_of(normals.vectors, capture.mask), blocks_of(capture.image, capture.mask)
     if capture.rig.near is not None or vectors is None or photo is None:

@@ -19,33 +19,6 @@ CARD_VERSION = 1
 class ModelCard:
     """How to run an ONNX file's network.
 
-    Attributes
-    ----------
-    name, network, licence
-        For people; `network` names the architecture.
-    kind
-        "dense" maps (N, C, H, W) to (N, 3, H, W). "pyramid" does so on one scale after the other, coarse to fine, with
-        its output on the previous scale as an input. "patch" maps (N, C, patch, patch) to (N, 3), one pixel per patch.
-    inputs
-        The features stacked along the channels of each ONNX input, see
-        :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants such as "lights" are of size 1 x 1 and are
-        stacked with constants only: (N, 9, 1, 1).
-    halo
-        Dense and pyramid: radius of the receptive field in pixels.
-    multiple
-        Dense and pyramid: height and width must be a multiple of this, because of pooling.
-    patch
-        Patch only: side of a patch in pixels, odd.
-    frame
-        Dense and pyramid: "camera", or "canonical" for a network that always sees the first light nearly straight up
-        in the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
-    passes
-        Canonical only: number of frames to average the network's output over, 1 to 6, see
-        :func:`mpsnet_core.estimate.light_frame.canonical_frames`.
-    magnified
-        Pyramid only: factor by which a small image is magnified, 1 to 4, see
-        :func:`mpsnet_core.estimate.dense.predict_dense`.
-
     Raises
     ------
     FormatError
@@ -53,16 +26,34 @@ class ModelCard:
     """
 
     name: str
+    """Name of the model, for people."""
     network: str
+    """Name of the architecture, for people."""
     licence: str
+    """Licence of the weights, for people."""
     kind: Literal["dense", "patch", "pyramid"]
+    """What it maps: "dense" maps (N, C, H, W) to (N, 3, H, W). "pyramid" does so on one scale after the other, coarse
+    to fine, with its output on the previous scale as an input. "patch" maps (N, C, patch, patch) to (N, 3), one pixel
+    per patch."""
     inputs: Mapping[str, tuple[str, ...]]
+    """The features stacked along the channels of each ONNX input, see
+    :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants such as "lights" are of size 1 x 1 and are stacked
+    with constants only: (N, 9, 1, 1)."""
     halo: int = 0
+    """Dense and pyramid: radius of the receptive field in pixels."""
     multiple: int = 1
+    """Dense and pyramid: height and width must be a multiple of this, because of pooling."""
     patch: int = 1
+    """Patch only: side of a patch in pixels, odd."""
     frame: Literal["camera", "canonical"] = "camera"
+    """Dense and pyramid: "camera", or "canonical" for a network that always sees the first light nearly straight up in
+    the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`."""
     passes: int = 1
+    """Canonical only: number of frames to average the network's output over, 1 to 6, see
+    :func:`mpsnet_core.estimate.light_frame.canonical_frames`."""
     magnified: float = 1.0
+    """Pyramid only: factor by which a small image is magnified, 1 to 4, see
+    :func:`mpsnet_core.estimate.dense.predict_dense`."""
 
     def __post_init__(self) -> None:
         for key in ("name", "network", "licence"):

@@ -162,7 +162,7 @@ class _Photo:
         light, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
         rig, grey = self.capture.rig, self.capture.white is not None
-        return PhotoCrop(light, mask, rig.directions, self._means, before, rig.exact, grey)
+        return PhotoCrop(light, mask, rig.directions, self._means, before, rig.is_ground_truth, grey)
 
     def _read(self, window: Window, halving: int) -> tuple[Floats, NDArray[np.bool_]]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
@@ -282,7 +282,7 @@ def _in_frame(crop: PhotoCrop, frame: LightFrame, multiple: int) -> PhotoCrop:
         frame.lights(crop.directions),
         crop.means[order],
         previous,
-        crop.exact,
+        crop.is_ground_truth,
         crop.grey,
     )
 

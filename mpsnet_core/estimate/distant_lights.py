@@ -61,7 +61,12 @@ def _relight(capture: Capture, *, rotate: bool) -> Capture:
             normals = _rotate(normals, _rotation_to_z(capture.camera, rows))
         lit = normals @ capture.rig.directions.T
         image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if rotate else lit, 0)
-    return replace(capture, image=image, rig=LightRig(capture.rig.directions, exact=capture.rig.exact), clip=np.inf)
+    return replace(
+        capture,
+        image=image,
+        rig=LightRig(capture.rig.directions, is_ground_truth=capture.rig.is_ground_truth),
+        clip=np.inf,
+    )
 
 
 def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:

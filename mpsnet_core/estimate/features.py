@@ -51,20 +51,22 @@ def channel_count(features: Iterable[str]) -> int:
 
 
 class PhotoCrop(NamedTuple):
-    """A window of a photo on some scale, and properties of the whole photo.
-
-    light: (H, W, 3) unmixed image. mask: (H, W). directions: (3, 3), one light per row. means: (3,) mean of `light`
-    over the whole mask. previous: (H, W, 4) the map "previous"; None on the first scale. exact: whether the lights are
-    known exactly. grey: whether a white photo removed the surface's colour.
-    """
+    """A window of a photo on some scale, and properties of the whole photo."""
 
     light: NDArray[np.float32]
+    """(H, W, 3). Unmixed image."""
     mask: NDArray[np.bool_]
+    """(H, W). The object."""
     directions: NDArray[np.float64]
+    """(3, 3). Light directions in camera space, one light per row."""
     means: NDArray[np.float64]
+    """(3,). Mean of `light` over the whole mask."""
     previous: NDArray[np.float32] | None = None
-    exact: bool = False
+    """(H, W, 4). The map "previous"; None on the first scale."""
+    is_ground_truth: bool = False
+    """Whether the lights are known exactly."""
     grey: bool = False
+    """Whether a white photo removed the surface's colour."""
 
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
@@ -74,7 +76,7 @@ def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np
         capture.mask,
         capture.rig.directions,
         mean_light(capture),
-        exact=capture.rig.exact,
+        is_ground_truth=capture.rig.is_ground_truth,
         grey=capture.white is not None,
     )
     return {name: feature_map(name, crop) for name in names}
@@ -100,7 +102,7 @@ def feature_map(name: str, crop: PhotoCrop) -> NDArray[np.float32]:
     if name == "given":
         return np.array([crop.previous is not None, crop.grey], np.float32).reshape(2, 1, 1)
     if name == "exact":
-        return np.full((1, 1, 1), crop.exact, np.float32)
+        return np.full((1, 1, 1), crop.is_ground_truth, np.float32)
     if name in ("photo", "initial_normals"):
         values = divide_by_means(light, means.mean())
     elif name in ("grey_world", "initial_normals_grey_world"):

@@ -1,8 +1,8 @@
 """Remove fireflies: single pixels of a path-traced render that are hundreds of times too bright.
 
 A network sees the photo divided by its mean, and its coarse scales are means of blocks. One firefly among 1,000 pixels
-can be as bright as all the others together. A highlight is no firefly, however bright: the pixels around it are bright,
-too.
+can be as bright as all the others together. A highlight is not a firefly, however bright: the pixels around it
+are bright, too.
 """
 
 from dataclasses import replace

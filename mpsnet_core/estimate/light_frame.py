@@ -20,14 +20,14 @@ class LightFrame:
 
     No pixel is resampled. The remaining rotation of up to 45 degrees is visible to the network in the lights'
     directions.
-
-    order: indices of the rig's lights that become the first, second and third. quarter_turns: counter-clockwise (x
-    towards y), as in :func:`numpy.rot90`. mirrored: whether left and right are then swapped.
     """
 
     order: tuple[int, int, int] = (0, 1, 2)
+    """Indices of the rig's lights that become the first, second and third."""
     quarter_turns: int = 0
+    """Number of quarter turns counter-clockwise (x towards y), as in :func:`numpy.rot90`."""
     mirrored: bool = False
+    """Whether left and right are then swapped."""
 
     @property
     def rotation(self) -> NDArray[np.float64]:

@@ -66,8 +66,8 @@ class OnnxModel:
 
     passes: replaces the number on the card of networks in the canonical frame.
 
-    Raises FileError if the file is missing, FormatError if it is no MPS-Net model or its inputs do not match its card,
-    SettingsError if an option is out of range or the provider is not available.
+    Raises FileError if the file is missing, FormatError if it is not an MPS-Net model or its inputs do not match its
+    card, SettingsError if an option is out of range or the provider is not available.
     """
 
     def __init__(
@@ -196,7 +196,7 @@ def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None)
         thread.start()  # a signal may come while it waits for the thread
         while thread.is_alive():
             thread.join(1)  # without a limit, Windows hears no signals
-    except RuntimeError:  # there can be no more threads
+    except RuntimeError:  # no more threads can be started
         raise
     except BaseException:
         stop()
@@ -288,7 +288,7 @@ def _check_fit(session: onnxruntime.InferenceSession, card: ModelCard) -> None:
                 f"input {name!r} is {node.type} {shape}; expected tensor(float) {expected} for "
                 f"{' + '.join(card.inputs[name])}"
             )
-        # Dense networks run on one tile at a time, so a batch fixed at 1 does no harm.
+        # Dense networks run on one tile at a time, so a batch fixed at 1 is harmless.
         batch_fits = shape[0] == "any" or (card.kind != "patch" and shape[0] == 1)
         if not batch_fits or any(
             have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"

@@ -32,7 +32,7 @@ _TENSOR_ELSEWHERE = 13
 
 
 def check_operators(path: Path) -> None:
-    """Raise FormatError if a file is no ONNX model, or contains an operator or a part that is not allowed."""
+    """Raise FormatError if a file is not an ONNX model, or contains an operator or a part that is not allowed."""
     if not path.stat().st_size:
         return  # an empty file cannot be mapped; onnxruntime rejects it
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:

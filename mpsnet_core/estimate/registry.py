@@ -25,21 +25,24 @@ COMPARISON_FOLDER = MODELS_FOLDER / "comparison"
 
 @dataclass(frozen=True)
 class RegisteredModel:
-    """A model that comes with the package.
-
-    number: .blend files store it. label: display name. file: None for the baselines, which are not networks. passes:
-    for stills, replaces the number on the card. comparison: whether it is for comparisons and scripts, and left out of
-    menus. sha256: of a file that wheels lack.
-    """
+    """A model that comes with the package."""
 
     number: int
+    """Number that .blend files store."""
     name: str
+    """Name that the options take."""
     label: str
+    """Display name."""
     title: str
+    """What it is, in a line."""
     file: Path | None = None
+    """The network's file; None for the baselines, which are not networks."""
     passes: Literal[1, 3] | None = None
+    """Number of passes for stills, in place of the card's."""
     comparison: bool = False
+    """Whether it is for comparisons and scripts, and left out of menus."""
     sha256: str = ""
+    """Hash of a file that wheels do not include; empty for others."""
 
     @property
     def installed(self) -> bool:
@@ -62,7 +65,7 @@ _MODELS = (
         0,
         DEFAULT_MODEL,
         "Multiscale",
-        "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is",
+        "The default: one network from coarse to fine, with equation 2 inside, which states how certain it is",
         MODELS_FOLDER / "multiscale.onnx",
         STILL_PASSES,
     ),
@@ -100,7 +103,7 @@ _MODELS = (
         sha256="6b355a5b53681663a7fff50806dc57162557dc0cef8431b855255db49b60d998",
     ),
     RegisteredModel(
-        7, LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
+        7, LAMBERTIAN, "Lambertian", "The baseline, instantly: for matt surfaces of one grey (equation 2 of the paper)"
     ),
     RegisteredModel(
         8,
@@ -124,10 +127,12 @@ def registered_models() -> list[RegisteredModel]:
 
 
 class NetworkFile(NamedTuple):
-    """A network's file, and the passes that replace its card's, see :class:`RegisteredModel`."""
+    """A network's file."""
 
     path: Path
+    """The .onnx file."""
     passes: Literal[1, 3] | None = None
+    """Number of passes in place of the card's, see :class:`RegisteredModel`."""
 
 
 def find_network(name: str | os.PathLike[str]) -> NetworkFile:

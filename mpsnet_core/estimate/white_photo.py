@@ -53,19 +53,20 @@ SAMPLED = 20_000  # pixels of a large photo
 
 
 class WhitePhoto(NamedTuple):
-    """Parameters of the division by a white photo.
-
-    gains: (3,) g. lower_limits: (3,) of the white photo's channels. unmixing_before, unmixing_after: (3, 3) matrices
-    that multiply both photos, or their ratio; one is the inverse of the mixing, the other the identity.
-    mean_factors: (3,) factors that turn the photo grey on average. spread: of the pixels about the plane.
-    """
+    """Parameters of the division by a white photo."""
 
     gains: NDArray[np.float64]
+    """(3,). The gains g of the lights."""
     lower_limits: NDArray[np.float64]
+    """(3,). Lower limits of the white photo's channels."""
     unmixing_before: NDArray[np.float64]
+    """(3, 3). Matrix that multiplies both photos: the inverse of the mixing, or the identity."""
     unmixing_after: NDArray[np.float64]
+    """(3, 3). Matrix that multiplies the photos' ratio: the other one of the two."""
     mean_factors: NDArray[np.float64]
+    """(3,). Factors that turn the photo grey on average."""
     spread: float
+    """Spread of the pixels about the plane."""
 
     @classmethod
     def fit(
@@ -147,7 +148,7 @@ def fit_white_photo(capture: Capture) -> WhitePhoto | None:
 
 
 def _share_in_one_only(capture: Capture, fit: WhitePhoto) -> float:
-    """Fraction of the object's pixels that the photo shows lit and the white photo black, which is no light's doing."""
+    """Fraction of the object's pixels that the photo shows lit and the white photo black, which no light can cause."""
     assert capture.white is not None
     step = grid_step(np.count_nonzero(capture.mask), SAMPLED)
     grid = slice(None, None, step), slice(None, None, step)

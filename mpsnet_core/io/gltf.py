@@ -19,6 +19,7 @@ from mpsnet_core.arrays.polygon_triangulation import strip_triangles
 from mpsnet_core.arrays.rotations import quaternion_matrix
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.npz import unpacked_limit
+from mpsnet_core.io.opening import DAMAGED
 
 log = logging.getLogger(__name__)
 
@@ -54,16 +55,6 @@ MAX_PARTS = 1 << 16
 SAME_PLACE = 1e-4
 # Tangents whose lengths differ from 1 by more are wrong. Quantised ones differ by less.
 NEARLY_UNIT = 0.02
-_DAMAGED = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    MemoryError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +100,7 @@ def read_gltf(path: Path) -> list[Part]:
             return _Document(path).parts()
     except InputError:
         raise
-    except _DAMAGED as error:
+    except DAMAGED as error:
         raise FormatError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
 
 
@@ -366,5 +357,4 @@ def _triangles(order: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     if mode != FAN:
         raise ValueError(f"mode {mode}")
     first = np.arange(max(len(order) - 2, 0))
-    fan: NDArray[np.int64] = order[np.stack([first + 1, first + 2, 0 * first], axis=1)]
-    return fan
+    return order[np.stack([first + 1, first + 2, 0 * first], axis=1)]

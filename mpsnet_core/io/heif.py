@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.file_kinds import AVIF, TRANSFER, file_head
 from mpsnet_core.io.image import MAX_PIXELS
+from mpsnet_core.io.opening import DAMAGED
 
 # A file's colour properties are within this many bytes.
 PROPERTIES = 65_536
-# What the libraries raise for damaged files; SyntaxError is Pillow's.
-_DAMAGE = (OSError, ValueError, RuntimeError, SyntaxError, EOFError, LookupError, TypeError, ArithmeticError)
 
 
 class HeifReader:
@@ -43,7 +42,7 @@ class HeifReader:
                 self._values = np.atleast_3d(np.asarray(turn.exif_transpose(image) if is_avif else image))
         except InputError:
             raise
-        except _DAMAGE as error:
+        except DAMAGED as error:
             raise FormatError(f"{path} is damaged or cut short ({error}); copy or export it again") from None
         height, width, channels = self._values.shape
         self._spec = oiio.ImageSpec(width, height, channels, str(self._values.dtype))
@@ -66,8 +65,7 @@ class HeifReader:
 
     def read_image(self, _: int, __: int, first: int, end: int, kind: Any) -> NDArray[Any]:
         """(H, W, end - first) stored values."""
-        values: NDArray[Any] = self._values[..., first:end]
-        return values
+        return self._values[..., first:end]
 
     def format_name(self) -> str:
         """As for OpenImageIO's readers."""

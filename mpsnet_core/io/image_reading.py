@@ -291,5 +291,4 @@ def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
     """Stored values as float32, integers as 0 to 1, NaN for values that count as not finite."""
     if values.dtype.kind != "u":
         return np.where(np.abs(values) <= MAX_VALUE, values, np.float32(np.nan))
-    scaled: NDArray[np.float32] = np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)
-    return scaled
+    return np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)

@@ -4,13 +4,12 @@ own is replaced unasked."""
 import contextlib
 import json
 import zipfile
-import zlib
 from contextlib import closing
 from pathlib import Path
 from typing import Literal
 
 from mpsnet_core import __version__
-from mpsnet_core.io.opening import MAX_TEXT_BYTES
+from mpsnet_core.io.opening import DAMAGED, MAX_TEXT_BYTES
 
 ENCODINGS: tuple[Literal["srgb", "linear"], ...] = ("srgb", "linear")
 
@@ -76,5 +75,5 @@ def _has_format(checkpoint: Path) -> bool:
         with zipfile.ZipFile(checkpoint) as archive:
             found = next((entry for entry in archive.infolist() if entry.filename.endswith("/data.pkl")), None)
             return found is not None and f"{SOFTWARE}-checkpoint".encode() in archive.open(found).read(MAX_TEXT_BYTES)
-    except (OSError, ValueError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+    except DAMAGED:
         return False

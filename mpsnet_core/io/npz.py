@@ -1,8 +1,6 @@
 """Arrays from untrusted ``.npz`` files."""
 
-import tokenize
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -10,23 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
-
-# Exceptions of NumPy and zipfile for damaged files; RuntimeError for encrypted ones.
-_UNREADABLE = (
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    OverflowError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-
+from mpsnet_core.io.opening import DAMAGED
 
 # A file may unpack to this many times its size plus this many bytes: zeros compress to a thousandth.
 _RATIO, _FREE = 64, 64 << 20
@@ -49,7 +31,7 @@ def read_arrays(path: Path, limit: int) -> dict[str, NDArray[Any]]:
         if size <= limit:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
-    except _UNREADABLE as error:
+    except DAMAGED as error:
         raise FormatError(f"it cannot be read ({error}); export it again") from None
     if size > limit:
         raise FormatError(

@@ -1,6 +1,11 @@
 """What may be opened: files. A pipe would wait for ever, and a device has no end."""
 
 import os
+import pickle
+import struct
+import tokenize
+import zipfile
+import zlib
 from pathlib import Path
 
 from mpsnet_core.errors import FileError
@@ -8,6 +13,14 @@ from mpsnet_core.operation import running
 
 # Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
 MAX_TEXT_BYTES = 1 << 20
+# What libraries raise for damaged files: SyntaxError is Pillow's, RuntimeError zipfile's where they are encrypted.
+# fmt: off
+DAMAGED = (
+    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
+    SyntaxError, TypeError, ValueError, pickle.UnpicklingError, struct.error, tokenize.TokenError, zipfile.BadZipFile,
+    zlib.error,
+)
+# fmt: on
 
 
 def is_file(path: str | os.PathLike[str]) -> bool:

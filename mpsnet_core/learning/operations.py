@@ -114,8 +114,6 @@ class Train(Operation):
                 progress=progress,
             )
         step, steps = trained.step, trained.recipe.steps
-        if trained.rank:  # only rank 0 writes
-            return NetworkTrained(step, text="")
         if step < steps and not self.anneal:
             text = f"stopped after {step} of {steps} steps; go on with --resume {paths.checkpoint}"
             text += ", and finish it with --anneal STEPS"

@@ -151,5 +151,4 @@ def _leaves(
     rows, columns = np.minimum(rows, picture[0] - 1), np.minimum(columns, picture[1] - 1)
     (y, x), (other_y, other_x) = ((line[1] - line[0], line[2] - line[0]) for line in (rows, columns))
     spread = y * other_x != x * other_y
-    corners: NDArray[np.int32] = (rows * picture[1] + columns)[:, spread].T.astype(np.int32)
-    return corners
+    return (rows * picture[1] + columns)[:, spread].T.astype(np.int32)

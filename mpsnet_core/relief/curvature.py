@@ -139,8 +139,7 @@ def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArra
     >>> curvature_picture(np.array([[-2.0, 0.0, 1.0]]), 2.0)
     array([[0.  , 0.5 , 0.75]], dtype=float32)
     """
-    picture: NDArray[np.float32] = np.clip(0.5 + 0.5 / limit * np.asarray(values), 0, 1).astype(np.float32)
-    return picture
+    return np.clip(0.5 + 0.5 / limit * np.asarray(values), 0, 1).astype(np.float32)
 
 
 def _divergence(

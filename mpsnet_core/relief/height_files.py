@@ -31,9 +31,8 @@ from mpsnet_core.io.files import (
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_map import HeightMap, pixels_per_unit
 from mpsnet_core.relief.height_names import height_names
-from mpsnet_core.relief.integration.gradients import pixels_per_unit
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 HEIGHT_FORMAT = "mpsnet-height"

@@ -12,9 +12,8 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_map import HeightMap, mean_depth, parallel_heights
 from mpsnet_core.relief.horizons import BLOCK, OcclusionGrid, cell_bands, from_cells, horizons, sectors, to_cells
-from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 

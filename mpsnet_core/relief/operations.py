@@ -1,10 +1,8 @@
 """The operations ``integrate`` (products of a normal map) and ``material`` (a seamless material from a photo)."""
 
-import logging
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from pkgutil import resolve_name
+from typing import ClassVar, Literal
 
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
@@ -27,22 +25,10 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
 from mpsnet_core.operation import Operation, Result, option, settings
-from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.progress import Progress, silent
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from mpsnet_core.capture.capture import Capture
-    from mpsnet_core.relief.displacement.displacement_files import HeightsOnUVs
-    from mpsnet_core.relief.height_files import HeightFacts
-    from mpsnet_core.relief.products import CurvatureFacts, MeshFacts, OcclusionFacts, Product, RelitFacts, Surface
-    from mpsnet_core.scene.camera import Camera
-    from mpsnet_core.scene.normal_map import NormalMap
-
-log = logging.getLogger(__name__)
-
-T = TypeVar("T", bound="np.generic")
+# The work is imported when it is done, and takes the operation.
+_HERE = "mpsnet_core.relief"
 
 # Options that apply to a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
@@ -55,24 +41,6 @@ _NEEDED = {
     **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
     **dict.fromkeys(("space", "base", "object_space", "scale", "mean", "margin"), "uvs"),
 }
-_ONE_SCALE = "give one of --width, --pixel-size or --ruler"
-
-
-@dataclass(frozen=True)
-class SurfaceMade(Result):
-    """The products of a photo's normals.
-
-    outputs: the files. unit: name of the unit of all values. height, curvature, occlusion, relit, mesh: the facts of
-    each requested product.
-    """
-
-    outputs: list[str]
-    unit: str
-    height: "HeightFacts | None" = None
-    curvature: "CurvatureFacts | None" = None
-    occlusion: "OcclusionFacts | None" = None
-    relit: "RelitFacts | None" = None
-    mesh: "MeshFacts | None" = None
 
 
 @dataclass(frozen=True)
@@ -241,24 +209,13 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         help="whether the surface may break",
     )
 
-    def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
+    def run(self, progress: Progress = silent) -> Result:
         """Write the requested products, or the heights on a mesh's UVs."""
         self._check_together()
-        if self.uvs is None:
-            return self._of_photo(progress)
-        if self.height is None:
+        if self.uvs and not self.height:
             raise SettingsError("--uvs makes heights; name their file with --height")
-        from mpsnet_core.relief.displacement.displacement_files import BakedNormals, HeightTarget, write_displacement
-
-        return write_displacement(
-            BakedNormals(self.normals, self.uvs, self.space, self.convention),
-            HeightTarget(self.height, self.object_space, self.height_bits, self.unit or "unit"),
-            base=self.base,
-            scale=self.scale,
-            mean=self.mean,
-            margin=self.margin,
-            progress=progress,
-        )
+        work = "displacement.displacement_files:write_displacement" if self.uvs else "products:make_products"
+        return resolve_name(f"{_HERE}.{work}")(self, progress)
 
     def _check_together(self) -> None:
         """Raise SettingsError if an option is set that has no effect with the others."""
@@ -275,178 +232,6 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 raise SettingsError(
                     f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both"
                 )
-
-    def _of_photo(self, progress: Progress) -> SurfaceMade:
-        from mpsnet_core.io.files import write_transaction
-        from mpsnet_core.relief.surface_mesh import NoFaceError
-
-        products = self._products()
-        progress(0.0, f"reading {Path(self.normals).name}")
-        surface = self._surface(part(progress, 0.05, 0.75))
-        outputs: list[str] = []
-        facts: dict[str, Any] = {}
-        lines, no_mesh = [], None
-        with write_transaction():
-            for number, (name, product) in enumerate(products.items()):
-                first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
-                try:
-                    made = product.make(surface, part(progress, first, last))
-                except NoFaceError as error:  # not known before; the other products are kept
-                    no_mesh = error
-                    continue
-                outputs += map(str, made.files)
-                facts[name] = made.facts
-                lines.append(f"{product.path}: {made.words}")
-        if no_mesh is not None:
-            raise no_mesh
-        progress(1.0, "done")
-        return SurfaceMade(outputs, surface.unit, **facts, text="\n".join(lines))
-
-    def _products(self) -> "dict[str, Product]":
-        """The requested products by option. Raises InputError if there are none, or one cannot be made or written."""
-        from mpsnet_core.bake.texture_names import check_one_texture
-        from mpsnet_core.io.files import check_no_overwrite
-        from mpsnet_core.io.frames import is_folder_or_pattern
-        from mpsnet_core.relief.products import (
-            CurvaturePicture,
-            HeightPicture,
-            MeshFile,
-            OcclusionPicture,
-            RelitPicture,
-        )
-
-        for file in (self.normals, self.height or ""):
-            check_one_texture(file)
-        up = self.up or ("z" if self.camera else "y")
-        kinds: dict[str, Callable[[Path], Product]] = {
-            "height": lambda path: HeightPicture(path, self.height_bits),
-            "curvature": lambda path: CurvaturePicture(path, self.curvature_radius, self.curvature_range),
-            "occlusion": lambda path: OcclusionPicture(path, self.occlusion_reach),
-            "relit": lambda path: RelitPicture(path, self.light, self.turntable),
-            "mesh": lambda path: MeshFile(path, self.faces, self.open, up, self.distance),
-        }
-        requested = {name: kind(Path(file)) for name, kind in kinds.items() if (file := getattr(self, name))}
-        if not requested:
-            wanted = ", ".join(f"--{name}" for name in kinds)
-            raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
-        if is_folder_or_pattern(self.normals):
-            raise SettingsError(f"{self.normals} matches several normal maps; integrate them one by one")
-        taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
-        for product in requested.values():
-            files = product.files()
-            check_no_overwrite(taken, files)
-            taken += files
-        return requested
-
-    def _read_normals(self) -> "NormalMap":
-        from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.relief.surface_mesh import check_has_faces
-        from mpsnet_core.scene.normal_directions import check_directions
-        from mpsnet_core.scene.normal_map import read_normals
-
-        normals = read_normals(self.normals, convention=self.convention)
-        check_directions(normals, self.normals)
-        if self.mesh:
-            with prefix_errors(self.normals):
-                check_has_faces(normals.mask)
-        return normals
-
-    def _surface(self, progress: Progress) -> "Surface":
-        """The inputs that the requested products need."""
-        from mpsnet_core.io.image_reading import read_image
-        from mpsnet_core.relief.height_map import HeightMap
-        from mpsnet_core.relief.integration.integrate import grained_box, integrate
-        from mpsnet_core.relief.occlusion import ambient_occlusion
-        from mpsnet_core.relief.products import Surface
-        from mpsnet_core.relief.sizes import check_size
-        from mpsnet_core.scene.camera import pixel_camera
-
-        normals = self._read_normals()
-        height, width = normals.mask.shape
-        given = self._camera(height, width)
-        camera = given or pixel_camera(width, height)
-        if self.distance is not None and not 0 < self.distance < float("inf"):
-            raise SettingsError(f"--distance {self.distance:g} cannot be used; give a number above 0")
-        if self.distance is not None and not (self.camera or self.focal or self.mesh):
-            raise SettingsError("--distance goes with --camera, --focal or --mesh; give one, or leave it out")
-        albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
-        if albedo is not None:
-            check_size("albedo", albedo.shape, normals)
-        kept = normals if self.curvature or self.relit or self.mesh else None
-        heights = occlusion = None
-        bent = self.curvature and camera.projection == "perspective"
-        if self.height or self.mesh or self.occlusion or bent:
-            if camera.projection == "perspective" and self.distance is None:
-                log.info("--distance is not given: the mean distance from the camera counts as 1 [no-distance]")
-            to_occlusion = 0.5 if self.occlusion else 1.0
-            box = grained_box(normals.mask) if kept is None else (slice(0, height), slice(0, width))
-            if kept is None:
-                normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
-            heights = integrate(
-                normals,
-                camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1]),
-                method=self.method,
-                distance=self.distance if camera.projection == "perspective" else None,
-                progress=part(progress, 0.0, to_occlusion),
-            )
-            if self.occlusion:
-                occlusion = ambient_occlusion(
-                    heights, normals, reach=self.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
-                )
-                occlusion = _placed(occlusion, box, (height, width), 1)
-            del normals
-            values = _placed(heights.values, box, (height, width), 0)
-            heights = HeightMap(values, _placed(heights.mask, box, (height, width), 0), camera)
-        return Surface(kept, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
-
-    def _camera(self, height: int, width: int) -> "Camera | None":
-        """The camera of a photo of that size, None if the options define none."""
-        import numpy as np
-
-        from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.scene.camera import Camera, camera_for
-
-        lens = self.lens()
-        if self.pixel_size is None or lens is not None:
-            if self.pixel_size is not None:
-                raise SettingsError("--pixel-size, --camera and --focal define the same camera; give one of them")
-            with prefix_errors(self.normals):
-                return camera_for(lens, width, height)
-        if not 0 < self.pixel_size < float("inf"):
-            raise SettingsError(f"--pixel-size {self.pixel_size:g} cannot be used; give a number above 0")
-        return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
-
-
-def _cropped(normals: "NormalMap", box: tuple[slice, slice]) -> "NormalMap":
-    """A copy of a part of the normals. Their confidence is the mask, which takes no memory of its own."""
-    from mpsnet_core.scene.normal_map import NormalMap
-
-    mask = normals.mask[box].copy()
-    return NormalMap(normals.vectors[box].copy(), mask, mask, in_place=True)  # type: ignore[arg-type]
-
-
-def _placed(values: "NDArray[T]", box: tuple[slice, slice], shape: tuple[int, int], outside: float) -> "NDArray[T]":
-    """The values of a part of an image of `shape`, and `outside` around it."""
-    import numpy as np
-
-    whole = np.full(shape, outside, values.dtype)
-    whole[box] = values
-    return whole
-
-
-@dataclass(frozen=True)
-class MaterialMade(Result):
-    """The textures of a flat material.
-
-    files: by content. width_mm, height_mm: size of the tile. relief_mm: depth of its relief. seam: the step of the
-    normals across the tile's border, divided by that between other neighbours.
-    """
-
-    files: dict[str, str]
-    width_mm: float
-    height_mm: float
-    relief_mm: float
-    seam: float
 
 
 @dataclass(frozen=True)
@@ -466,21 +251,6 @@ class MeasuresPhoto(Operation):
         metavar="X1,Y1,X2,Y2=LENGTH",
         help="in place of --width, the distance between two places in pixels: 120,80,1620,95=50mm",
     )
-
-    def _scale(self) -> tuple[float, float | None]:
-        """A length in millimetres, and in pixels of the photo; None for the photo's width, which is not yet known."""
-        from mpsnet_core.relief.material.scale import millimetres, parse_ruler
-
-        if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
-            raise SettingsError(f"several options state the material's size; {_ONE_SCALE}")
-        if self.width is not None:
-            return millimetres(self.width), None
-        if self.pixel_size is not None:
-            return millimetres(self.pixel_size), 1.0
-        if self.ruler is not None:
-            ruler = parse_ruler(self.ruler)
-            return ruler.length_mm, ruler.pixels
-        raise SettingsError(f"no option states the material's size; {_ONE_SCALE}")
 
 
 @dataclass(frozen=True)
@@ -529,78 +299,6 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     name: str | None = option(default=None, help="prefix of the file names", unset="the photo's name")
     output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")
 
-    def run(self, progress: Progress = silent) -> MaterialMade:
+    def run(self, progress: Progress = silent) -> Result:
         """Write the material's textures into the folder."""
-        from mpsnet_core.io.files import check_no_overwrite, creatable_folder
-        from mpsnet_core.relief.material.material import check_material, flat_material
-        from mpsnet_core.relief.material.material_files import material_files, write_material
-        from mpsnet_core.relief.material.scale import parse_crop
-
-        check_material(self.size, self.overlap, self.bend)
-        crop = parse_crop(self.crop) if self.crop else None
-        length_mm, pixels = self._scale()
-        name = self._checked_name()
-        folder = creatable_folder(self.output, "material")
-        inputs = self.inputs(self.image, self.rig, self.camera, self.mesh)
-        check_no_overwrite(inputs, material_files(folder, name).values())
-        estimator = self.estimator()
-        progress(0.0, f"reading {Path(self.image).name}")
-        capture, pixel_mm = self._capture(length_mm, pixels, crop)
-        material = flat_material(
-            capture,
-            estimator(capture, part(progress, 0.05, 0.5)),
-            pixel_mm,
-            size=self.size,
-            overlap=self.overlap,
-            bend=self.bend,
-            grey=self.grey,
-            progress=part(progress, 0.5, 0.85),
-        )
-        progress(0.85, f"writing {folder.name}")
-        files = write_material(folder, name, material, convention=self.convention)
-        progress(1.0, "done")
-        rows, columns = material.height.shape
-        deep, seam = float(material.height.max()) - float(material.height.min()), material.seam.border[0]
-        size = f"{material.width_mm:.4g} x {material.height_mm:.4g} mm"
-        return MaterialMade(
-            {what: str(file) for what, file in files.items()},
-            material.width_mm,
-            material.height_mm,
-            deep,
-            seam,
-            text=f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {deep:.3g} mm deep; "
-            f"{_repeats(material.tiling.correlation)}; seam {seam:.2f}, where 1 is none",
-        )
-
-    def _checked_name(self) -> str:
-        """The prefix of the file names. Raises SettingsError if name or folder is invalid."""
-        from mpsnet_core.io.files import IMAGE_SUFFIXES
-
-        name = Path(self.image).stem if self.name is None else self.name
-        if Path(name).name != name:
-            raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
-        if Path(self.output).suffix.lower() in IMAGE_SUFFIXES:
-            raise SettingsError(f"--output {self.output} looks like an image file; give a folder for all of them")
-        return name
-
-    def _capture(
-        self, length_mm: float, pixels: float | None, crop: tuple[int, int, int, int] | None
-    ) -> "tuple[Capture, float]":
-        """The part of the photo to use, and the size of a pixel in millimetres."""
-        from mpsnet_core.capture.masks import ALPHA_OR_NONE
-        from mpsnet_core.capture.open import open_captures
-        from mpsnet_core.io.files import prefix_errors
-        from mpsnet_core.relief.material.material import crop_to_filled_part
-        from mpsnet_core.relief.material.scale import parse_ruler
-
-        [capture] = open_captures([self.source(self.image, self.rig, ALPHA_OR_NONE)], self.read_options())
-        with prefix_errors(self.image):
-            height, width = capture.mask.shape
-            if self.ruler:
-                parse_ruler(self.ruler).check_within(height, width)
-            return crop_to_filled_part(capture, crop), length_mm / (pixels or width)
-
-
-def _repeats(correlation: tuple[float | None, float | None]) -> str:
-    repeats = [f"{share:.0%} alike {way}" for share, way in zip(correlation, ("across", "down"), strict=True) if share]
-    return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"
+        return resolve_name(f"{_HERE}.material.material_files:make_material")(self, progress)

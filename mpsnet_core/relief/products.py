@@ -1,29 +1,48 @@
-"""Products of a photo's normal map: for each its file, its computation and its description."""
+"""Products of a photo's normal map: heights, a mesh, curvature, ambient occlusion and relit images, and their files."""
 
+import logging
 import re
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.files import writable_image
+from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_image, write_transaction
+from mpsnet_core.io.frames import is_folder_or_pattern
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
-from mpsnet_core.progress import Progress
+from mpsnet_core.operation import Result
+from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
 from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.height_names import height_names
-from mpsnet_core.relief.occlusion import check_reach
+from mpsnet_core.relief.integration.integrate import grained_box, integrate
+from mpsnet_core.relief.occlusion import ambient_occlusion, check_reach
+from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.relief.relight import relit, turntable_sheet, turntable_tilts
-from mpsnet_core.relief.surface_mesh import Up, check_surface_mesh, surface_mesh, writable_mesh, write_surface_mesh
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.surface_mesh import (
+    NoFaceError,
+    Up,
+    check_has_faces,
+    check_surface_mesh,
+    surface_mesh,
+    writable_mesh,
+    write_surface_mesh,
+)
+from mpsnet_core.scene.camera import Camera, camera_for, pixel_camera
+from mpsnet_core.scene.normal_directions import check_directions
+from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
+from mpsnet_core.scene.texture_names import check_one_texture
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -72,174 +91,252 @@ class MeshFacts:
     up: Up
 
 
-Facts: TypeAlias = HeightFacts | CurvatureFacts | OcclusionFacts | RelitFacts | MeshFacts
-
-
 @dataclass(frozen=True)
-class Made:
-    """Files that were written, with a description and facts."""
+class SurfaceMade(Result):
+    """The products of a photo's normals.
 
-    files: list[Path]
-    words: str
-    facts: Facts
-
-
-@dataclass(frozen=True)
-class Product(ABC):
-    """Something computed from a surface, written to `path`."""
-
-    path: Path
-
-    @abstractmethod
-    def files(self) -> list[Path]:
-        """The files that it writes. Raises InputError if it cannot be made or written."""
-
-    @abstractmethod
-    def make(self, surface: Surface, progress: Progress) -> Made:
-        """Compute and write it. Raises InputError if that fails."""
-
-
-@dataclass(frozen=True)
-class HeightPicture(Product):
-    """The heights, their scale and their mask. bits: see :func:`write_height`."""
-
-    bits: int | None
-
-    def files(self) -> list[Path]:
-        return height_files(self.path, self.bits)
-
-    def make(self, surface: Surface, progress: Progress) -> Made:
-        heights = surface.heights
-        assert heights is not None
-        progress(0.0, f"writing {self.path.name}")
-        scale = write_height(self.path, heights, bits=self.bits, unit=surface.unit)
-        inside = heights.values[heights.mask]
-        facts = scale.facts(float(inside.min()), float(inside.max()))
-        from_camera = "; height 0 is at the camera" if heights.camera.projection == "perspective" else ""
-        files = height_names(self.path)
-        return Made(files[:2] if heights.mask.all() else files, f"{scale}{from_camera}; {scale.displace_words}", facts)
-
-
-@dataclass(frozen=True)
-class CurvaturePicture(Product):
-    """Curvature: edges bright, creases dark. radius: in pixels. range: curvature that is white, None for automatic."""
-
-    radius: int
-    range: float | None
-
-    def files(self) -> list[Path]:
-        check_curvature(self.radius, self.range)
-        return _picture(self.path)
-
-    def make(self, surface: Surface, progress: Progress) -> Made:
-        normals, unit = surface.normals, surface.unit
-        assert normals is not None
-        depth = None if surface.heights is None else -surface.heights.values
-        values = curvature(normals, surface.camera, depth, radius=self.radius, progress=progress)
-        limit = self.range or curvature_range(values, normals.mask)
-        if self.path.suffix.lower() == ".exr":
-            words = f"the sum of both curvatures in 1 / {unit}, above 0 where convex"
-            write_image(self.path, values, description=f"{made('curvature')}: {words}")
-        else:
-            words = f"flat is 0.5, white is convex by {limit:.6g} / {unit} (the sum of both curvatures), black concave"
-            told = f"{made('curvature map')}: {words}"
-            write_image(self.path, curvature_picture(values, limit), bits=16, description=told)
-        return Made([self.path], words, CurvatureFacts(limit))
-
-
-@dataclass(frozen=True)
-class OcclusionPicture(Product):
-    """Ambient occlusion. reach: greatest distance of occluders in pixels, None for no limit."""
-
-    reach: int | None
-
-    def files(self) -> list[Path]:
-        check_reach(self.reach)
-        return _picture(self.path)
-
-    def make(self, surface: Surface, progress: Progress) -> Made:
-        assert surface.occlusion is not None and surface.heights is not None
-        write_image(self.path, surface.occlusion, description=made("ambient occlusion"))
-        mean = float(surface.occlusion[surface.heights.mask].mean())
-        return Made([self.path], f"on the mean {mean:.1%} of the light comes in", OcclusionFacts(round(mean, 4)))
-
-
-@dataclass(frozen=True)
-class RelitPicture(Product):
-    """The surface under a white light.
-
-    light: "SLANT,TILT" in degrees. turntable: number of lights around, None for a single image.
+    outputs: the files. unit: name of the unit of all values. height, curvature, occlusion, relit, mesh: the facts of
+    each requested product.
     """
 
-    light: str
-    turntable: int | None
+    outputs: list[str]
+    unit: str
+    height: HeightFacts | None = None
+    curvature: CurvatureFacts | None = None
+    occlusion: OcclusionFacts | None = None
+    relit: RelitFacts | None = None
+    mesh: MeshFacts | None = None
 
-    def files(self) -> list[Path]:
-        """One image or, if the name has a run of #, a frame for each light of the turntable."""
-        slant_and_tilt("--light", self.light)
-        count = 1 if self.turntable is None else len(turntable_tilts(self.turntable, 0))
-        if self.path.suffix.lower() == ".exr":
-            raise FileError(f"cannot write {self.path}: a relit picture is for the screen; use .png or .tif")
-        if "#" not in self.path.name:
-            return _picture(self.path)
-        if self.turntable is None:
-            raise SettingsError(
-                f"{self.path} stands for frames, and there is one light; give --turntable, or a name without #"
+
+# A product's description and its facts.
+Made: TypeAlias = tuple[str, HeightFacts | CurvatureFacts | OcclusionFacts | RelitFacts | MeshFacts]
+
+
+def make_products(options: Integrate, progress: Progress) -> SurfaceMade:
+    """Write the requested products, all of them or none. Raises InputError if one cannot be made or written."""
+    products = _product_files(options)
+    progress(0.0, f"reading {Path(options.normals).name}")
+    surface = _surface(options, part(progress, 0.05, 0.75))
+    outputs: list[Path] = []
+    facts, lines, no_mesh = {}, [], None
+    with write_transaction():
+        for number, (name, files) in enumerate(products.items()):
+            first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
+            try:
+                words, facts[name] = _WRITERS[name](options, surface, files, part(progress, first, last))
+            except NoFaceError as error:  # not known before; the other products are kept
+                no_mesh = error
+                continue
+            outputs += files
+            lines.append(f"{getattr(options, name)}: {words}")
+    if no_mesh is not None:
+        raise no_mesh
+    progress(1.0, "done")
+    return SurfaceMade(list(map(str, outputs)), surface.unit, **facts, text="\n".join(lines))  # type: ignore[arg-type]
+
+
+def _product_files(options: Integrate) -> dict[str, list[Path]]:
+    """The files of each requested product, by option. Raises InputError if there is none, or one cannot be written."""
+    for name in (options.normals, options.height or ""):
+        check_one_texture(name)
+    requested = {name: Path(file) for name in _WRITERS if (file := getattr(options, name))}
+    if not requested:
+        wanted = ", ".join(f"--{name}" for name in _WRITERS)
+        raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
+    if is_folder_or_pattern(options.normals):
+        raise SettingsError(f"{options.normals} matches several normal maps; integrate them one by one")
+    taken = [Path(file) for file in (options.normals, options.camera, options.albedo) if file]
+    found = {}
+    for name, path in requested.items():
+        found[name] = _checked_files(options, name, path)
+        check_no_overwrite(taken, found[name])
+        taken += found[name]
+    return found
+
+
+def _checked_files(options: Integrate, name: str, path: Path) -> list[Path]:
+    """The files of a product. Raises InputError if it cannot be made or written."""
+    if name == "height":
+        return height_files(path, options.height_bits)
+    if name == "mesh":
+        check_surface_mesh(options.faces, options.open)
+        return [writable_mesh(path)]
+    if name == "relit":
+        return _relit_files(options, path)
+    if name == "curvature":
+        check_curvature(options.curvature_radius, options.curvature_range)
+    else:
+        check_reach(options.occlusion_reach)
+    return [writable_image(path)]
+
+
+def _relit_files(options: Integrate, path: Path) -> list[Path]:
+    """One image or, if the name has a run of #, a frame for each light of the turntable."""
+    slant_and_tilt("--light", options.light)
+    count = 1 if options.turntable is None else len(turntable_tilts(options.turntable, 0))
+    if path.suffix.lower() == ".exr":
+        raise FileError(f"cannot write {path}: a relit picture is for the screen; use .png or .tif")
+    if "#" not in path.name:
+        return [writable_image(path)]
+    if options.turntable is None:
+        raise SettingsError(f"{path} stands for frames, and there is one light; give --turntable, or a name without #")
+    head, run, tail = re.split("(#+)", path.name, maxsplit=1)
+    names = [f"{head}{number:0{len(run)}d}{tail}" for number in range(1, count + 1)]
+    return [writable_image(path.with_name(name)) for name in names]
+
+
+# --- inputs -----------------------------------------------------------------------------------------------------------
+
+
+def _read_normals(options: Integrate) -> NormalMap:
+    normals = read_normals(options.normals, convention=options.convention)
+    check_directions(normals, options.normals)
+    if options.mesh:
+        with prefix_errors(options.normals):
+            check_has_faces(normals.mask)
+    return normals
+
+
+def _surface(options: Integrate, progress: Progress) -> Surface:
+    """The inputs that the requested products need."""
+    normals = _read_normals(options)
+    height, width = normals.mask.shape
+    given = _camera(options, height, width)
+    camera = given or pixel_camera(width, height)
+    perspective = camera.projection == "perspective"
+    if options.distance is not None and not 0 < options.distance < np.inf:
+        raise SettingsError(f"--distance {options.distance:g} cannot be used; give a number above 0")
+    if options.distance is not None and not (options.camera or options.focal or options.mesh):
+        raise SettingsError("--distance goes with --camera, --focal or --mesh; give one, or leave it out")
+    albedo = read_image(options.albedo).pixels if options.relit and options.albedo else None
+    if albedo is not None:
+        check_size("albedo", albedo.shape, normals)
+    kept = normals if options.curvature or options.relit or options.mesh else None
+    heights = occlusion = None
+    if options.height or options.mesh or options.occlusion or (options.curvature and perspective):
+        if perspective and options.distance is None:
+            log.info("--distance is not given: the mean distance from the camera counts as 1 [no-distance]")
+        to_occlusion = 0.5 if options.occlusion else 1.0
+        box = grained_box(normals.mask) if kept is None else (slice(0, height), slice(0, width))
+        if kept is None:
+            normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
+        heights = integrate(
+            normals,
+            camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1]),
+            method=options.method,
+            distance=options.distance if perspective else None,
+            progress=part(progress, 0.0, to_occlusion),
+        )
+        if options.occlusion:
+            occlusion = ambient_occlusion(
+                heights, normals, reach=options.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
             )
-        head, run, tail = re.split("(#+)", self.path.name, maxsplit=1)
-        names = [f"{head}{number:0{len(run)}d}{tail}" for number in range(1, count + 1)]
-        return [file for name in names for file in _picture(self.path.with_name(name))]
-
-    def make(self, surface: Surface, progress: Progress) -> Made:
-        slant, tilt = slant_and_tilt("--light", self.light)
-        normals, occlusion, albedo = surface.normals, surface.occlusion, surface.albedo
-        assert normals is not None
-        files = self.files()
-        tilts = [tilt] if self.turntable is None else turntable_tilts(self.turntable, tilt)
-        if len(tilts) > 1 and len(files) == 1:
-            progress(0.0, f"making {files[0].name}")
-            sheet = turntable_sheet(normals, slant, tilts, occlusion=occlusion, albedo=albedo)
-            write_picture(files[0], sheet)
-        else:
-            for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
-                progress(number / len(files), f"making {file.name}")
-                direction = direction_from_angles(slant, angle)
-                picture = relit(normals, direction, occlusion=occlusion, albedo=albedo)
-                write_picture(file, picture)
-        around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
-        return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", RelitFacts(tilts))
+            occlusion = _placed(occlusion, box, (height, width), 1)
+        del normals
+        values = _placed(heights.values, box, (height, width), 0)
+        heights = HeightMap(values, _placed(heights.mask, box, (height, width), 0), camera)
+    return Surface(kept, camera, options.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
 
-@dataclass(frozen=True)
-class MeshFile(Product):
-    """The surface as a mesh.
-
-    faces, open_from: see :func:`surface_mesh`. up: axis that points up in the camera's world. distance: of the mesh
-    from an orthographic camera, None to keep its heights.
-    """
-
-    faces: int
-    open_from: float | None
-    up: Up
-    distance: float | None
-
-    def files(self) -> list[Path]:
-        check_surface_mesh(self.faces, self.open_from)
-        return [writable_mesh(self.path)]
-
-    def make(self, surface: Surface, progress: Progress) -> Made:
-        heights, normals = surface.heights, surface.normals
-        assert heights is not None and normals is not None
-        if surface.camera.projection == "orthographic" and self.distance is not None:
-            heights = replace(heights, values=heights.values - self.distance)
-        mesh = surface_mesh(heights, normals, faces=self.faces, open_from=self.open_from, progress=progress)
-        progress(0.9, f"writing {self.path.name}")
-        write_surface_mesh(self.path, mesh, up=self.up)
-        facts = MeshFacts(len(mesh.vertices), len(mesh.triangles), self.up)
-        count = "1 face" if facts.faces == 1 else f"{facts.faces} faces"
-        return Made([self.path], f"{count}, in {surface.unit}", facts)
+def _camera(options: Integrate, height: int, width: int) -> Camera | None:
+    """The camera of a photo of that size, None if the options define none."""
+    lens, pixel_size = options.lens(), options.pixel_size
+    if pixel_size is None or lens is not None:
+        if pixel_size is not None:
+            raise SettingsError("--pixel-size, --camera and --focal define the same camera; give one of them")
+        with prefix_errors(options.normals):
+            return camera_for(lens, width, height)
+    if not 0 < pixel_size < np.inf:
+        raise SettingsError(f"--pixel-size {pixel_size:g} cannot be used; give a number above 0")
+    return Camera("orthographic", width, height, np.full(2, 1 / pixel_size))
 
 
-def _picture(path: Path) -> list[Path]:
-    writable_image(path)
-    return [path]
+def _cropped(normals: NormalMap, box: tuple[slice, slice]) -> NormalMap:
+    """A copy of a part of the normals. Their confidence is the mask, which takes no memory of its own."""
+    mask = normals.mask[box].copy()
+    return NormalMap(normals.vectors[box].copy(), mask, mask, in_place=True)  # type: ignore[arg-type]
+
+
+def _placed(values: NDArray[T], box: tuple[slice, slice], shape: tuple[int, int], outside: float) -> NDArray[T]:
+    """The values of a part of an image of `shape`, and `outside` around it."""
+    whole = np.full(shape, outside, values.dtype)
+    whole[box] = values
+    return whole
+
+
+# --- outputs: each writes a product to its files ----------------------------------------------------------------------
+
+
+def _write_height(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:
+    heights = surface.heights
+    assert heights is not None
+    progress(0.0, f"writing {files[0].name}")
+    scale = write_height(files[0], heights, bits=options.height_bits, unit=surface.unit)
+    if heights.mask.all():
+        del files[2:]  # no mask is written
+    inside = heights.values[heights.mask]
+    from_camera = "; height 0 is at the camera" if heights.camera.projection == "perspective" else ""
+    words = f"{scale}{from_camera}; {scale.displace_words}"
+    return words, scale.facts(float(inside.min()), float(inside.max()))
+
+
+def _write_curvature(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:
+    (path,), normals, unit = files, surface.normals, surface.unit
+    assert normals is not None
+    depth = None if surface.heights is None else -surface.heights.values
+    values = curvature(normals, surface.camera, depth, radius=options.curvature_radius, progress=progress)
+    limit = options.curvature_range or curvature_range(values, normals.mask)
+    if path.suffix.lower() == ".exr":
+        words = f"the sum of both curvatures in 1 / {unit}, above 0 where convex"
+        write_image(path, values, description=f"{made('curvature')}: {words}")
+    else:
+        words = f"flat is 0.5, white is convex by {limit:.6g} / {unit} (the sum of both curvatures), black concave"
+        told = f"{made('curvature map')}: {words}"
+        write_image(path, curvature_picture(values, limit), bits=16, description=told)
+    return words, CurvatureFacts(limit)
+
+
+def _write_occlusion(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:
+    assert surface.occlusion is not None and surface.heights is not None
+    write_image(files[0], surface.occlusion, description=made("ambient occlusion"))
+    mean = float(surface.occlusion[surface.heights.mask].mean())
+    return f"on the mean {mean:.1%} of the light comes in", OcclusionFacts(round(mean, 4))
+
+
+def _write_relit(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:
+    slant, tilt = slant_and_tilt("--light", options.light)
+    normals, occlusion, albedo = surface.normals, surface.occlusion, surface.albedo
+    assert normals is not None
+    tilts = [tilt] if options.turntable is None else turntable_tilts(options.turntable, tilt)
+    if len(tilts) > 1 and len(files) == 1:
+        progress(0.0, f"making {files[0].name}")
+        write_picture(files[0], turntable_sheet(normals, slant, tilts, occlusion=occlusion, albedo=albedo))
+    else:
+        for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
+            progress(number / len(files), f"making {file.name}")
+            direction = direction_from_angles(slant, angle)
+            write_picture(file, relit(normals, direction, occlusion=occlusion, albedo=albedo))
+    around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
+    return f"{around} slant {slant:g}°, tilt {tilt:g}°", RelitFacts(tilts)
+
+
+def _write_mesh(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:
+    heights, normals = surface.heights, surface.normals
+    assert heights is not None and normals is not None
+    if surface.camera.projection == "orthographic" and options.distance is not None:
+        heights = replace(heights, values=heights.values - options.distance)
+    mesh = surface_mesh(heights, normals, faces=options.faces, open_from=options.open, progress=progress)
+    progress(0.9, f"writing {files[0].name}")
+    up: Up = options.up or ("z" if options.camera else "y")
+    write_surface_mesh(files[0], mesh, up=up)
+    facts = MeshFacts(len(mesh.vertices), len(mesh.triangles), up)
+    return f"{'1 face' if facts.faces == 1 else f'{facts.faces} faces'}, in {surface.unit}", facts
+
+
+_WRITERS = {
+    "height": _write_height,
+    "curvature": _write_curvature,
+    "occlusion": _write_occlusion,
+    "relit": _write_relit,
+    "mesh": _write_mesh,
+}

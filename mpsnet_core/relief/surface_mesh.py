@@ -14,8 +14,7 @@ from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, writable_path
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.adaptive_triangles import adaptive_triangles
-from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.parallel_projection import parallel_heights, pixel_size
+from mpsnet_core.relief.height_map import HeightMap, parallel_heights, pixel_size
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
@@ -131,16 +130,14 @@ def _points(
 
 def _uvs(camera: Camera, rows: NDArray[np.int32], columns: NDArray[np.int32]) -> NDArray[np.float32]:
     centres = np.stack([columns, camera.height - 1 - rows], axis=-1) + 0.5
-    uvs: NDArray[np.float32] = (centres / [camera.width, camera.height]).astype(np.float32)
-    return uvs
+    return (centres / [camera.width, camera.height]).astype(np.float32)
 
 
 def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, unit rays (T, 3)."""
     normals = triangle_normals(corners)
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
-    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-dot(normals, rays) / lengths, -1, 1)))
-    return angles
+    return np.degrees(np.arccos(np.clip(-dot(normals, rays) / lengths, -1, 1)))
 
 
 def check_surface_mesh(faces: int, open_from: float | None) -> None:

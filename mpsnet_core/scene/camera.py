@@ -24,8 +24,8 @@ MIN_FOCAL = 1e-6
 FULL_FRAME = 36.0  # mm, the longer side of the sensor that 35 mm equivalent focal lengths refer to
 
 # The remedies if a camera and a photo differ in aspect ratio.
-THIS_PHOTO = "give the camera of this photo, which was neither cropped nor turned since; scaled it may be"
-AS_SOLVED = "give the photo as photogrammetry had it, neither cropped nor turned; for a raw file, its own JPEG"
+THIS_PHOTO = "give the camera of this photo; the photo may have been scaled since, but neither cropped nor turned"
+AS_SOLVED = "give the photo as it was in photogrammetry, neither cropped nor turned; for a raw file, its own JPEG"
 
 Projection = Literal["orthographic", "perspective"]
 
@@ -33,19 +33,6 @@ Projection = Literal["orthographic", "perspective"]
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole or orthographic camera.
-
-    Parameters
-    ----------
-    projection : {"orthographic", "perspective"}
-    width, height : int
-        Image size in pixels.
-    focal : (2,) float64 array
-        Along x and y: the focal length in pixels if perspective, the pixels per world unit if orthographic.
-    centre : (2,) float64 array, optional
-        Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top. The image
-        centre by default.
-    world_from_camera : (4, 4) float64 array, optional
-        Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's and OpenGL's).
 
     Raises
     ------
@@ -61,11 +48,20 @@ class Camera:
     """
 
     projection: Projection
+    """Kind of projection: "orthographic" or "perspective"."""
     width: int
+    """Width of the image, in pixels."""
     height: int
+    """Height of the image, in pixels."""
     focal: NDArray[np.float64]
+    """(2,) float64. Along x and y: the focal length in pixels if perspective, the pixels per world unit if
+    orthographic."""
     centre: NDArray[np.float64] = None  # type: ignore[assignment]  # never None once made
+    """(2,) float64. Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top.
+    The image centre by default."""
     world_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    """(4, 4) float64. Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's
+    and OpenGL's)."""
 
     def __post_init__(self) -> None:
         if self.projection not in ("orthographic", "perspective"):

@@ -25,17 +25,16 @@ TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)
 
 @dataclass(frozen=True)
 class LitView:
-    """A matt white mesh under a rig, as a camera sees it.
-
-    photo: (H, W, 3) float32, linear; 1 where the surface faces a light of full strength. normals: (H, W, 3) float32,
-    the mesh's in camera space. mask: (H, W) bool, where the mesh is. reached: (H, W, 3) bool, which lights reach the
-    pixel.
-    """
+    """A matt white mesh under a rig, as a camera sees it."""
 
     photo: NDArray[np.float32]
+    """(H, W, 3) float32. Linear; 1 where the surface faces a light of full strength."""
     normals: NDArray[np.float32]
+    """(H, W, 3) float32. The mesh's normals, in camera space."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. Where the mesh is."""
     reached: NDArray[np.bool_]
+    """(H, W, 3) bool. Which lights reach the pixel."""
 
     @property
     def shares(self) -> list[float]:
@@ -78,7 +77,7 @@ def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
     hits = scene.hits(origins, directions)
     seen = np.flatnonzero(hits.triangle >= 0)
     if not len(seen):
-        raise GeometryError("the camera does not see the mesh; check that it looks at it")
+        raise GeometryError("the camera does not see the mesh; check that it faces the mesh")
     points = origins[seen] + hits.distance[seen, None] * directions[seen]
     normals, starts = _surface(mesh, hits.subset(seen), points, -directions[seen], OFFSET * scene.size)
     irradiance = _irradiance(camera, rig, scene, points, normals, starts)

@@ -42,25 +42,6 @@ _FROM_Y_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]
 class Mesh:
     """A triangle mesh. All its data is in object space, except `world_from_object`.
 
-    Parameters
-    ----------
-    vertices : (V, 3) float64 array
-        Unused vertices are dropped: a stray one far away would falsify the mesh's size.
-    triangles : (T, 3) int32 array
-        Vertex indices, counter-clockwise seen from outside.
-    corner_normals : (T, 3, 3) float32 array
-        Unit shading normals.
-    uvs : (T, 3, 2) float32 array
-        With v up. A texture covers one unit square.
-    given_tangents : (T, 3, 4) float32 array, optional
-        The value of :attr:`tangents`; by default it is computed by MikkTSpace.
-    world_from_object : (4, 4) float64 array, optional
-        Affine transform, scaling included; the identity by default.
-    materials, objects : Labels, optional
-        Each triangle's material and object.
-    polygons : (T,) int32 array, optional
-        The polygon of each triangle, for the tangents of quads: see :func:`.mikktspace.mikktspace_tangents`.
-
     Raises
     ------
     GeometryError
@@ -75,14 +56,24 @@ class Mesh:
     """
 
     vertices: NDArray[np.float64]
+    """(V, 3) float64. Positions. Unused vertices are dropped: a stray one far away would distort the mesh's size."""
     triangles: NDArray[np.int32]
+    """(T, 3) int32. Vertex indices, counter-clockwise seen from outside."""
     corner_normals: NDArray[np.float32]
+    """(T, 3, 3) float32. Unit shading normals."""
     uvs: NDArray[np.float32]
+    """(T, 3, 2) float32. UV coordinates, v up. A texture covers one unit square."""
     given_tangents: NDArray[np.float32] | None = None
+    """(T, 3, 4) float32. The value of :attr:`tangents`; by default it is computed by MikkTSpace."""
     world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    """(4, 4) float64. Affine transform, scaling included; the identity by default."""
     materials: Labels | None = None
+    """Each triangle's material."""
     objects: Labels | None = None
+    """Each triangle's object."""
     polygons: NDArray[np.int32] | None = None
+    """(T,) int32. The polygon of each triangle, for the tangents of quads: see
+    :func:`.mikktspace.mikktspace_tangents`."""
 
     def __post_init__(self) -> None:
         count, points = len(np.atleast_1d(self.triangles)), len(np.atleast_1d(self.vertices))
@@ -216,7 +207,7 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
     FormatError
         If it is damaged, or not in one of these formats.
     GeometryError
-        If the mesh has no faces or no UVs, or is no valid :class:`Mesh`.
+        If the mesh has no faces or no UVs, or is not a valid :class:`Mesh`.
     """
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:

@@ -43,7 +43,7 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
     depth += np.float32(scene.depth_of_middle(camera))
     if not np.isfinite(depth).any():
         raise GeometryError(
-            "the camera does not see the mesh; check that both are of one world, and that it looks at it"
+            "the camera does not see the mesh; check that both share one world, and that the camera faces the mesh"
         )
     return depth
 

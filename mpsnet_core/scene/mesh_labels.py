@@ -13,13 +13,6 @@ from mpsnet_core.errors import GeometryError
 class Labels:
     """A name for each of T triangles.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Distinct names.
-    number : (T,) int32 array
-        Each triangle's index into `names`.
-
     Raises
     ------
     GeometryError
@@ -33,7 +26,9 @@ class Labels:
     """
 
     names: tuple[str, ...]
+    """Distinct names."""
     number: NDArray[np.int32]
+    """(T,) int32. Each triangle's index into `names`."""
 
     def __post_init__(self) -> None:
         number = np.asarray(self.number)

@@ -112,17 +112,18 @@ def _tangents(
 
 @dataclass(frozen=True)
 class _Quads:
-    """The quads among the triangles. Corners have flat indices, three per triangle.
-
-    first: (Q,) first triangle of each; the second one is the next. around: (Q, 4) its corners in order. diagonal:
-    (Q, 2) the other two of the six corners. twins: (Q, 2) the corners in `around` that these duplicate.
-    """
+    """The Q quads among the triangles. Corners have flat indices, three per triangle."""
 
     first: NDArray[np.int64]
+    """(Q,). First triangle of each; the second one is the next."""
     around: NDArray[np.int64]
+    """(Q, 4). Its corners in order."""
     diagonal: NDArray[np.int64]
+    """(Q, 2). The other two of the six corners."""
     twins: NDArray[np.int64]
+    """(Q, 2). The corners in `around` that these duplicate."""
     triangles: int
+    """Number of all triangles."""
 
     @classmethod
     def of(cls, polygons: NDArray[np.integer[Any]], vertex: NDArray[np.int64]) -> "_Quads":

@@ -104,7 +104,7 @@ def read_vectors(
     if alpha is None or storage.x_in_alpha:
         return colours, None
     if not _is_cover(alpha):
-        log.info("%s: its alpha is no mask but other data, such as heights, and is ignored", path)
+        log.info("%s: its alpha is not a mask but other data, such as heights, and is ignored", path)
         return colours, None
     return colours, alpha
 
@@ -121,19 +121,20 @@ def _signs(convention: Convention) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class _Storage:
-    """How a file stores normals.
-
-    z: whether blue holds z as red holds x, or z from 0 to 1, or no z. x_in_alpha: whether x is in alpha, not in red.
-    levels: the highest level, see _BYTE; None for floats. zeros: the levels of x = 0, y = 0 and z = 0. flat: levels
-    of x and y that are 0 as well, as a flat area has them. signed: whether floats hold n itself.
-    """
+    """How a file stores normals."""
 
     z: Literal["alike", "from 0", "none"] = "alike"
+    """How blue holds z: "alike", as red holds x; "from 0", from 0 to 1; "none", not at all."""
     x_in_alpha: bool = False
+    """Whether x is in alpha, not in red."""
     levels: float | None = None
+    """The highest level, see _BYTE; None for floats."""
     zeros: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    """The levels of x = 0, y = 0 and z = 0."""
     flat: tuple[int | None, int | None] = (None, None)
+    """Levels of x and y that are 0 as well, as a flat area has them."""
     signed: bool = False
+    """Whether floats hold the normal's components themselves, from -1 to 1."""
 
     def decode(
         self, colours: NDArray[np.float32], alpha: NDArray[np.floating[Any]] | None, convention: Convention
@@ -168,7 +169,7 @@ class _Storage:
 
     @property
     def note(self) -> str:
-        """What a user should know of it; "" for a file that holds what it should."""
+        """What a user should know about it; "" for a file that holds what it should."""
         words = []
         if self.x_in_alpha:
             words.append("x is in alpha, y in green (DXT5nm), and z is made from them")
@@ -258,7 +259,7 @@ def _are_horizontal(x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
 
 
 def _levels(some: NDArray[np.float64]) -> float | None:
-    """The highest level of a file with such values, wherever they were stored since; None if they are floats."""
+    """The highest level of the integer file that such values come from, even if converted since; None for floats."""
     if some.min() < 0 or some.max() > 1:
         return None
     in_half = (some == some.astype(np.float16)).all()

@@ -18,10 +18,12 @@ from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
 @dataclass(frozen=True)
 class NormalErrors:
-    """Angular errors. degrees: (H, W) float32. mask: (H, W) bool, where both normals are known; not empty."""
+    """Angular errors between two normal maps."""
 
     degrees: NDArray[np.float32]
+    """(H, W) float32. Angles in degrees."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. Where both normals are known; not empty."""
 
     @property
     def mean(self) -> float:
@@ -71,7 +73,7 @@ def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
 
 
 def errors_inside(mask: NDArray[np.bool_], inside: NDArray[np.float32], truth: NormalMap) -> NormalErrors:
-    """:func:`normal_errors` of an estimate of which only the normals inside its mask, (N, 3), are at hand."""
+    """:func:`normal_errors` of an estimate of which only the normals inside its mask, (N, 3), are available."""
     sizes = [f"{shown.shape[1]} x {shown.shape[0]}" for shown in (mask, truth.mask)]
     if sizes[0] != sizes[1]:
         raise GeometryError(f"the normals are {sizes[0]} but the true ones {sizes[1]}; they must show one view")

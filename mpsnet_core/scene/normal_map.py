@@ -23,16 +23,6 @@ BACKGROUND = 0.1
 class NormalMap:
     """Surface normals in camera space (x right, y up, z towards the camera).
 
-    Parameters
-    ----------
-    vectors : (H, W, 3) float32 or float16 array
-        Normalised here to unit length inside the mask, set to zero outside.
-    mask : (H, W) bool array
-    confidence : (H, W) array of the same type, optional
-        From 0 to 1, set to zero outside the mask; 1 inside it by default.
-    in_place : bool, optional
-        Overwrite the given arrays rather than copy them.
-
     Raises
     ------
     GeometryError
@@ -46,9 +36,14 @@ class NormalMap:
     """
 
     vectors: NDArray[np.float32]
+    """(H, W, 3) float32 or float16. The normals, normalised here to unit length inside the mask, set to zero
+    outside."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. The pixels that have a normal."""
     confidence: NDArray[np.float32] = field(default_factory=lambda: np.ones((), np.float32))
+    """(H, W) of the same type. Confidence from 0 to 1, set to zero outside the mask; 1 inside it by default."""
     in_place: InitVar[bool] = False
+    """Whether to overwrite the given arrays rather than copy them."""
 
     def __post_init__(self, in_place: bool) -> None:
         vectors, mask = np.asarray(self.vectors), np.asarray(self.mask, bool)
@@ -119,7 +114,7 @@ def read_normals(
 ) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 
-    It is found out which level is 0 in a file of 8 bits, and how z is stored: see
+    Which level is 0 in a file of 8 bits, and how z is stored, is detected: see
     :func:`mpsnet_core.scene.normal_encoding.read_vectors`.
 
     Parameters

@@ -36,18 +36,18 @@ class TakesMesh(Operation):
     unit: str = option(
         default="1",
         metavar="LENGTH|mm|cm|m|in|ft",
-        help="length of the mesh file's unit in that of the camera; a name, if that is the metre",
+        help="length of the mesh file's unit, in the camera's unit; or a name, if the camera's unit is the metre",
         numbers=True,
     )
 
     def unit_length(self) -> float:
-        """The length of the mesh file's unit. Raises SettingsError if it is none."""
+        """The length of the mesh file's unit. Raises SettingsError if it is invalid."""
         try:
             length = UNITS[self.unit] if self.unit in UNITS else float(self.unit)
         except ValueError:
             length = 0.0
         if not 1e-9 <= length <= 1e9:
-            raise SettingsError(f"--unit {self.unit} is no length; give {', '.join(UNITS)}, or a number above 0")
+            raise SettingsError(f"--unit {self.unit} is not a length; give {', '.join(UNITS)}, or a number above 0")
         return length
 
     def read_mesh(self, path: "str | Path", *, shape_only: bool = False) -> "Mesh":
@@ -59,11 +59,14 @@ class TakesMesh(Operation):
 
 @dataclass(frozen=True)
 class CamerasWritten(Result):
-    """The folder, the camera files in it, and the number of photos that were undistorted."""
+    """Cameras of photogrammetry as camera files."""
 
     folder: str
+    """Folder of the files."""
     cameras: list[str]
+    """The camera files."""
     photos: int
+    """Number of photos that were undistorted."""
 
 
 @dataclass(frozen=True)
@@ -102,25 +105,27 @@ class WriteCameras(ReadsPictures):
         views = posed_photos(self.cameras, self.photos)
         folder = ensure_folder(self.output, "cameras")
         check_no_overwrite([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
-        straightened = 0
+        corrected_photos = 0
         for number, view in enumerate(views):
             progress(number / len(views), view.name)
             camera = folder / f"{view.name}{CAMERA_SUFFIX}"
             if view.lens is None:
                 write_camera(camera, view.camera)
                 continue
-            self._straighten(view, camera, folder / f"{view.name}.exr")
-            straightened += 1
+            self._undistort(view, camera, folder / f"{view.name}.exr")
+            corrected_photos += 1
         progress(1.0, "done")
-        lenses = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"
+        lenses = (
+            f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", whose lenses have no distortion"
+        )
         return CamerasWritten(
             str(folder),
             [f"{view.name}{CAMERA_SUFFIX}" for view in views],
-            straightened,
+            corrected_photos,
             text=f"{folder}: {len(views)} camera(s){lenses}",
         )
 
-    def _straighten(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
+    def _undistort(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
         """Write the camera and the undistorted photo, both or neither."""
         import numpy as np
 
@@ -145,13 +150,16 @@ class WriteCameras(ReadsPictures):
 
 @dataclass(frozen=True)
 class NormalsCompared(Result):
-    """The error image, if requested, and the mean and median error in degrees. share: fraction of the pixels with a
-    normal that were compared."""
+    """The angles between two normal maps."""
 
     output: str | None
+    """File of the error image, if requested."""
     mean: float
+    """Mean error, in degrees."""
     median: float
+    """Median error, in degrees."""
     share: float
+    """Fraction of the pixels with a normal that were compared."""
 
 
 @dataclass(frozen=True)
@@ -208,17 +216,20 @@ class CompareNormals(Operation):
 
 @dataclass(frozen=True)
 class LightsPreviewed(Result):
-    """The image file, and the fractions of the mesh's pixels that no light, one, two and three lights reach."""
+    """The lights on a mesh."""
 
     output: str
+    """File of the image."""
     shares: list[float]
+    """(4,). Fractions of the mesh's pixels that no light, one, two and three lights reach."""
 
 
 @dataclass(frozen=True)
 class PreviewLights(TakesMesh):
     """The three lights on a mesh: its photo if it were matt and white, beside it how many lights reach each pixel.
 
-    Right are the normals as colours where three lights reach, orange where two do, red where one does, else black.
+    On the right are the normals as colours where three lights reach, orange where two do, red where one does, and black
+    elsewhere.
     """
 
     command: ClassVar[str] = "preview"

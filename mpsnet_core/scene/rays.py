@@ -19,16 +19,16 @@ _NO_HIT = 1e30
 
 @dataclass(frozen=True)
 class Hits:
-    """Where each ray first hits the mesh.
-
-    triangle: (N,) int32, -1 if the ray hits nothing. u, v: (N,) float32 barycentric weights of the triangle's second
-    and third corner; the first has 1 - u - v. distance: (N,) float32 along the ray, infinity if it hits nothing.
-    """
+    """Where each ray first hits the mesh."""
 
     triangle: NDArray[np.int32]
+    """(N,) int32. The triangle; -1 if the ray hits nothing."""
     u: NDArray[np.float32]
+    """(N,) float32. Barycentric weight of the triangle's second corner; the first has 1 - u - v."""
     v: NDArray[np.float32]
+    """(N,) float32. Barycentric weight of its third corner."""
     distance: NDArray[np.float32]
+    """(N,) float32. Distance along the ray; infinity if it hits nothing."""
 
     @property
     def weights(self) -> NDArray[np.float32]:

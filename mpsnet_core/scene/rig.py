@@ -59,16 +59,6 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
 class NearLights:
     """Point lights near the object: their direction and irradiance vary over it.
 
-    Parameters
-    ----------
-    positions : (3, 3) float64 array
-        A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and the mesh.
-    target : (3,) float64 array
-        The point that the lights face. The rig's directions and mixing are valid there.
-    lobe : float, optional
-        Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc
-        or a bare LED chip, more for LEDs with a lens.
-
     Raises
     ------
     GeometryError
@@ -81,8 +71,13 @@ class NearLights:
     """
 
     positions: NDArray[np.float64]
+    """(3, 3) float64. A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and
+    the mesh."""
     target: NDArray[np.float64]
+    """(3,) float64. The point that the lights face. The rig's directions and mixing are valid there."""
     lobe: float = 0.0
+    """Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc or
+    a bare LED chip, more for LEDs with a lens."""
 
     def __post_init__(self) -> None:
         positions, target = _matrix(self.positions, "light positions"), _three(self.target, "the lights' target")
@@ -116,19 +111,6 @@ class NearLights:
 class LightRig:
     """Three lights in camera space, distant or near (:func:`near_rig`), and the mixing of their colours.
 
-    Parameters
-    ----------
-    directions : (3, 3) float64 array
-        Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera channels R,
-        G, B. For near lights, the directions at the target.
-    mixing : (3, 3) float64 array, optional
-        The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity (no crosstalk)
-        by default. For near lights, the mixing at the target.
-    near : NearLights, optional
-        The positions of the lights, if they are near.
-    exact : bool, optional
-        Whether directions and mixing are known exactly, as those of a render are. The default network then trusts them.
-
     Raises
     ------
     GeometryError
@@ -142,9 +124,16 @@ class LightRig:
     """
 
     directions: NDArray[np.float64]
+    """(3, 3) float64. Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera
+    channels R, G, B. For near lights, the directions at the target."""
     mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3) float64. The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity
+    (no crosstalk) by default. For near lights, the mixing at the target."""
     near: "NearLights | None" = None
-    exact: bool = False
+    """The positions of the lights, if they are near."""
+    is_ground_truth: bool = False
+    """Whether directions and mixing are known exactly, as those of a render are. The default network then trusts
+    them."""
 
     def __post_init__(self) -> None:
         directions = _matrix(self.directions, "light directions")
@@ -258,7 +247,7 @@ def near_rig(
     mixing: ArrayLike | None = None,
     lobe: float = 0.0,
     *,
-    exact: bool = False,
+    is_ground_truth: bool = False,
 ) -> LightRig:
     """A rig of near lights.
 
@@ -268,7 +257,7 @@ def near_rig(
         See :class:`NearLights`.
     mixing : (3, 3) array_like, optional
         The mixing matrix at the target; the identity by default.
-    exact : bool, optional
+    is_ground_truth : bool, optional
         See :class:`LightRig`.
 
     Raises
@@ -278,7 +267,7 @@ def near_rig(
     """
     near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
     mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
-    return LightRig(near.positions - near.target, mixed, near, exact)
+    return LightRig(near.positions - near.target, mixed, near, is_ground_truth)
 
 
 def read_rig(path: str | os.PathLike[str]) -> LightRig:
@@ -303,8 +292,10 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         exact = data.get("exact", False)
         if near:
             positions = [_json_position(light, name) for light, name in named]
-            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0), exact=exact)
-        return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing, exact=exact)
+            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0), is_ground_truth=exact)
+        return LightRig(
+            np.array([_json_direction(light, name) for light, name in named]), mixing, is_ground_truth=exact
+        )
 
 
 def has_mixing(path: str | os.PathLike[str]) -> bool:
@@ -433,7 +424,7 @@ def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
     """
     angles = zip(rig.slants, rig.tilts, strict=True)
     distant = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
-    write_rig_data(path, distant, rig.near, rig.mixing, rig.exact)
+    write_rig_data(path, distant, rig.near, rig.mixing, rig.is_ground_truth)
 
 
 def write_rig_data(
@@ -441,13 +432,13 @@ def write_rig_data(
     distant: list[dict[str, Any]],
     near: NearLights | None,
     mixing: NDArray[np.float64],
-    exact: bool,
+    is_ground_truth: bool,
 ) -> None:
     """Write a JSON rig file atomically, with the lights `near`, or `distant` if that is None."""
     data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}
     if near is not None:
         data["lights"] = [{"position": position.tolist()} for position in near.positions]
         data |= {"target": near.target.tolist(), "lobe": near.lobe}
-    if exact or not np.array_equal(mixing, np.eye(3)):  # otherwise it is a default, not a measurement
+    if is_ground_truth or not np.array_equal(mixing, np.eye(3)):  # otherwise it is a default, not a measurement
         data["mixing"] = np.asarray(mixing).tolist()
-    write_json(path, {**data, **({"exact": True} if exact else {})})
+    write_json(path, {**data, **({"exact": True} if is_ground_truth else {})})

@@ -34,17 +34,18 @@ def camera_files(cameras: str | os.PathLike[str]) -> list[Path]:
 
 @dataclass(frozen=True)
 class ViewPhoto:
-    """A photo and its camera.
-
-    name: unique among the views, for messages and files. lens: the photo's distortion, None if there is none.
-    folder: of the photo, relative to the folder of all photos.
-    """
+    """A photo and its camera."""
 
     name: str
+    """Name that is unique among the views, for messages and files."""
     photo: Path
+    """The photo's file."""
     camera: Camera
+    """Its pinhole camera."""
     lens: "Lens | None" = None
+    """The photo's distortion; None if there is none."""
     folder: Path = Path()
+    """Folder of the photo, relative to the folder of all photos."""
 
 
 def posed_photos(
@@ -73,7 +74,7 @@ def posed_photos(
     FileError
         If a file, or the photo of a camera file, is missing, or several photos match a camera.
     FormatError, GeometryError
-        If the cameras are malformed, or a photo is no image or has another aspect ratio than its camera.
+        If the cameras are malformed, or a photo is not an image or differs from its camera in aspect ratio.
     SettingsError
         If `photos` is required but missing.
     """

@@ -40,8 +40,8 @@ class Visibility:
         x, y = (np.arange(part.start, part.stop) + 0.5 for part in (columns, rows))
         depth = scene.depths(camera, x * (camera.width / width), y * (camera.height / height))
         distance = np.float32(scene.depth_of_middle(camera))
-        apart = np.float32(max(camera.height, camera.width) / (max(height, width) * float(camera.focal.min())))
-        pixel = np.full_like(depth, apart) if camera.projection == "orthographic" else apart * (depth + distance)
+        spacing = np.float32(max(camera.height, camera.width) / (max(height, width) * float(camera.focal.min())))
+        pixel = np.full_like(depth, spacing) if camera.projection == "orthographic" else spacing * (depth + distance)
         seen = np.isfinite(depth)
         # Rays of an orthographic camera start behind its plane, at `distance`.
         if seen.any() and depth[seen].max() + distance < -self.offset:

@@ -17,17 +17,6 @@ from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, r
 class WorldLights:
     """Three lights in the world space of mesh and cameras.
 
-    Parameters
-    ----------
-    directions : (3, 3) float64 array
-        Per row a vector from the surface to a light, in world space; in rig order.
-    mixing : (3, 3) float64 array, optional
-        As in :class:`LightRig`.
-    near : NearLights, optional
-        The positions of the lights, if they are near, and their target, in world space.
-    exact : bool, optional
-        As in :class:`LightRig`.
-
     Raises
     ------
     GeometryError
@@ -35,9 +24,13 @@ class WorldLights:
     """
 
     directions: NDArray[np.float64]
+    """(3, 3) float64. Per row a vector from the surface to a light, in world space; in rig order."""
     mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3) float64. The mixing matrix, as in :class:`LightRig`."""
     near: NearLights | None = None
-    exact: bool = False
+    """The positions of the lights, if they are near, and their target, in world space."""
+    is_ground_truth: bool = False
+    """Whether directions and mixing are known exactly, as in :class:`LightRig`."""
 
     def __post_init__(self) -> None:
         try:
@@ -51,19 +44,19 @@ class WorldLights:
     def seen_by(self, camera: Camera) -> LightRig:
         """The lights in the camera's space. Raises GeometryError if one is behind the object, seen by the camera."""
         if self.near is None:
-            return LightRig(self.directions @ camera.rotation, self.mixing, exact=self.exact)
+            return LightRig(self.directions @ camera.rotation, self.mixing, is_ground_truth=self.is_ground_truth)
         places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
         *positions, target = places @ camera.rotation
-        return near_rig(positions, target, self.mixing, self.near.lobe, exact=self.exact)
+        return near_rig(positions, target, self.mixing, self.near.lobe, is_ground_truth=self.is_ground_truth)
 
 
 def in_world(rig: LightRig, camera: Camera) -> WorldLights:
     """A rig from the space of `camera` in world space: the inverse of :meth:`WorldLights.seen_by`."""
     directions = rig.directions @ camera.rotation.T
     if rig.near is None:
-        return WorldLights(directions, rig.mixing, exact=rig.exact)
+        return WorldLights(directions, rig.mixing, is_ground_truth=rig.is_ground_truth)
     places = np.vstack([rig.near.positions, rig.near.target]) @ camera.rotation.T + camera.world_from_camera[:3, 3]
-    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.exact)
+    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.is_ground_truth)
 
 
 def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
@@ -73,14 +66,14 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
     """
     if Path(path).suffix.lower() == ".lp":
         raise FormatError(
-            f"{path}: an .lp file's lights stand before the camera; for lights in the world give a rig .json"
+            f"{path}: the lights of an .lp file are relative to the camera; for lights in the world give a rig .json"
         )
     with rig_data(path) as (data, is_near):
         key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
         exact = data.get("exact", False)
         lights = np.array([_three(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)])
         if not is_near:
-            return WorldLights(lights, mixing, exact=exact)
+            return WorldLights(lights, mixing, is_ground_truth=exact)
         near = NearLights(lights, data["target"], data.get("lobe", 0.0))
         return WorldLights(near.positions - near.target, mixing, near, exact)
 
@@ -88,7 +81,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
 def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
     """Write a rig file with lights in world space atomically."""
     distant = [{"direction": direction.tolist()} for direction in lights.directions]
-    write_rig_data(path, distant, lights.near, lights.mixing, lights.exact)
+    write_rig_data(path, distant, lights.near, lights.mixing, lights.is_ground_truth)
 
 
 def _three(light: Any, key: str, name: str) -> list[float]:

@@ -4,7 +4,8 @@ Every range stands in :class:`CaptureModel`, with its source. What is drawn from
 :mod:`mpsnet_core.learning.training.photo_simulation`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,16 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.random_sampling import generator, log_uniform, uniform
 
 Range = tuple[float, float]
+
+
+def limited(default: Any, low: float, high: float) -> Any:
+    """A field of a dataclass whose numbers are from `low` to `high`, see :func:`limits_of`."""
+    return field(default=default, metadata={"limits": (low, high)})
+
+
+def limits_of(kind: type) -> dict[str, Range]:
+    """The limits of a dataclass's fields that were made by :func:`limited`."""
+    return {one.name: one.metadata["limits"] for one in fields(kind) if "limits" in one.metadata}
 
 
 @dataclass(frozen=True)
@@ -59,6 +70,9 @@ class CaptureDraw:
 @dataclass(frozen=True)
 class CaptureModel:
     """The ranges that photographs are drawn from, (least, most) each. Chances are from 0 to 1.
+
+    The limits of each are those of what a recipe may set it to. What is drawn log-uniformly stays above 0; a crosstalk
+    of 1 leaves no inverse of the mixing.
 
     crosstalk: the most that a channel sees of a light that is not its own, as a share of what it sees of its own. The
         spectral sensitivities of cameras' channels overlap (Jiang et
@@ -109,37 +123,37 @@ class CaptureModel:
         differ in tint as well as in brightness. Our estimates.
     """
 
-    crosstalk: Range = (0.0, 0.4)
-    colour_overlap: Range = (0.0, 0.6)
-    overlap_shares: Range = (0.0, 1.0)
-    light_strengths: Range = (0.7, 1.4)
-    channel_gains: Range = (0.6, 1.6)
-    exact: float = 0.33
-    rendered: float = 0.5
-    measured: float = 0.33
-    mixing_error: Range = (0.0, 0.03)
-    direction_error: Range = (0.0, 1.5)
-    bad_mixing_error: Range = (0.03, 0.1)
-    bad_direction_error: Range = (1.5, 4.0)
-    unknown: float = 0.5
-    exposure: Range = (0.25, 1.2)
-    highlights: Range = (0.005, 0.15)
-    full_well: Range = (1500.0, 40_000.0)
-    read_noise: Range = (1.5, 12.0)
-    bits: tuple[int, ...] = (8, 10, 12, 14, 16)
-    srgb: float = 0.5
-    jpeg: float = 0.35
-    jpeg_quality: tuple[int, int] = (60, 98)
-    halved_chroma: float = 0.5
-    blur: Range = (0.0, 1.2)
-    mosaic: float = 0.3
-    white: float = 0.25
-    white_strengths: Range = (0.87, 1.15)
-    mask_error: tuple[int, int] = (-3, 2)
-    grain: float = 0.0
-    grain_amount: Range = (0.01, 0.2)
-    grain_size: Range = (1.0, 12.0)
-    grain_tinted: float = 0.3
+    crosstalk: tuple[float, float] = limited((0.0, 0.4), 0.0, 0.9)
+    colour_overlap: tuple[float, float] = limited((0.0, 0.6), 0.0, 1.0)
+    overlap_shares: tuple[float, float] = limited((0.0, 1.0), 0.0, 1.0)
+    light_strengths: tuple[float, float] = limited((0.7, 1.4), 0.001, 1000.0)
+    channel_gains: tuple[float, float] = limited((0.6, 1.6), 0.001, 1000.0)
+    exact: float = limited(0.33, 0.0, 1.0)
+    rendered: float = limited(0.5, 0.0, 1.0)
+    measured: float = limited(0.33, 0.0, 1.0)
+    mixing_error: tuple[float, float] = limited((0.0, 0.03), 0.0, 1.0)
+    direction_error: tuple[float, float] = limited((0.0, 1.5), 0.0, 90.0)
+    bad_mixing_error: tuple[float, float] = limited((0.03, 0.1), 0.0, 1.0)
+    bad_direction_error: tuple[float, float] = limited((1.5, 4.0), 0.0, 90.0)
+    unknown: float = limited(0.5, 0.0, 1.0)
+    exposure: tuple[float, float] = limited((0.25, 1.2), 0.001, 1000.0)
+    highlights: tuple[float, float] = limited((0.005, 0.15), 1e-6, 1.0)
+    full_well: tuple[float, float] = limited((1500.0, 40_000.0), 1.0, 1e9)
+    read_noise: tuple[float, float] = limited((1.5, 12.0), 1e-6, 1e6)
+    bits: tuple[int, ...] = limited((8, 10, 12, 14, 16), 0, 16)
+    srgb: float = limited(0.5, 0.0, 1.0)
+    jpeg: float = limited(0.35, 0.0, 1.0)
+    jpeg_quality: tuple[int, int] = limited((60, 98), 1, 100)
+    halved_chroma: float = limited(0.5, 0.0, 1.0)
+    blur: tuple[float, float] = limited((0.0, 1.2), 0.0, 16.0)
+    mosaic: float = limited(0.3, 0.0, 1.0)
+    white: float = limited(0.25, 0.0, 1.0)
+    white_strengths: tuple[float, float] = limited((0.87, 1.15), 0.001, 1000.0)
+    mask_error: tuple[int, int] = limited((-3, 2), -32, 32)
+    grain: float = limited(0.0, 0.0, 1.0)
+    grain_amount: tuple[float, float] = limited((0.01, 0.2), 0.001, 1.0)
+    grain_size: tuple[float, float] = limited((1.0, 12.0), 1.0, 64.0)
+    grain_tinted: float = limited(0.3, 0.0, 1.0)
 
     def draw(self, rng: np.random.Generator) -> CaptureDraw:
         """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
@@ -214,16 +228,14 @@ def blur_weights(sigma: float) -> NDArray[np.float32]:
     frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
     half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
     weights = np.concatenate([half[:0:-1], half])
-    normalised_weights: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)
-    return normalised_weights
+    return (weights / weights.sum()).astype(np.float32)
 
 
 def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
     across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
     angle = np.linalg.norm(across, axis=1, keepdims=True)
-    result: NDArray[np.float64] = np.cos(angle) * directions + np.sin(angle) * normalised(across)
-    return result
+    return np.cos(angle) * directions + np.sin(angle) * normalised(across)
 
 
 def _overlap(rng: np.random.Generator, limits: Range, shares: Range) -> NDArray[np.float64]:

@@ -36,6 +36,12 @@ RANGES = {
     "supersampling": (1, 16),
     "sample_seconds": (1, 10_000_000),
 }
+# The kinds of the others.
+_KINDS: dict[str, tuple[type, str]] = {
+    "denoise": (bool, "true or false"),
+    **dict.fromkeys(("meshes", "merl"), (str, "a path")),
+    **dict.fromkeys(("shapes", "objects"), (tuple, "a list of names")),
+}
 # Settings that another run of the same job may change.
 _NOT_OF_SAMPLES = ("count", "sample_seconds")
 
@@ -86,17 +92,13 @@ class SampleJob:
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:
                 raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
-        if type(self.denoise) is not bool:
-            raise SettingsError(f"the job's denoise must be true or false, not {self.denoise!r}")
-        for name in ("meshes", "merl"):
-            if not isinstance(getattr(self, name), str):
-                raise SettingsError(f"the job's {name} must be a path, not {getattr(self, name)!r}")
-        for name in ("shapes", "objects"):
+        for name, (kind, words) in _KINDS.items():
             value = getattr(self, name)
-            if not isinstance(value, tuple) or not all(isinstance(entry, str) and entry for entry in value):
-                raise SettingsError(f"the job's {name} must be a list of names, not {value!r}")
-            if len(set(value)) < len(value):
-                raise SettingsError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
+            entries = list(value) if kind is tuple and type(value) is tuple else ["-"]
+            if not (isinstance(value, kind) and all(isinstance(entry, str) and entry for entry in entries)):
+                raise SettingsError(f"the job's {name} must be {words}, not {value!r}")
+            if len(set(entries)) < len(entries):
+                raise SettingsError(f"the job's {name} name one twice ({', '.join(entries)}); name each once")
         if not self.shapes:
             raise SettingsError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")
         for shape in self.shapes:

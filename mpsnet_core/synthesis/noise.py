@@ -74,8 +74,7 @@ def _gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
         corners.append(gx * offsets[0][i] + gy * offsets[1][j] + gz * offsets[2][k])
     for fade in reversed(fades):
         corners = [a + fade * (b - a) for a, b in zip(corners[::2], corners[1::2], strict=True)]
-    scaled: NDArray[np.float32] = corners[0] * _SCALE
-    return scaled
+    return corners[0] * _SCALE
 
 
 def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:

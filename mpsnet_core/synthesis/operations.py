@@ -157,21 +157,11 @@ class Synthesize(RunsWorkers):
             shapes = tuple(name.strip() for name in self.shapes.split(",") if name.strip())
         else:
             shapes = ("meshes",) if self.meshes else SampleJob.shapes
-        return SampleJob(
-            renderer="synthesis",
-            count=self.count,
-            seed=self.seed,
-            size=self.size,
-            shapes=shapes,
-            # Workers may have another working directory.
-            meshes=str(resolved(self.meshes)) if self.meshes else "",
-            merl=str(resolved(self.merl)) if self.merl else "",
-            merl_part=self.merl_part,
-            views=self.views,
-            bounces=self.bounces,
-            supersampling=self.supersampling,
-            style=self.style,
-        )
+        same = ("count", "seed", "size", "merl_part", "views", "bounces", "supersampling", "style")
+        # Workers may have another working directory.
+        meshes, merl = (str(resolved(place)) if place else "" for place in (self.meshes, self.merl))
+        settings = {name: getattr(self, name) for name in same}
+        return SampleJob("synthesis", shapes=shapes, meshes=meshes, merl=merl, **settings)
 
 
 @dataclass(frozen=True)

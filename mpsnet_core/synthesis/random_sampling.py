@@ -49,8 +49,7 @@ def choice(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequenc
 def direction(rng: np.random.Generator) -> NDArray[np.float64]:
     """A uniformly distributed unit vector."""
     vector = rng.normal(size=3)
-    unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
-    return unit
+    return vector / np.linalg.norm(vector)
 
 
 def rotation(rng: np.random.Generator) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """Complete descriptions of a sample's scene, as plain data for both renderers."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -129,22 +129,7 @@ class SceneDescription:
 
     def data(self) -> dict[str, Any]:
         """The recipe as plain JSON data, for :func:`scene_from_data`."""
-        return {
-            "version": SCENE_VERSION,
-            "seed": self.seed,
-            "number": self.number,
-            "shape": self.shape,
-            "rotation": self.rotation.tolist(),
-            "camera": camera_data(self.camera),
-            "light_directions": self.light_directions.tolist(),
-            "light_sizes": self.light_sizes.tolist(),
-            "materials": [asdict(material) for material in self.materials],
-            "pattern": asdict(self.pattern),
-            "paint": asdict(self.paint),
-            "dirt": asdict(self.dirt),
-            "bump": asdict(self.bump),
-            "bounces": self.bounces,
-        }
+        return {"version": SCENE_VERSION, **{one.name: _plain(getattr(self, one.name)) for one in fields(self)}}
 
 
 def scene_from_data(data: dict[str, Any]) -> SceneDescription:
@@ -178,3 +163,14 @@ def scene_from_data(data: dict[str, Any]) -> SceneDescription:
 def _dataclass_of(kind: type, data: dict[str, Any]) -> Any:
     # JSON has lists in place of tuples.
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in data.items()})
+
+
+def _plain(value: Any) -> Any:
+    """A field's value as JSON data."""
+    if isinstance(value, tuple):
+        return [asdict(material) for material in value]
+    if isinstance(value, Camera):
+        return camera_data(value)
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return asdict(value) if isinstance(value, Pattern | Paint | Dirt | Bump) else value

@@ -22,7 +22,7 @@ from blender_addon.child_process.core_process import Work
 from blender_addon.operators import core_run
 from blender_addon.photo import photo
 from mpsnet_core.cli.command import OPERATIONS
-from mpsnet_core.cli.reporter import Notes
+from mpsnet_core.cli.reporter import NoteCollector
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json, to_json
 from mpsnet_core.progress import silent
@@ -49,7 +49,7 @@ def core_in_this_process(registered: None) -> Iterator[None]:
     ) -> dict[str, Any]:
         if not isinstance(work, Operation):
             return core_process.run(work, outputs, on_progress)
-        notes, log = Notes(), logging.getLogger("mpsnet_core")
+        notes, log = NoteCollector(), logging.getLogger("mpsnet_core")
         log.addHandler(notes)
         try:
             result = from_json(json.loads(json.dumps(to_json(work))), OPERATIONS).run(on_progress)

@@ -16,10 +16,10 @@ from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.texture import write_texture
 
 from .rendering import array_of, nodes_of, pixels, write_exr_files
 
@@ -222,11 +222,11 @@ def with_materials(*objects: "bpy.types.Object") -> None:
 
 
 @pytest.fixture
-def bunny(scene: "bpy.types.Scene") -> "bpy.types.Object":
+def bunny(scene):
     return detailed_object(external_data("meshes/test/bunny.obj"))
 
 
-def test_a_70k_mesh_baked_onto_7k_agrees_with_blenders_bake(bunny: "bpy.types.Object", tmp_path: Path) -> None:
+def test_a_70k_mesh_baked_onto_7k_agrees_with_blenders_bake(bunny, tmp_path):
     set_up_cycles(512)
     simple = simplified(bunny, 7000)
     with_materials(bunny, simple)
@@ -271,7 +271,7 @@ def posed_pair(placement: Placement) -> tuple["bpy.types.Object", "bpy.types.Obj
 
 
 @pytest.mark.parametrize("placement", [AS_THEY_ARE, TURNED], ids=["as they are", "turned, mirrored UVs"])
-def test_both_spaces_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path, placement: Placement) -> None:
+def test_both_spaces_agree_with_blenders_bake(scene, tmp_path, placement):
     """Not for stretched objects: there Blender's bake departs from its own renders, in object space by some 20 degrees.
 
     Those are judged by how the texture looks, below, and against known normals in tests/core.
@@ -330,9 +330,7 @@ def add_sun() -> None:
 @pytest.mark.parametrize(
     "placement", [AS_THEY_ARE, STRETCHED, REFLECTED], ids=["as they are", "stretched, mirrored UVs", "reflected"]
 )
-def test_with_the_texture_it_looks_more_like_the_original(
-    scene: "bpy.types.Scene", tmp_path: Path, placement: Placement
-) -> None:
+def test_with_the_texture_it_looks_more_like_the_original(scene, tmp_path, placement):
     """From a side not baked from, in both spaces and conventions; with green turned over about as bad as without."""
     set_up_cycles(512)
     detailed, simple = posed_pair(placement)

@@ -42,12 +42,12 @@ def vectors_in(path: Path) -> np.ndarray:
 
 
 @pytest.fixture
-def worn(estimated: "bpy.types.Object", tmp_path: Path) -> "bpy.types.Node":
+def worn(estimated, tmp_path):
     """The estimated sphere with waves on it; its Normal Map node."""
     return dress(estimated, saved_map(tmp_path / "waves.png", waves()))
 
 
-def test_the_map_stays_beneath_and_runs_do_not_add_up(worn: "bpy.types.Node", scene: object, tmp_path: Path) -> None:
+def test_the_map_stays_beneath_and_runs_do_not_add_up(worn, scene, tmp_path):
     """The estimate is wrong where a light does not reach, which is as good as detail here."""
     bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "levelled.png"))
     assert scene.mps.bake.level  # comes with going on top
@@ -65,7 +65,7 @@ def test_the_map_stays_beneath_and_runs_do_not_add_up(worn: "bpy.types.Node", sc
 
 
 @pytest.mark.parametrize("where", ["normal", "colour", "vector"])
-def test_a_reroute_between_is_passed(worn: "bpy.types.Node", tmp_path: Path, where: str) -> None:
+def test_a_reroute_between_is_passed(worn, tmp_path, where):
     tree = worn.id_data
     texture = worn.inputs["Color"].links[0].from_node
     reroute, uv = tree.nodes.new("NodeReroute"), tree.nodes.new("ShaderNodeUVMap")
@@ -82,7 +82,7 @@ def test_a_reroute_between_is_passed(worn: "bpy.types.Node", tmp_path: Path, whe
     assert (apart < 0.1).mean() > 0.3  # the half that the photo does not see
 
 
-def test_what_a_plain_bake_took_the_place_of_is_still_the_map(worn: "bpy.types.Node", tmp_path: Path) -> None:
+def test_what_a_plain_bake_took_the_place_of_is_still_the_map(worn, tmp_path):
     bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "straight.png"))
     worn.id_data.links.new(worn.outputs["Normal"], worn.id_data.nodes["Principled BSDF"].inputs["Normal"])
     bpy.ops.mps.bake(onto=False, level=False, output=str(tmp_path / "plain.png"))
@@ -93,9 +93,7 @@ def test_what_a_plain_bake_took_the_place_of_is_still_the_map(worn: "bpy.types.N
 
 
 @pytest.mark.parametrize("bump", [False, True])
-def test_a_directx_map_is_taken_as_what_it_is(
-    worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path, bump: bool
-) -> None:
+def test_a_directx_map_is_taken_as_what_it_is(worn, estimated, tmp_path, bump):
     """Turned round by our node, of 5.2's Normal Map node, or told with a file; a bump may be behind it."""
     bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "up.png"))
     expected = vectors_in(tmp_path / "up.png")
@@ -216,9 +214,7 @@ def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
         ),
     ],
 )
-def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(
-    worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path, broken: object, sentence: str
-) -> None:
+def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(worn, estimated, tmp_path, broken, sentence):
     broken(worn, estimated, tmp_path)
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
@@ -228,9 +224,7 @@ def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(
 
 
 @pytest.mark.parametrize("kind", ["ShaderNodeUVMap", "ShaderNodeTexCoord"])
-def test_a_mapping_that_moves_nothing_is_no_obstacle(
-    worn: "bpy.types.Node", scene: object, tmp_path: Path, kind: str
-) -> None:
+def test_a_mapping_that_moves_nothing_is_no_obstacle(worn, scene, tmp_path, kind):
     through_a_mapping(worn, 1, "UVMap", kind)
     scene.mps.bake.onto = True
     assert MPS_PT_bake.lacks(bpy.context) == ""
@@ -238,9 +232,7 @@ def test_a_mapping_that_moves_nothing_is_no_obstacle(
     assert (tmp_path / "texture.png").exists()
 
 
-def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_not(
-    worn: "bpy.types.Node", estimated: "bpy.types.Object", scene: object, tmp_path: Path
-) -> None:
+def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_not(worn, estimated, scene, tmp_path):
     present = worn.inputs["Color"].links[0].from_node.image
     present.pixels[0] = 0.3
     texture = str(tmp_path / "texture.png")
@@ -255,7 +247,7 @@ def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_no
     assert scene.mps.bake.image.get("mpsnet_base") is None
 
 
-def test_what_the_core_refuses_is_reported_too(worn: "bpy.types.Node", tmp_path: Path) -> None:
+def test_what_the_core_refuses_is_reported_too(worn, tmp_path):
     with pytest.raises(RuntimeError, match="bake in tangent space"):
         bpy.ops.mps.bake(size=32, onto=True, space="OBJECT", output=str(tmp_path / "texture.png"))
     with pytest.raises(RuntimeError, match="would overwrite"):
@@ -264,9 +256,7 @@ def test_what_the_core_refuses_is_reported_too(worn: "bpy.types.Node", tmp_path:
 
 
 @pytest.mark.parametrize("strength", [0.0, 1.5])
-def test_strength_and_detail_only_reach_the_core(
-    estimated: "bpy.types.Object", scene: object, tmp_path: Path, strength: float
-) -> None:
+def test_strength_and_detail_only_reach_the_core(estimated, scene, tmp_path, strength):
     bpy.ops.mps.bake(size=64, output=str(tmp_path / "plain.png"))
     bpy.ops.mps.bake(strength=strength, output=str(tmp_path / "strong.png"))
     plain, strong = vectors_in(tmp_path / "plain.png"), vectors_in(tmp_path / "strong.png")
@@ -297,7 +287,7 @@ NOTHING_OF_THE_PHOTO = {"onto": True, "onto_shown": "NO", "level": False, "stren
 
 
 @pytest.fixture
-def second(estimated: "bpy.types.Object") -> "bpy.types.Object":
+def second(estimated):
     """A smaller sphere within sight, with a mesh and material of its own; both are selected."""
     other = estimated.copy()
     other.data, other.name = estimated.data.copy(), "Second"
@@ -309,9 +299,7 @@ def second(estimated: "bpy.types.Object") -> "bpy.types.Object":
     return other
 
 
-def test_each_object_keeps_its_own_map_beneath_and_runs_do_not_add_up(
-    estimated: "bpy.types.Object", second: "bpy.types.Object", scene: object, tmp_path: Path
-) -> None:
+def test_each_object_keeps_its_own_map_beneath_and_runs_do_not_add_up(estimated, second, scene, tmp_path):
     dress(estimated, leaning(tmp_path / "a.png", 0.3, 0.1))
     dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))
     for split, names in (("OBJECT", ("Sphere", "Second")), ("MATERIAL", ("Matte", "Other"))):
@@ -329,9 +317,7 @@ def test_each_object_keeps_its_own_map_beneath_and_runs_do_not_add_up(
 
 
 @pytest.mark.parametrize("method", ["MATERIAL", "MODIFIER"])
-def test_a_displacement_does_not_hide_the_map_from_before_the_first_bake(
-    estimated: "bpy.types.Object", tmp_path: Path, method: str
-) -> None:
+def test_a_displacement_does_not_hide_the_map_from_before_the_first_bake(estimated, tmp_path, method):
     dress(estimated, leaning(tmp_path / "a.png", 0.3, 0.1))
     bpy.ops.mps.bake(size=16, output=str(tmp_path / "t.png"), **NOTHING_OF_THE_PHOTO)
     bpy.ops.mps.displace(method=method, levels=1, output=str(tmp_path / "h.exr"))
@@ -343,9 +329,7 @@ def test_a_displacement_does_not_hide_the_map_from_before_the_first_bake(
     assert leans(tmp_path / "on_top.png") == (0.3, 0.1)
 
 
-def test_what_wears_no_map_is_baked_as_it_is_and_reported(
-    estimated: "bpy.types.Object", second: "bpy.types.Object", scene: object, tmp_path: Path
-) -> None:
+def test_what_wears_no_map_is_baked_as_it_is_and_reported(estimated, second, scene, tmp_path):
     dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))
     bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
     assert leans(tmp_path / "Sphere_normal.png") == (0, 0) and leans(tmp_path / "Second_normal.png") == (-0.2, 0.4)
@@ -353,9 +337,7 @@ def test_what_wears_no_map_is_baked_as_it_is_and_reported(
     assert told.count("nothing lies beneath its texture") == told.count("object Sphere: there is no existing map") == 1
 
 
-def test_maps_of_another_name_are_named_by_tokens(
-    estimated: "bpy.types.Object", second: "bpy.types.Object", tmp_path: Path
-) -> None:
+def test_maps_of_another_name_are_named_by_tokens(estimated, second, tmp_path):
     for name, lean in (("Sphere", (0.1, 0.2)), ("Second", (0.3, 0.4))):
         leaning(tmp_path / f"was_{name}.png", *lean)
     named = {"onto_file": str(tmp_path / "was_<OBJECT>.png"), "output": f"{tmp_path}/"}
@@ -364,7 +346,7 @@ def test_maps_of_another_name_are_named_by_tokens(
     assert found == [(0.1, 0.2), (0.3, 0.4)]
 
 
-def test_tiles_go_on_top_of_tiles(estimated: "bpy.types.Object", scene: object, tmp_path: Path) -> None:
+def test_tiles_go_on_top_of_tiles(estimated, scene, tmp_path):
     layer = estimated.data.uv_layers.active.uv
     layer.foreach_set("vector", (array_of(layer, "vector", 2) * np.float32([2, 1])).ravel())
     leaning(tmp_path / "t.1002.png", 0.3, 0.1)

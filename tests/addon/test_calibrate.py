@@ -23,7 +23,7 @@ BALLS = Scene([((0.0, 0.0, 0.0), 110.0)], lamps_around((0, 0, 0), 2e4, angles=AN
 
 
 @pytest.fixture(scope="module")
-def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def balls(tmp_path_factory):
     folder = tmp_path_factory.mktemp("balls")
     write_image(folder / "mirror.exr", photograph(BALLS, MIXING))
     write_image(folder / "grey.exr", grey_photograph(BALLS, MIXING, LIGHTS))
@@ -31,12 +31,12 @@ def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def mirror(balls: Path, tmp_path: Path) -> str:
+def mirror(balls, tmp_path):
     return str(shutil.copy(balls / "mirror.exr", tmp_path))
 
 
 @pytest.fixture
-def grey(balls: Path, tmp_path: Path) -> str:
+def grey(balls, tmp_path):
     return str(shutil.copy(balls / "grey.exr", tmp_path))
 
 

@@ -30,7 +30,7 @@ def test_what_is_wrong_with_a_photo_is_named(photographed, scene, tmp_path, capf
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "shot.png"))
     bpy.ops.mps.check_photo()
     (said,) = [note for note in notes_of(scene, "check_photo") if note.startswith("clipping, bad: ")]
-    assert "expose shorter" in said
+    assert "use a shorter exposure" in said
     assert "The photo should be taken again" in capfd.readouterr().out
 
 

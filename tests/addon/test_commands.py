@@ -9,9 +9,6 @@ import pytest
 from blender_addon.commands import _refuse_unopened, main
 from blender_addon.preferences import preference
 from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.image_reading import read_data
-
-from .rendering import matte
 
 
 def objects_of(*lines: str) -> list[dict]:
@@ -47,26 +44,6 @@ def test_a_file_that_blender_could_not_open_is_refused(scene, tmp_path):
         _refuse_unopened(["blender", *before, "--command", "mpsnet", "add-rig", "--save", "new.blend"])
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "there.blend"))
     _refuse_unopened(["blender", "-b", str(tmp_path / "there.blend"), "--command", "mpsnet", "add-rig"])
-
-
-def test_the_target_is_left_out_of_the_photo_of_what_is_in_its_place(sphere, scene, tmp_path, capsys):
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=6)
-    low = bpy.context.object
-    low.name, low.scale = "Low", (1.04, 1.04, 1.04)
-    low.data.materials.append(matte())
-    pictures = {}
-    assert main(["add-rig", "--object", "Sphere"]) == 0
-    size = ["--width", "48", "--height", "48", "--samples", "4"]
-    for name, more in {"both": [], "one": ["--target", "Low"]}.items():
-        assert main(["render-photo", *size, *more, "--output", str(tmp_path / f"{name}.exr")]) == 0
-        pictures[name] = read_data(tmp_path / f"{name}.exr")[0]
-        told = capsys.readouterr().err
-        assert "note: " in told and '"Low"' in told, "coincident meshes are noticed"
-    low.hide_render = True
-    bpy.ops.mps.render_photo(output=str(tmp_path / "alone.exr"))
-    alone = read_data(tmp_path / "alone.exr")[0]
-    assert abs(pictures["one"] - alone).max() < 1e-5 < abs(pictures["both"] - alone).max()
-    assert main(["render-photo", "--target", "nobody"]) == 2
 
 
 def test_settings_that_stay_in_the_scene_are_named_and_numbers_are_not_clamped(estimated, scene, tmp_path, capsys):

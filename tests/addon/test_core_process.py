@@ -182,13 +182,10 @@ def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     manager.mps.running = "MPS_OT_estimate"
     wait_for_writing(running.process, output.parent)
     core_run.unregister()
-    try:
-        assert not running.process.running()
-        assert only_the_inputs(output.parent) and not folder.exists()
-        assert manager.mps.running == ""
-        running.leave(manager)  # Blender may ask for it once more
-    finally:
-        core_run.register()
+    assert not running.process.running()
+    assert only_the_inputs(output.parent) and not folder.exists()
+    assert manager.mps.running == ""
+    running.leave(manager)  # Blender may ask for it once more
 
 
 def test_what_a_killed_blender_left_goes_with_the_next_run(tmp_path):

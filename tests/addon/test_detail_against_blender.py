@@ -106,7 +106,7 @@ def covered(folder: Path) -> np.ndarray:
     return triangle_of_texel(texel_coordinates(read_mesh(folder / "mesh.npz").uvs, SIZE), SIZE) >= 0
 
 
-def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene, tmp_path):
     """Whether the photo shows the detail on something smooth, or on the object with the relief of its existing map."""
     set_up_cycles(SIZE)
     low, large, both = low_poly(), ball(True, False), ball(True, True)
@@ -128,9 +128,7 @@ def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene"
         assert (simply.mean() > 2) == all_of_it
 
 
-def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(
-    scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(scene, tmp_path):
     """The photos show the relief of the first one's map, and on the second one the detail alone."""
     set_up_cycles(512)  # the objects are less than half as large in the views
     seen, references = [], []
@@ -162,7 +160,7 @@ def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(
             assert (error.mean() < 1.2) == (shown == "auto" or number == 1)
 
 
-def test_detail_only_is_right_where_the_estimates_are_bent(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_detail_only_is_right_where_the_estimates_are_bent(scene, tmp_path):
     set_up_cycles(SIZE)
     low, fine = low_poly(), ball(False, True)
     reference = blenders_bake(fine, low, SIZE, "TANGENT", EXTRUSION)

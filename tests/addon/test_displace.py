@@ -67,7 +67,7 @@ def distances(points: np.ndarray, high: "bpy.types.Object") -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def pair(tmp_path_factory):
     """A file with the high poly and the low poly, its normals baked; each test opens it anew."""
     folder = tmp_path_factory.mktemp("pair")
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)

@@ -27,7 +27,7 @@ def name_of(page: Path) -> str:
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=name_of)
-def test_commands_of_blender_are_ones_that_there_are(page: Path) -> None:
+def test_commands_of_blender_are_ones_that_there_are(page):
     calls = [call[call.index("--command") + 2 :] for call in commands(page, "blender") if "--command" in call]
     own = [call[2:] for call in commands(page, "python") if call[:2] == ["-m", "blender_addon"]]
     calls += [call[1:] if call[0].endswith(".blend") else call for call in own]
@@ -37,7 +37,7 @@ def test_commands_of_blender_are_ones_that_there_are(page: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def inputs(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def inputs(registered, tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     make_inputs(folder)
     shutil.copy(folder / "photo.dng", folder / "statue.dng")
@@ -57,6 +57,6 @@ def inputs(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.long
 @pytest.mark.parametrize("page", [page for page in WRITTEN if needs_blender(page)], ids=name_of)
-def test_the_page_runs_from_top_to_bottom(page: Path, inputs: Path, tmp_path: Path) -> None:
+def test_the_page_runs_from_top_to_bottom(page, inputs, tmp_path):
     shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     run_page(page, tmp_path, {"blender": BLENDER})

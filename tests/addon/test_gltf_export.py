@@ -139,7 +139,7 @@ def notes() -> str:
     return bpy.context.scene.mps.records["bake"].notes
 
 
-def test_each_texture_is_right_in_gltf_or_left_out_and_said_so(seen: "bpy.types.Object", tmp_path: Path) -> None:
+def test_each_texture_is_right_in_gltf_or_left_out_and_said_so(seen, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.wm.read_factory_settings()  # disables add-ons in Blender; pip's bpy leaves this one registered
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -162,7 +162,7 @@ def test_each_texture_is_right_in_gltf_or_left_out_and_said_so(seen: "bpy.types.
 
 
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
-def test_a_texture_is_turned_however_it_is_exported(seen: "bpy.types.Object", tmp_path: Path, space: str) -> None:
+def test_a_texture_is_turned_however_it_is_exported(seen, tmp_path, space):
     """Files beside, the original's file, other formats; two materials with one image; a node group; UDIM tiles."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     judge = Judge(seen, tmp_path)
@@ -206,7 +206,7 @@ def test_a_texture_is_turned_however_it_is_exported(seen: "bpy.types.Object", tm
 
 
 @pytest.mark.parametrize("wrong", [{"space": "OBJECT"}, {"convention": "DIRECTX"}])
-def test_the_preset_gltf_refuses_what_gltf_cannot_show(estimated: None, tmp_path: Path, wrong: dict[str, str]) -> None:
+def test_the_preset_gltf_refuses_what_gltf_cannot_show(estimated, tmp_path, wrong):
     with pytest.raises(RuntimeError, match="glTF shows textures in"):
         bpy.ops.mps.bake(preset="GLTF", size=32, output=str(tmp_path / "t.png"), **wrong)
     assert not (tmp_path / "t.png").exists()

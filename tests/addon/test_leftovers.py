@@ -6,7 +6,6 @@ The core's are in tests/core/test_every_verb.py.
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import bpy
 import pytest
@@ -42,7 +41,7 @@ def places(estimated, tmp_path):
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_a_command_leaves_what_it_was_asked_for_alone(places, tmp_path: Path, verb: str) -> None:
+def test_a_command_leaves_what_it_was_asked_for_alone(places, tmp_path, verb):
     before = {path.name for path in tmp_path.iterdir()}
     words = [verb.replace("_", "-"), *OPTIONS.get(verb, "--output nowhere/o" * (verb == "try_it")).split()]
     command = [sys.executable, "-m", "blender_addon", "scene.blend", *words]

@@ -1,7 +1,5 @@
 """The mixing matrix against Cycles: grey balls with gloss over a table that throws light back."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 import pytest
@@ -23,9 +21,7 @@ MIXING = np.array([[1.0, 0.2, 0.1], [0.15, 0.8, 0.25], [0.05, 0.3, 0.7]])
 
 
 @pytest.mark.parametrize(("colour", "roughness"), [(0.5, 0.9), (0.3, 0.5), (0.4, 0.3)])
-def test_a_grey_ball_determines_the_matrix_to_a_tenth_or_that_it_does_not(
-    scene, tmp_path: Path, colour: float, roughness: float
-) -> None:
+def test_a_grey_ball_determines_the_matrix_to_a_tenth_or_that_it_does_not(scene, tmp_path, colour, roughness):
     bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, radius=1)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(principled("Ball", (colour,) * 3, Roughness=roughness))

@@ -32,7 +32,7 @@ def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scen
         after, before = (read_data(tmp_path / name.format(when))[0] for when in ("after", "before"))
         assert np.array_equal(after, before)
     rig = read_rig(tmp_path / "photo.rig.json")
-    assert rig.exact and rig.slants == pytest.approx([30, 30, 30], abs=1e-3)
+    assert rig.is_ground_truth and rig.slants == pytest.approx([30, 30, 30], abs=1e-3)
     assert not list(tmp_path.glob("*after*.camera.json"))
     # A new photo is taken with the rig as it stands now.
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))

@@ -107,8 +107,9 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     given = {"width": 32, "height": 32, "samples": 1}
     bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -1.1))
 
-    def shot(name, verb="render_photo"):
-        getattr(bpy.ops.mps, verb)(**(given if verb == "render_photo" else {}), output=str(tmp_path / f"{name}.exr"))
+    def shot(name, verb="render_photo", **more):
+        more |= given if verb == "render_photo" else {}
+        getattr(bpy.ops.mps, verb)(**more, output=str(tmp_path / f"{name}.exr"))
         return notes_of(scene, verb)
 
     assert shot("alone") == []
@@ -118,9 +119,8 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     both = '"Sphere" and "Cube" are in one place and both in the photo; choose the one that is baked onto as Target of'
     assert shot("both")[0].startswith(both) and not np.allclose(pixels(tmp_path / "both.exr"), alone, atol=1e-3)
 
-    scene.mps.bake.target = low
     left_out = '"Cube" is left out of the photo: it is the target of the bake, and "Sphere" is in its place'
-    assert shot("truth", "render_truth") == [left_out]
+    assert shot("truth", "render_truth", target=low.name) == [left_out]
     before = everything(scene)
     assert shot("without") == [left_out]
     np.testing.assert_allclose(pixels(tmp_path / "without.exr"), alone, atol=1e-5)
@@ -168,7 +168,7 @@ def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(
     given = {"width": 16, "height": 16, "samples": 1, "output": str(tmp_path / "photo.exr")}
     bpy.ops.mps.render_photo(**given)
     before = (tmp_path / "photo.exr").read_bytes()
-    sentence = "the photo shows nothing, all of it is transparent; show the object in renders, and let the camera see"
+    sentence = "the photo is completely transparent; make the object visible in renders"
     sphere.hide_render = True
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.mps.render_photo(**given)
@@ -356,7 +356,7 @@ def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_
     bpy.ops.mps.add_rig()
     layer = scene.view_layers[0].layer_collection.children["Outer"]
     layer.exclude = True
-    with pytest.raises(RuntimeError, match="the photo shows nothing"):
+    with pytest.raises(RuntimeError, match="the photo is completely transparent"):
         small_photo(tmp_path)
     layer.children["Inner"].exclude = False
     small_photo(tmp_path)

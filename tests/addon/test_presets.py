@@ -38,7 +38,7 @@ SIDE = (0.5, -1, 0.3)
 
 
 @pytest.fixture
-def seen(scene: "bpy.types.Scene", tmp_path: Path) -> "bpy.types.Object":
+def seen(scene, tmp_path):
     """A low-poly called "Old Oak", beside the detailed one whose normals a camera saw; ready to be baked."""
     set_up_cycles(384)
     detailed = detailed_object()
@@ -62,9 +62,7 @@ def rendered(name: str, *jobs: str) -> None:
     subprocess.run([sys.executable, str(script), name, *jobs], check=True, capture_output=True, timeout=300)
 
 
-def test_every_preset_looks_like_the_true_geometry_in_a_fresh_blender(
-    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_every_preset_looks_like_the_true_geometry_in_a_fresh_blender(seen, scene, tmp_path):
     add_sun()
     scene.camera = camera_at(SIDE)
     scene.render.resolution_x = scene.render.resolution_y = 192
@@ -98,9 +96,7 @@ def test_every_preset_looks_like_the_true_geometry_in_a_fresh_blender(
 
 
 @pytest.mark.parametrize("preset", EXPECTED)
-def test_the_file_is_named_and_written_as_the_preset_says(
-    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path, preset: str
-) -> None:
+def test_the_file_is_named_and_written_as_the_preset_says(seen, scene, tmp_path, preset):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.mps.bake(preset=preset, size=64)
     name, up, kind = EXPECTED[preset]
@@ -113,9 +109,7 @@ def test_the_file_is_named_and_written_as_the_preset_says(
     assert (settings.space, settings.file_format, settings.bits) == ("TANGENT", "PNG", kind.removeprefix("uint"))
 
 
-def test_a_folder_gets_the_texture_by_the_presets_name(
-    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_a_folder_gets_the_texture_by_the_presets_name(seen, scene, tmp_path):
     (tmp_path / "there").mkdir()
     bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "there"))
     bpy.ops.mps.bake(size=32, output=f"{tmp_path / 'new'}/")
@@ -125,9 +119,7 @@ def test_a_folder_gets_the_texture_by_the_presets_name(
     assert written == ["new/T_Bark_N.png", "new/T_Old_Oak_N.png", "there/T_Old_Oak_N.png"]
 
 
-def test_what_is_set_after_or_beside_the_preset_wins(
-    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_what_is_set_after_or_beside_the_preset_wins(seen, scene, tmp_path):
     settings = scene.mps.bake
     settings.preset = "UNREAL"
     assert settings.convention == "DIRECTX"
@@ -138,9 +130,7 @@ def test_what_is_set_after_or_beside_the_preset_wins(
     assert (settings.convention, settings.bits) == ("DIRECTX", "8")
 
 
-def test_a_format_that_cannot_hold_the_presets_depth_takes_its_own(
-    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_a_format_that_cannot_hold_the_presets_depth_takes_its_own(seen, scene, tmp_path):
     settings = scene.mps.bake
     settings.preset = "GLTF"
     bpy.ops.mps.bake(preset="CUSTOM", file_format="EXR", size=32, output=f"{tmp_path}/")
@@ -170,9 +160,7 @@ def accessor(scene: dict, binary: bytes, number: int) -> np.ndarray:
     return np.frombuffer(binary, np.float32, described["count"] * width, start).reshape(-1, width)
 
 
-def test_blenders_gltf_exporter_takes_the_texture_along_as_it_is(
-    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_blenders_gltf_exporter_takes_the_texture_along_as_it_is(seen, scene, tmp_path):
     seen.data.uv_layers.new(name="Second")  # the bake's UV map is not the only one
     bpy.ops.mps.bake(preset="GLTF", size=128, output=str(tmp_path / "oak.png"))
     bpy.data.objects["Detailed"].hide_set(True)

@@ -80,18 +80,18 @@ def difference(material: Material, path: Path) -> float:
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_reflectance_is_that_of_cycles(name: str, tmp_path: Path) -> None:
+def test_reflectance_is_that_of_cycles(name, tmp_path):
     """Both take light from between facets and layers from tables made in the same way: 0.04% was measured at most."""
     assert difference(MATERIALS[name], tmp_path / "sphere.exr") < 0.002
 
 
 @pytest.mark.parametrize("roughness", [0.2, 0.5, 0.8])
-def test_sheen_is_nearly_that_of_cycles(roughness: float, tmp_path: Path) -> None:
+def test_sheen_is_nearly_that_of_cycles(roughness, tmp_path):
     """Cycles interpolates in its authors' tables, the core takes a fit to them: 3% was measured for pure sheen, which a
     dark cloth comes near, and 0.4% for a light one with some."""
     cloth = Material(base_color=DARK, sheen=1.0, sheen_roughness=roughness)
     assert difference(cloth, tmp_path / "cloth.exr") < 0.04
 
 
-def test_some_sheen_on_a_light_cloth_is_that_of_cycles(tmp_path: Path) -> None:
+def test_some_sheen_on_a_light_cloth_is_that_of_cycles(tmp_path):
     assert difference(replace(MATERIALS["matt"], sheen=0.3), tmp_path / "cloth.exr") < 0.01

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from documentation import PROJECT
 
-from blender_addon.outputs import file_name
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
-from blender_addon.rig.several_rigs import all_rigs, result_name
+from blender_addon.rig.several_rigs import all_rigs
 from blender_addon.settings.record import error_of, notes_of
 from mpsnet_core.io.image_reading import read_image
 
@@ -209,18 +208,6 @@ def test_another_camera_takes_the_photo_and_stays_when_the_rig_goes(sphere, scen
     assert covered.any(axis=0).sum() == pytest.approx(64 * 2 / 4, abs=2)  # a sphere of 2 in a view of 4
     bpy.ops.mps.remove_rig()
     assert mine.name in bpy.data.objects and own not in set(bpy.data.objects)
-
-
-@pytest.mark.parametrize("second", ["Front 1", "Front_1", "front.1"])
-def test_rigs_that_are_called_the_same_in_a_file_have_files_of_their_own(sphere, scene, second):
-    bpy.ops.mps.new_rig()
-    names = set()
-    for one, name in zip(scene.mps.rigs, ("Front 1", second), strict=True):
-        one.name = name
-    for number in (0, 1):
-        bpy.ops.mps.choose_rig(index=number)
-        names.add(file_name(result_name(scene, "photo")).casefold())
-    assert len(names) == 2
 
 
 def test_a_ring_of_rigs_looks_at_the_object_from_all_around(sphere, scene):

@@ -263,7 +263,7 @@ def test_a_measured_material_is_refused(tmp_path):
 
 
 @pytest.fixture
-def scene_file(tmp_path) -> Path:
+def scene_file(tmp_path):
     """A red and a green ball of radius 3, the green one a stretched child of the red one, and a lamp that glows."""
     for name, color, place in (("Red", (0.8, 0, 0), (20, 0, 3)), ("Green", (0, 0.8, 0), (26, 0, 3))):
         bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=3, location=place)
@@ -342,7 +342,7 @@ def test_a_scene_file_that_is_none(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def layers(tmp_path_factory) -> Path:
+def layers(tmp_path_factory):
     """What Blender wrote for :func:`recipe` with four materials, which need two passes of weights."""
     path = tmp_path_factory.mktemp("layers") / "layers.exr"
     with pytest.MonkeyPatch.context() as patch:

@@ -22,7 +22,7 @@ NUMBERS = range(8, 12)
 
 
 @pytest.fixture
-def shots(scene, tmp_path) -> Path:
+def shots(scene, tmp_path):
     """Four frames of a matt ball that grows, numbered from 8, and their rig; the folder of the scene's own file."""
     lights = published_rig().directions
     folder = tmp_path / "shots"
@@ -67,20 +67,6 @@ def test_a_sequence_of_frames_becomes_one_of_normals(shots, scene, tmp_path):
         np.testing.assert_array_equal(read_normals(file).mask, mask)
 
 
-def test_it_goes_on_where_it_stopped(shots, scene, tmp_path):
-    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
-    options = {"model": "LAMBERTIAN", "rig_file": str(tmp_path / "rig.json"), "output": str(tmp_path / "normals")}
-    bpy.ops.mps.estimate(**options)
-    files = sorted((tmp_path / "normals").iterdir())
-    assert len(files) == 4
-    files[2].unlink()
-    before = {file.name: file.stat().st_mtime_ns for file in files if file.exists()}
-    bpy.ops.mps.estimate(**options)
-    after = {file.name: file.stat().st_mtime_ns for file in sorted((tmp_path / "normals").iterdir())}
-    assert len(after) == 4
-    assert before.items() <= after.items()
-
-
 def test_a_broken_frame_is_noted_and_the_others_shown(shots, scene, tmp_path):
     broken = shots / "shot_0009.exr"
     broken.write_bytes(broken.read_bytes()[:500])
@@ -111,13 +97,6 @@ def test_a_video_becomes_a_sequence_of_normals(shots, scene, tmp_path):
     estimate = scene.mps.estimate
     assert (estimate.image.source, estimate.first_frame, estimate.last_frame) == ("SEQUENCE", 1, 4)
     assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
-
-
-def test_frames_need_a_folder_that_stays(shots, scene, tmp_path):
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
-    with pytest.raises(RuntimeError, match="no folder is named for the frames; name one, or save this file"):
-        bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"))
 
 
 def test_a_photo_without_a_number_is_no_frame(shots, scene, tmp_path):
@@ -242,15 +221,9 @@ def test_all_frames_are_those_with_the_same_name_but_for_the_number(tmp_path, na
     assert frame_pattern(tmp_path / opened).name == pattern
 
 
-def test_a_confidence_map_is_left_out_where_there_are_frames(shots, scene, tmp_path):
-    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
-    bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), confidence=True)
-    assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
-
-
-def test_a_white_photo_is_reported_to_be_of_no_use_to_frames(shots, scene, tmp_path):
+def test_frames_have_no_confidence_map_and_a_white_photo_is_reported_to_be_of_no_use(shots, scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
     settings = {"rig_file": str(tmp_path / "rig.json"), "white": str(shots / "shot_0008.exr"), "albedo": True}
-    bpy.ops.mps.estimate(model="LAMBERTIAN", **settings)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", confidence=True, **settings)
     assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
     assert "shot_0008.exr not used: a white photo goes with one still photo" in scene.mps.records["estimate"].notes

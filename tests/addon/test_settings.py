@@ -7,17 +7,8 @@ import sys
 import bpy
 import pytest
 
-from blender_addon.settings.bake import BakeSettings
-from blender_addon.settings.calibrate import CalibrateSettings
 from blender_addon.settings.declared import options_of
-from blender_addon.settings.displace import DisplaceSettings
-from blender_addon.settings.estimate import EstimateSettings
-from blender_addon.settings.heights import HeightsSettings
-from blender_addon.settings.material import MaterialSettings
 from blender_addon.settings.messages import in_blender
-from blender_addon.settings.samples import SamplesSettings
-from blender_addon.settings.superpose import SuperposeSettings
-from blender_addon.settings.views import ViewsSettings
 from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.capture.operations import Superpose
@@ -143,22 +134,22 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("operation", "kind", "step", "own"),
+    ("operation", "step", "own"),
     [
-        (Bake, BakeSettings, "bake", {"margin": 16, "convention": "opengl"}),
-        (BakeViews, ViewsSettings, "views", {}),
-        (CalibrateLights, CalibrateSettings, "calibrate", {"radius": 1.0}),
-        (Estimate, EstimateSettings, "estimate", {"model": "MULTISCALE"}),
-        (Integrate, DisplaceSettings, "displace", {"scale": 0.01}),
-        (Integrate, HeightsSettings, "heights", {}),
-        (MakeMaterial, MaterialSettings, "material", {"model": "LAMBERTIAN_GREY_WORLD"}),
-        (Superpose, SuperposeSettings, "superpose", {}),
-        (Synthesize, SamplesSettings, "samples", {"count": 100, "bounces": 3}),
+        (Bake, "bake", {"margin": 16, "convention": "opengl"}),
+        (BakeViews, "views", {}),
+        (CalibrateLights, "calibrate", {"radius": 1.0}),
+        (Estimate, "estimate", {"model": "MULTISCALE"}),
+        (Integrate, "displace", {"scale": 0.01}),
+        (Integrate, "heights", {}),
+        (MakeMaterial, "material", {"model": "LAMBERTIAN_GREY_WORLD"}),
+        (Superpose, "superpose", {}),
+        (Synthesize, "samples", {"count": 100, "bounces": 3}),
     ],
 )
-def test_untouched_settings_are_the_core_s_defaults_but_for_a_few(scene, operation, kind, step, own):
+def test_untouched_settings_are_the_core_s_defaults_but_for_a_few(scene, operation, step, own):
     defaults = {setting.name: setting.default for setting in options(operation)}
-    given = options_of(operation, kind, getattr(scene.mps, step))
+    given = options_of(operation, getattr(scene.mps, step))
     assert given and {name: value for name, value in given.items() if value != defaults[name]} == own
 
 
@@ -167,10 +158,10 @@ def test_settings_reach_the_core_as_its_options(scene, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     views.white, views.lights_in, estimate.lens, estimate.dark = "//white", "WORLD", 0.1, ""
     bake.bits, bake.padding, bake.fill = "32", "PUSH_PULL", True
-    found = options_of(BakeViews, ViewsSettings, views) | options_of(BakeViews, BakeSettings, bake)
+    found = options_of(BakeViews, views) | options_of(BakeViews, bake)
     assert found["white"] == (str(tmp_path / "white"),) and found["lights_in"] == "world"
     assert (found["bits"], found["padding"], found["fill"]) == (32, "push-pull", True)
-    assert options_of(Estimate, EstimateSettings, estimate, without=("model",)) == {
+    assert options_of(Estimate, estimate, without=("model",)) == {
         "encoding": "auto",
         "focal": 0.1,
         "smooth": 0,

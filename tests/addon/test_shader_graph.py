@@ -158,7 +158,7 @@ GRAPHS: list[Callable[[Tree], Ends]] = [
 
 
 @pytest.fixture
-def plane(scene: "bpy.types.Scene") -> "bpy.types.Object":
+def plane(scene):
     bpy.ops.mesh.primitive_plane_add()
     nodes_of(bpy.data.materials.new("Paint"))
     bpy.context.object.data.materials.append(bpy.data.materials["Paint"])
@@ -198,7 +198,7 @@ def mapped(tree: Tree, image: "bpy.types.Image", sockets: list["bpy.types.NodeSo
 
 
 @pytest.mark.parametrize("graph", GRAPHS)
-def test_the_map_reaches_the_render(graph: Callable[[Tree], Ends], plane: "bpy.types.Object", tmp_path: Path) -> None:
+def test_the_map_reaches_the_render(graph, plane, tmp_path):
     material = plane.data.materials[0]
     shown, hidden = graph(material.node_tree)
     assert degrees_between(shaded(plane), [0, 0, 1.0]) < 0.1
@@ -209,9 +209,7 @@ def test_the_map_reaches_the_render(graph: Callable[[Tree], Ends], plane: "bpy.t
 
 
 @pytest.mark.parametrize("graph", GRAPHS)
-def test_the_map_that_the_render_shows_is_the_existing_one(
-    graph: Callable[[Tree], Ends], plane: "bpy.types.Object", tmp_path: Path
-) -> None:
+def test_the_map_that_the_render_shows_is_the_existing_one(graph, plane, tmp_path):
     tree = plane.data.materials[0].node_tree
     shown, hidden = graph(tree)
     images = [even(tmp_path / f"{name}.png", vector) for name, vector in (("shown", TILT), ("hidden", OTHER))]
@@ -225,7 +223,7 @@ def test_the_map_that_the_render_shows_is_the_existing_one(
     assert maps_before_bake([plane], onto, tmp_path / "n.png")[None, None].uid == images[0].session_uid
 
 
-def test_a_map_whose_image_is_outside_of_its_group_is_found(plane: "bpy.types.Object", tmp_path: Path) -> None:
+def test_a_map_whose_image_is_outside_of_its_group_is_found(plane, tmp_path):
     """As asset libraries have it: the group takes the image's colour, and its Normal Map node is inside."""
     tree = plane.data.materials[0].node_tree
     group = in_group(tree, None)
@@ -253,7 +251,7 @@ def test_a_map_whose_image_is_outside_of_its_group_is_found(plane: "bpy.types.Ob
 
 
 @pytest.mark.parametrize("space", ["sRGB", "Linear Rec.709", "Non-Color"])
-def test_a_map_whose_colours_are_bent_is_named(space: str, plane: "bpy.types.Object", tmp_path: Path) -> None:
+def test_a_map_whose_colours_are_bent_is_named(space, plane, tmp_path):
     tree = plane.data.materials[0].node_tree
     image = even(tmp_path / "n.png", TILT)
     image.colorspace_settings.name = space
@@ -268,7 +266,7 @@ def test_a_map_whose_colours_are_bent_is_named(space: str, plane: "bpy.types.Obj
         assert usable_maps([plane], onto, tmp_path / "n.png") == [image]
 
 
-def test_a_map_of_the_coat_alone_is_named(plane: "bpy.types.Object", tmp_path: Path) -> None:
+def test_a_map_of_the_coat_alone_is_named(plane, tmp_path):
     """It is no map of the surface; but a coat that shares the surface's map goes with it."""
     tree = plane.data.materials[0].node_tree
     shader, image = shader_of(tree), even(tmp_path / "n.png", TILT)
@@ -285,9 +283,7 @@ def test_a_map_of_the_coat_alone_is_named(plane: "bpy.types.Object", tmp_path: P
 
 
 @pytest.mark.parametrize("graph", [leftover, inactive_output, one_of_a_mix])
-def test_colours_and_heights_reach_the_render(
-    graph: Callable[[Tree], Ends], plane: "bpy.types.Object", tmp_path: Path
-) -> None:
+def test_colours_and_heights_reach_the_render(graph, plane, tmp_path):
     material = plane.data.materials[0]
     shown, hidden = graph(material.node_tree)
     image = bpy.data.images.new("colours", 8, 8)
@@ -303,9 +299,7 @@ def test_colours_and_heights_reach_the_render(
 
 
 @pytest.mark.parametrize("engine", ["CYCLES", "BLENDER_EEVEE_NEXT", "BLENDER_EEVEE"])
-def test_each_engine_shows_its_own_output(
-    engine: str, plane: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
-) -> None:
+def test_each_engine_shows_its_own_output(engine, plane, scene, tmp_path):
     """The texture goes to all of them, and on top of the map that the scene's engine shows."""
     tree = plane.data.materials[0].node_tree
     try:
@@ -326,7 +320,7 @@ def test_each_engine_shows_its_own_output(
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="every material has nodes")
-def test_a_map_in_nodes_that_are_off_is_none(plane: "bpy.types.Object", tmp_path: Path) -> None:
+def test_a_map_in_nodes_that_are_off_is_none(plane, tmp_path):
     material = plane.data.materials[0]
     mapped(material.node_tree, even(tmp_path / "n.png", TILT), [shader_of(material.node_tree).inputs["Normal"]])
     material.use_nodes = False
@@ -335,7 +329,7 @@ def test_a_map_in_nodes_that_are_off_is_none(plane: "bpy.types.Object", tmp_path
     assert maps_before_bake([plane], onto, tmp_path / "n.png") == {(None, None): None}
 
 
-def test_an_output_in_a_group_is_named(plane: "bpy.types.Object") -> None:
+def test_an_output_in_a_group_is_named(plane):
     """Cycles shows that one, whatever is linked to the material's own."""
     group = in_group(plane.data.materials[0].node_tree, None).node_tree
     shader = next(node for node in group.nodes if node.type == "BSDF_DIFFUSE")
@@ -344,7 +338,7 @@ def test_an_output_in_a_group_is_named(plane: "bpy.types.Object") -> None:
         check_shows_normals(plane)
 
 
-def test_a_material_that_shows_no_shader_is_named(plane: "bpy.types.Object") -> None:
+def test_a_material_that_shows_no_shader_is_named(plane):
     tree = plane.data.materials[0].node_tree
     tree.links.clear()
     with pytest.raises(InputError, match="Material Output"):

@@ -22,7 +22,7 @@ LIGHTS = ("first", "second", "third")
 
 
 @pytest.fixture
-def photos(tmp_path: Path) -> dict[str, str]:
+def photos(tmp_path):
     """A painted ball under one white light at a time."""
     for channel, name in enumerate(LIGHTS):
         write_image(tmp_path / f"{name}.exr", SPHERE.image[..., channel, None] * PAINT)

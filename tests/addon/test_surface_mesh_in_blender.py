@@ -33,12 +33,12 @@ def read(path: Path) -> bpy.types.Object:
 
 
 @pytest.fixture(autouse=True)
-def empty_scene() -> None:
+def empty_scene():
     bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".glb", ".obj"])
-def test_a_surface_stands_where_the_camera_saw_it(tmp_path: Path, suffix: str) -> None:
+def test_a_surface_stands_where_the_camera_saw_it(tmp_path, suffix):
     made = surface_mesh(BALL.heights, BALL.normals, faces=2000)
     write_surface_mesh(tmp_path / f"m{suffix}", made)
     thing = read(tmp_path / f"m{suffix}")
@@ -61,7 +61,7 @@ def test_a_surface_stands_where_the_camera_saw_it(tmp_path: Path, suffix: str) -
     assert uvs == pytest.approx(np.stack([x / w / 90, 1 - y / w / 80], axis=-1), abs=1e-4)
 
 
-def test_without_a_camera_it_stands_upright(tmp_path: Path) -> None:
+def test_without_a_camera_it_stands_upright(tmp_path):
     """Of a camera in its own space the picture's up becomes Blender's, in the formats that know what up is."""
     relief = ball(Camera("orthographic", 60, 40, (10.0, 10.0)), (0, 0, 0), 5)
     flat = surface_mesh(relief.heights, relief.normals)
@@ -73,7 +73,7 @@ def test_without_a_camera_it_stands_upright(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["h.png", "h.exr", "h.tif"])
-def test_blender_reads_heights_as_they_are_meant_and_displaces_by_them(tmp_path: Path, name: str) -> None:
+def test_blender_reads_heights_as_they_are_meant_and_displaces_by_them(tmp_path, name):
     """The file as a Non-Color texture on a plane's Displace modifier, with the strength and midlevel that are told."""
     camera = Camera("orthographic", 64, 64, (20.0, 20.0))
     relief = ball(camera, (0, 0, -1.5), 2.0)

@@ -77,9 +77,7 @@ def clear_of_edges(sample: Sample, other: Sample, light: int) -> np.ndarray:
     ],
     ids=["matt sphere", "rough plastic sphere", "concave plastic", "concave matt"],
 )
-def test_direct_light_is_as_in_cycles(
-    shape: Shape, material: Material, light_size: float, projection: str, tmp_path: Path
-) -> None:
+def test_direct_light_is_as_in_cycles(shape, material, light_size, projection, tmp_path):
     ours, theirs = both(recipe(material, light_size, projection), shape, 96, tmp_path)
     assert np.abs(ours.alpha - theirs.alpha).mean() < 0.005
     for light in range(3):
@@ -94,7 +92,7 @@ def test_direct_light_is_as_in_cycles(
         assert np.abs(ours.lit[light] - theirs.lit[light]).mean() < 0.03
 
 
-def test_a_bounce_adds_what_it_does_in_cycles(tmp_path: Path) -> None:
+def test_a_bounce_adds_what_it_does_in_cycles(tmp_path):
     """A bright matt shape, whose shadows are lit by its other parts."""
     shape = concave()
     direct = both(recipe(BRIGHT, 3.0), shape, 48, tmp_path)

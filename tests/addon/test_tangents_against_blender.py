@@ -202,9 +202,7 @@ def assert_tangents_agree(mesh: Mesh, blender: BlendersCorners) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)
 @pytest.mark.parametrize("written", [written_obj, written_ply, written_glb], ids=["obj", "ply", "glb"])
-def test_tangents_of_a_mesh_file_are_blenders(
-    scene: "bpy.types.Scene", tmp_path: Path, shape: Build, written: Callable[[Path], Mesh]
-) -> None:
+def test_tangents_of_a_mesh_file_are_blenders(scene, tmp_path, shape, written):
     shape()
     obj = bpy.context.object
     triangulated(obj)
@@ -220,7 +218,7 @@ def test_tangents_of_a_mesh_file_are_blenders(
 @pytest.mark.parametrize(
     "shape", [one for one in SHAPES if one is not cylinder_with_ngon_caps], ids=lambda shape: shape.__name__
 )
-def test_quads_have_blenders_tangents(scene: "bpy.types.Scene", tmp_path: Path, shape: Build) -> None:
+def test_quads_have_blenders_tangents(scene, tmp_path, shape):
     shape()
     mesh, found = bpy.context.object.data, written_npz(tmp_path / "mesh.npz")
     mesh.calc_tangents()
@@ -233,9 +231,7 @@ def test_quads_have_blenders_tangents(scene: "bpy.types.Scene", tmp_path: Path, 
 
 @pytest.mark.parametrize("written", [written_obj, written_ply], ids=["obj", "ply"])
 @pytest.mark.parametrize("shape", [uv_sphere, monkey, uneven_grid], ids=lambda shape: shape.__name__)
-def test_quads_of_a_file_have_blenders_tangents(
-    scene: "bpy.types.Scene", tmp_path: Path, shape: Build, written: Callable[[Path], Mesh]
-) -> None:
+def test_quads_of_a_file_have_blenders_tangents(scene, tmp_path, shape, written):
     shape()
     mesh = bpy.context.object.data
     mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
@@ -249,7 +245,7 @@ def test_quads_of_a_file_have_blenders_tangents(
     assert np.abs(found.tangents[..., :3] - array_of(mesh.loops, "tangent", 3)[apart.argmin(axis=-1)]).max() < 1e-3
 
 
-def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene, tmp_path):
     """Blender has none for a mesh with such polygons. Sides and caps are flat with even UVs: however they are
     triangulated, a corner's tangent is the same."""
     cylinder_with_ngon_caps()
@@ -268,9 +264,7 @@ def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene: "bpy.
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)
-def test_an_obj_without_normals_gets_blenders_smooth_ones(
-    scene: "bpy.types.Scene", tmp_path: Path, shape: Build
-) -> None:
+def test_an_obj_without_normals_gets_blenders_smooth_ones(scene, tmp_path, shape):
     shape()
     obj = bpy.context.object
     triangulated(obj)
@@ -289,9 +283,7 @@ def test_an_obj_without_normals_gets_blenders_smooth_ones(
 
 
 @pytest.mark.parametrize("shape", [monkey, cylinder_with_ngon_caps, flat_cube], ids=lambda shape: shape.__name__)
-def test_polygons_in_an_obj_are_the_same_surface_as_in_blender(
-    scene: "bpy.types.Scene", tmp_path: Path, shape: Build
-) -> None:
+def test_polygons_in_an_obj_are_the_same_surface_as_in_blender(scene, tmp_path, shape):
     """The file's quads and n-gons as triangles: the same area and UV area, and every UV where Blender has it."""
     shape()
     obj = bpy.context.object

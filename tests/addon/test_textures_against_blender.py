@@ -12,11 +12,11 @@ from synthetic import degrees_between
 from blender_addon.images import pixels_of
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.bake.texture import Texture
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
+from mpsnet_core.scene.texture import Texture
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 from .rendering import array_of, nodes_of
 from .test_bake_against_blender import (
@@ -76,7 +76,7 @@ def judge(texture: Texture, reference: np.ndarray, name: str) -> None:
     assert flat.mean() > 3
 
 
-def test_udim_tiles_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_udim_tiles_agree_with_blenders_bake(scene, tmp_path):
     set_up_cycles(512)
     detailed = detailed_object()
     simple = simplified(detailed, 2000)
@@ -93,7 +93,7 @@ def test_udim_tiles_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path:
         judge(texture, normals_of(found), f"tile {texture_set.tile}")
 
 
-def test_several_objects_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_several_objects_agree_with_blenders_bake(scene, tmp_path):
     """Two objects side by side, one of them turned; some views see the one before the other."""
     set_up_cycles(512)
     detailed, simple = [], []
@@ -128,7 +128,7 @@ def test_several_objects_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_
         judge(texture, normals_of(pixels_of(image)[::-1]), low.name)
 
 
-def test_several_materials_agree_with_blenders_bake(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+def test_several_materials_agree_with_blenders_bake(scene, tmp_path):
     set_up_cycles(512)
     detailed = detailed_object()
     simple = simplified(detailed, 2000)

@@ -23,7 +23,7 @@ SMALL = {"size": 32, "samples": 4, "kinds": {"BLOBS"}, "denoise": False}
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory) -> Path:
+def rendered(tmp_path_factory):
     """A folder of two samples of generated blobs, rendered by the operator."""
     folder = tmp_path_factory.mktemp("rendered") / "samples"
     bpy.ops.mps.render_samples(count=2, seed=3, processes=2, output=str(folder), **SMALL)
@@ -31,7 +31,7 @@ def rendered(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def folder(rendered, tmp_path) -> Path:
+def folder(rendered, tmp_path):
     """A copy of it."""
     return Path(shutil.copytree(rendered, tmp_path / "samples"))
 
@@ -187,14 +187,6 @@ def test_a_worker_is_no_command_that_help_lists(capfd):
     assert main(["--help"]) == 0
     text = capfd.readouterr().out
     assert "render-samples" in text and "work" not in text.split("COMMAND", 2)[-1].split()
-
-
-def test_the_plain_module_is_the_command_too(folder):
-    command = [sys.executable, "-m", "blender_addon", "render-samples", "--count", "2", "--size", "7"]
-    done = subprocess.run([*command, "--output", folder], capture_output=True, text=True, timeout=120, env=os.environ)
-    assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("mpsnet: ")]
-    assert "7 is outside 8 to 8192" in line
 
 
 def test_a_scene_that_is_not_there_is_one_sentence(tmp_path):

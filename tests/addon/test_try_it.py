@@ -15,7 +15,7 @@ from mpsnet_core.io.image_reading import read_data
 
 
 @pytest.fixture(scope="module")
-def tried(tmp_path_factory) -> Path:
+def tried(tmp_path_factory):
     """A file saved after Try It, made in a process of its own."""
     path = tmp_path_factory.mktemp("demo") / "tried.blend"
     script = f"""

@@ -1,6 +1,6 @@
 """Ambient occlusion by horizons beside rays against the mesh (embree): how far off each is, and the time, as a ratio.
 
-PYTHONPATH=tests/core python tests/benchmarks/ambient_occlusion.py
+PYTHONPATH=tests/core/made python tests/benchmarks/ambient_occlusion.py
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """How long a bake from one view or several takes, as a share of Cycles' selected-to-active bake of the same mesh and
 size.
 
-    PYTHONPATH=.:tests/core python tests/benchmarks/bake_against_cycles.py [--size 2048] [--views 1] [--rounds 5]
+    PYTHONPATH=.:tests/core/made python tests/benchmarks/bake_against_cycles.py [--size 2048] [--views 1] [--rounds 5]
 
 Needs pip's bpy. The mesh is MPSNET_TEST_DATA/meshes/test/bunny.obj, or a bumpy sphere where there is none; its copy
 has a tenth of its faces. Both bake with the same number of threads, in turn, each round anew: Cycles from its scene,

@@ -1,6 +1,6 @@
 """How the bake's time grows with the texture's size and the number of views, each as a share of the smallest one's.
 
-PYTHONPATH=tests/core python tests/benchmarks/bake_by_size.py [--rounds 3] [--large]
+PYTHONPATH=tests/core/made python tests/benchmarks/bake_by_size.py [--rounds 3] [--large]
 
 --large bakes and writes a texture of 8192 x 8192 texels from eight views instead, and shows the processor time as a
 multiple of that of 2048 x 2048, and the peak memory.
@@ -17,8 +17,8 @@ from memory import peak
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import write_texture
 
 LARGE = 8192
 

@@ -1,6 +1,6 @@
 """What filling in a camera's mosaic costs: normals from raw files by LibRaw's methods, relief and paint apart.
 
-PYTHONPATH=tests/core python tests/benchmarks/demosaicing.py
+PYTHONPATH=tests/core/made python tests/benchmarks/demosaicing.py
 
 A matt ball under three lights of one colour each is seen through a Bayer mosaic with a sensor's noise: once with
 ripples in its normals every 9 pixels, once smooth with painted squares of 20 pixels that reflect a third of the rest.

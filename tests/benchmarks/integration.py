@@ -1,6 +1,6 @@
 """How long integration takes, beside a sparse direct solver on the same equations, and how wrong the heights are.
 
-    PYTHONPATH=tests/core python tests/benchmarks/integration.py [--size 1024] [--rounds 3] [--large]
+    PYTHONPATH=tests/core/made python tests/benchmarks/integration.py [--size 1024] [--rounds 3] [--large]
 
 Shapes whose heights are known, and the same with noise: one smooth, and two spheres, of which one stands before the
 other on one side and grows out of it on the other. Times are of the clock and of the processor, which tells more where

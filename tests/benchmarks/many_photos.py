@@ -1,6 +1,6 @@
 """What many large photos cost beside their estimates, and the peak memory: 40 of 24 megapixels onto 8192 x 8192 texels.
 
-    PYTHONPATH=tests/core python tests/benchmarks/many_photos.py [--megapixels 24] [--size 8192]
+    PYTHONPATH=tests/core/made python tests/benchmarks/many_photos.py [--megapixels 24] [--size 8192]
 
 Estimating all of them takes long and shows nothing that one does not: a sphere looks the same from all sides, so one
 photo of it is estimated, as `mpsnet views` does it, and its normals on disk are those of every other view. What the
@@ -26,7 +26,6 @@ from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.feather import FEATHER
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.multi_view import CachedView, CachedViews
-from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.bake.view_agreement import agreement
 from mpsnet_core.capture.open import PhotoSet
 from mpsnet_core.capture.sources import Source
@@ -38,6 +37,7 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import published_rig
+from mpsnet_core.scene.texture import write_texture
 
 # So many photos, of which so many views are baked instead.
 PHOTOS, FEW, MORE = 40, 3, 5

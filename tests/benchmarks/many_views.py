@@ -1,6 +1,6 @@
 """How good a texture becomes of eight noisy views with slightly wrong cameras, without and with levelling and feather.
 
-PYTHONPATH=tests/core python tests/benchmarks/many_views.py [--size 2048] [--pixels 900] [--reach 0.7] [--shadows]
+PYTHONPATH=tests/core/made python tests/benchmarks/many_views.py [--size 2048] [--pixels 900] [--reach 0.7] [--shadows]
 """
 
 import argparse

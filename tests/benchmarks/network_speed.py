@@ -36,8 +36,6 @@ from mpsnet_core.estimate.registry import find_network
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.learning.training.export import card_of, onnx_of
 from mpsnet_core.learning.training.networks import Network, build_network
-from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
-from mpsnet_core.learning.training.networks.mps_net import MpsNet
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 THREADS, SIDE, LARGE = 1, 512, (4096, 6000, 10_000)
@@ -131,7 +129,6 @@ def main() -> None:
         ours = find_network("multiscale").path
         few = round(arguments.patches**0.5)
         shipped = OnnxModel(find_network("mpsnet").path).record["recipe"]["options"]
-        published = FastPatches(folded_to_half_floats(MpsNet()))
         up, odd = published_rig(), {tilt: published_rig(first_tilt=tilt) for tilt in TILTS}
         models = {
             name: Estimator(path, threads=THREADS)
@@ -140,7 +137,6 @@ def main() -> None:
                 ("psfcn", fresh(build_network("psfcn"), folder / "psfcn.onnx")),
                 ("mpsnet", find_network("mpsnet").path),
                 ("mpsnet, its layers as they stand", fresh(build_network("mpsnet", shipped), folder / "layers.onnx")),
-                ("mpsnet, published width", fresh(published, folder / "published.onnx")),
             )
         }
         whole, part = capture(SIDE, up), capture(few, up)

@@ -16,7 +16,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 import torch
 
-from mpsnet_core.learning.training.loop import _Processes, _Run
+from mpsnet_core.learning.training.loop import TrainingPaths, _Run
 from mpsnet_core.learning.training.recipe import read_recipe
 from mpsnet_core.progress import silent
 
@@ -28,13 +28,13 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     recipe = read_recipe("multiscale")
-    run = _Run(recipe, [Path(options.samples)], [], _Processes(), "auto", silent)
+    run = _Run(recipe, [Path(options.samples)], [], TrainingPaths(), "auto", silent)
     simulating, learning = [], []
     for step in range(options.steps + 2):
         times = [time.process_time()]
         scales = run.simulator.batch(step, recipe.batch)
         times.append(time.process_time())
-        run.advance(run.network, scales)
+        run.advance(scales)
         times.append(time.process_time())
         if step > 1:  # the first ones also load and plan
             simulating.append((times[1] - times[0]) / recipe.batch)

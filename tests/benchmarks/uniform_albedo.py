@@ -1,6 +1,6 @@
 """How long solving a matt surface of one colour takes, beside a pass of the default network on the same photo.
 
-PYTHONPATH=tests/core python tests/benchmarks/uniform_albedo.py [--size 1200]
+PYTHONPATH=tests/core/made python tests/benchmarks/uniform_albedo.py [--size 1200]
 
 Processor time of a painted ball, of which the photo proves its colour, and of a glossy one, of which it does not.
 """

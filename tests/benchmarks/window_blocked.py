@@ -1,8 +1,8 @@
 """How long Blender's window is blocked at a time, and how often the viewport is drawn, while a heavy object is
 photographed, estimated and baked: in a real Blender with a window.
 
-PYTHONPATH=tests/blender:tests/core python tests/benchmarks/window_blocked.py [--faces 500000] [--ngon] [--subdivided]
-    [--frames 4] [--size 4096]
+PYTHONPATH=tests/blender:tests/core/made python tests/benchmarks/window_blocked.py [--faces 500000] [--ngon]
+    [--subdivided] [--frames 4] [--size 4096]
 
 Needs MPSNET_BLENDER and MPSNET_BLENDER_UI, and takes MPSNET_EXTENSION_ZIP, see tests/blender/conftest.py. Told are
 how long the press of the button takes, the longest block while the work runs, and the longest once it is done, when its

@@ -9,7 +9,6 @@ import pytest
 from synthetic import degrees_between, shaded_sphere, write_file
 
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import published_rig, write_rig
 
 
@@ -73,20 +72,6 @@ def test_a_photo_is_opened_with_blenders_own_openimageio(by_script, blender):
     assert report["openimageio"] and not Path(report["openimageio"]).is_relative_to(blender.user)
 
 
-def test_errors_reach_the_script_as_sentences(by_script):
-    _, report = by_script
-    errors = report["errors"]
-    assert "Render or open a photo first" in errors["estimate without photo"]
-    assert "nothing is selected" in errors["rig around nothing"]
-    assert "none.png" in errors["photo that does not exist"] and "does not exist" in errors["photo that does not exist"]
-    assert "none.png" in errors["mask that does not exist"] and "does not exist" in errors["mask that does not exist"]
-    assert "has no UV map" in errors["bake without UVs"]
-    assert not [message for message in errors.values() if "Traceback" in message]
-    # Nor did any of them leave a file behind: these are the steps' own.
-    sidecar = ["photo.camera.json", "photo.rig.json"]
-    assert report["left"] == sorted(["normals.png", "photo.exr", "texture.png", *sidecar])
-
-
 def test_command_line_does_the_same(blender, scene, by_script, tmp_path):
     current = scene
     for step, (verb, *flags) in enumerate(
@@ -105,28 +90,6 @@ def test_command_line_does_the_same(blender, scene, by_script, tmp_path):
     # The same but for the render's noise.
     for name in ("normals.png", "texture.png"):
         assert np.abs(read(tmp_path / name) - read(by_script[0] / name)).mean() < 0.01
-
-
-def test_command_line_bakes_views(blender, scene, tmp_path):
-    """The sphere from the front, by an orthographic camera, from a photo whose frame it fills."""
-    pose = np.array([[1.0, 0, 0, 0], [0, 0, -1, -5], [0, 1, 0, 0], [0, 0, 0, 1]])
-    camera = Camera("orthographic", 96, 96, np.array([48.0, 48.0]), world_from_camera=pose)
-    write_file(tmp_path / "front.exr", shaded_sphere(96).image, "float")
-    write_camera(tmp_path / "front.camera.json", camera)
-    write_rig(tmp_path / "rig.json", published_rig())
-    settings = (
-        f"import bpy; mps = bpy.context.scene.mps; mps.estimate.rig_file = {str(tmp_path / 'rig.json')!r}; "
-        f"mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 128; mps.bake.output = {str(tmp_path / 'texture.exr')!r}"
-    )
-    flags = [f"--cameras={tmp_path}", f"--photos={tmp_path}", "--axes=AS_IS", "--no-level"]
-    command = ["--command", "mpsnet", "bake-views", "--target=Sphere", *flags]
-    done = blender.run("-b", scene, "--python-expr", settings, *command)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert f"bake-views done: {tmp_path / 'texture.exr'}" in done.stdout
-    assert "front" in (tmp_path / "texture_report.html").read_text(encoding="utf-8")
-    # As in the texture above: a smooth sphere has no normals of its own, where u = 0.25 faces the camera.
-    normals = 2 * read(tmp_path / "texture.exr")[48:80, 24:40, :3] - 1
-    assert degrees_between(normals, [0, 0, 1]).mean() < 3
 
 
 @pytest.fixture
@@ -170,14 +133,6 @@ def test_a_network_that_is_only_to_compare_with_is_not_there(blender, rig, tmp_p
     done = blender.run("-b", *photo, "--command", "mpsnet", "estimate", "--model=PSFCN", f"--output={tmp_path}/n.png")
     assert done.returncode == 2, done.stdout + done.stderr
     assert "the network psfcn, to compare with, is not installed: put psfcn.onnx" in done.stderr
-
-
-def test_command_line_refuses_in_one_line(blender, scene):
-    done = blender.run("-b", scene, "--command", "mpsnet", "estimate")
-    assert done.returncode == 2, done.stdout + done.stderr
-    lines = [line for line in done.stderr.splitlines() if "open a photo first" in line]
-    assert len(lines) == 1, done.stderr
-    assert "Traceback" not in done.stdout + done.stderr
 
 
 def test_a_file_that_cannot_be_opened_is_no_success(blender, scene, tmp_path):

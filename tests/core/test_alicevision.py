@@ -82,38 +82,23 @@ LENS = ("intrinsics", 0)
     ("data", "said"),
     [
         ([], "it is not an AliceVision scene"),
-        ({"views": []}, "it is not an AliceVision scene"),
         ({"format": "mpsnet-camera", "version": 1}, "it is not an AliceVision scene"),
         (changed("version", to=["1", "2"]), "\"version\" is ['1', '2'], not three whole numbers"),
-        (changed("version", to="1.2.8"), "not three whole numbers"),
-        (changed("version", to=7), "not three whole numbers"),
         (changed("version", to=["2", "0", "0"]), "it is of version 2.0.0"),
-        (changed("views", to={}), "holds no photo with a pose"),
         (changed("views", to=[3]), '"views" is not a list of objects'),
-        (changed("views", to="many"), '"views" is not a list of objects'),
-        (changed("poses", to=""), "holds no photo with a pose"),
         (changed("intrinsics", to=""), "photo '/photos/b.jpg': its intrinsic 5 is not in the scene"),
         (changed("views", 0, "path", to=None), 'its "path" is not text'),
         (changed("views", 0, "isPoseIndependant", to="false"), "several cameras mounted together"),
         (changed(*LENS, "distortionType", to="fisheye4"), "camera type 'fisheye4' is not supported"),
-        (changed(*LENS, "undistortionType", to="3declassicld"), "camera type '3declassicld' is not supported"),
         (changed(*LENS, "type", to="equidistant"), "camera type 'equidistant' is not supported"),
-        (changed(*LENS, "type", to=None), "is not supported"),
         (changed(*LENS, "distortionType", to="radialk3"), '"distortionParams" must be 3 numbers, not 1'),
-        (changed(*LENS, "width", to=None), '"width" is missing or not a finite number'),
         (changed(*LENS, "width", to="1e99"), "the camera's width"),
-        (changed(*LENS, "height", to=True), '"height" is missing or not a finite number'),
         (changed(*LENS, "focalLength", to="-1"), "focal must be above 0"),
-        (changed(*LENS, "focalLength", to="NaN"), '"focalLength" is missing or not a finite number'),
-        (changed(*LENS, "focalLength", to=[[1]]), '"focalLength" is missing or not a finite number'),
         (changed(*LENS, "sensorWidth", to="0"), '"sensorWidth" and "pixelRatio" must be above 0'),
-        (changed(*LENS, "principalPoint", to=["1"]), '"principalPoint" must be 2 numbers, not 1'),
-        (changed(*LENS, "principalPoint", to=["x", "1"]), '"principalPoint" is missing or not a finite'),
         (changed(*LENS, "principalPoint", to=[10**400, 1]), '"principalPoint" is missing or not a finite'),
         (changed(*ROTATION, to=["1"] * 8), '"rotation" must be 9 numbers, not 8'),
         (changed(*ROTATION, to=["1"] * 9), "the rotation of its pose is not"),
         (changed(*ROTATION, to=["-1", "0", "0", "0", "1", "0", "0", "0", "1"]), "a mirroring"),
-        (changed("poses", 0, "pose", to="none"), 'it lacks "pose"'),
         (changed("poses", 0, "pose", "transform", "center", to=["inf", "0", "0"]), '"center" is missing'),
         (scene("1.2.9", focalLength="8", pixelRatio="2", principalPoint=["0", "0"]), "square pixels only"),
     ],
@@ -144,9 +129,3 @@ def file_of(content: bytes) -> Callable[[Path], Path]:
 )
 def test_what_is_no_scene_is_refused(tmp_path: Path, made: Callable[[Path], Path], said: str) -> None:
     assert said in refusal(lambda: read_cameras(made(tmp_path)))
-
-
-def test_huge_files_are_refused(tmp_path: Path) -> None:
-    with (tmp_path / "scene.json").open("wb") as file:
-        file.truncate(1 << 29)
-    assert "larger than 256 MiB" in refusal(lambda: read_cameras(tmp_path / "scene.json"))

@@ -7,7 +7,6 @@ from functools import cache
 
 import bumpy_ball
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from bumpy_ball import Photo
 from exif import write_jpeg
@@ -139,7 +138,7 @@ class TestPoints:
         with pytest.raises(GeometryError, match="3 pairs do not determine"):
             camera_from_points(pixels_of(true, surface_points(3)), surface_points(3), WIDTH, HEIGHT)
         line = np.linspace(-1, 1, 6)[:, None] * (0.2, 0.5, 0.3)
-        with pytest.raises(GeometryError, match="lie in one line"):
+        with pytest.raises(GeometryError, match="lie on one line"):
             camera_from_points(pixels_of(true, line), line, WIDTH, HEIGHT)
 
 
@@ -158,13 +157,6 @@ class TestFromAStart:
         assert_the_same(fit.camera, photo.camera)
         assert fit.overlap > 0.98
         assert fit.degrees < 3
-
-    def test_a_known_focal_length_stays(self):
-        photo = photographed()
-        start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 800.0), None, looking(44, 12, 10).world_from_camera)
-        fit = refine_camera(evidence(photo), faces(), start, fix_focal=True)
-        assert fit.camera.focal.tolist() == [800, 800]
-        assert_the_same(fit.camera, photo.camera)
 
     def test_normals_that_err_smoothly_do_not_turn_it(self):
         """As estimates err: towards the viewer, by up to some 10 degrees."""
@@ -192,13 +184,6 @@ def test_without_a_start_the_best_view_is_the_right_one():
     assert all(other.cost > best.cost for other in others)
 
 
-@pytest.mark.long
-def test_without_a_start_a_likely_focal_length_that_is_wrong_does_no_harm():
-    photo = photographed(-120, -35, 170)
-    best, *_ = search_cameras(evidence(photo), faces(), looking(0, 0, 0, lens=2400.0), usual_focal=700.0)
-    assert_the_same(best.camera, photo.camera)
-
-
 def test_without_a_start_a_known_principal_point_stays(monkeypatch: pytest.MonkeyPatch):
     """Of one of the views that the search begins with."""
     monkeypatch.setattr(search, "TRIED", 1)
@@ -218,9 +203,11 @@ class TestCommand:
         write_rig(tmp_path / "rig.json", published_rig(30, 90))
         return tmp_path
 
-    def align(self, mpsnet, files, *options):
+    def align(self, mpsnet, files, *options, code: int = 0):
         given = ("--mesh", files / "mesh.npz", "--rig", files / "rig.json", "--model", "lambertian")
-        return mpsnet("align", files / "photo.exr", *given, "-o", files / "camera.json", *options)
+        done = mpsnet("align", files / "photo.exr", *given, "-o", files / "camera.json", *options)
+        assert done.returncode == code, done.stderr
+        return done
 
     def pairs(self, files, pixels, points):
         pairs = [{"pixel": a, "point": b} for a, b in zip(pixels.tolist(), points.tolist(), strict=True)]
@@ -232,7 +219,6 @@ class TestCommand:
         pixels = pixels_of(true, points) + np.random.default_rng(2).normal(size=(8, 2))
         pixels[3] += 60
         done = self.align(mpsnet, files, *self.pairs(files, pixels, points), "--overlay", files / "overlay.png")
-        assert done.returncode == 0, done.stderr
         assert "pair 4 contradicts the others" in done.stderr
         assert_the_same(read_camera(files / "camera.json"), true)
         assert (files / "overlay.png").is_file()
@@ -259,15 +245,9 @@ class TestCommand:
         assert (used in done.stderr) == (stated >= 60 and not given)
         assert (refused in done.stderr) == (stated == 1)
 
-    def test_the_pairs_are_not_overwritten(self, mpsnet, files):
-        given = self.pairs(files, np.zeros((4, 2)), np.zeros((4, 3)))
-        done = self.align(mpsnet, files, *given, "-o", files / "pairs.json")
-        assert done.returncode == 2 and "would overwrite" in done.stderr
-
     def test_a_rough_start_is_refined(self, mpsnet, files):
         write_camera(files / "start.json", looking(46, 10, 4))
         done = self.align(mpsnet, files, "--start", files / "start.json", "--progress", "json")
-        assert done.returncode == 0, done.stderr
         result = json.loads(done.stdout.splitlines()[-1])["result"]
         assert result["poor"] is False
         assert result["overlap"] > 0.98
@@ -284,8 +264,7 @@ class TestCommand:
 
     def test_the_start_of_a_cropped_photo_keeps_its_principal_point(self, mpsnet, files, cropped):
         write_camera(files / "start.json", cropped(looking(46, 10, 4)))
-        done = self.align(mpsnet, files, "--start", files / "start.json")
-        assert done.returncode == 0, done.stderr
+        self.align(mpsnet, files, "--start", files / "start.json")
         assert_the_same(read_camera(files / "camera.json"), cropped(photographed().camera))
 
     @pytest.mark.parametrize("given", ["points", "start"])
@@ -300,41 +279,27 @@ class TestCommand:
         # Of the photo in twice the size, taken elsewhere.
         lens = replace(true.resized(2 * true.width, 2 * true.height), world_from_camera=np.eye(4))
         write_camera(files / "lens.json", lens)
-        done = self.align(mpsnet, files, *place, "--lens", files / "lens.json")
-        assert done.returncode == 0, done.stderr
+        self.align(mpsnet, files, *place, "--lens", files / "lens.json")
         found = read_camera(files / "camera.json")
         assert found.focal.tolist() == [800, 800] and found.centre.tolist() == true.centre.tolist()
         assert_the_same(found, true)
         # By the middle, it is another camera.
-        assert self.align(mpsnet, files, *place, "--focal", 800 / true.width * 36).returncode == 0
+        self.align(mpsnet, files, *place, "--focal", 800 / true.width * 36)
         assert degrees_apart(read_camera(files / "camera.json"), true) > 1
 
     def test_a_lens_of_another_shape_and_a_second_one_are_refused(self, mpsnet, files):
         write_camera(files / "lens.json", replace(photographed().camera, width=HEIGHT, height=WIDTH))
-        done = self.align(mpsnet, files, "--lens", files / "lens.json")
-        assert done.returncode == 2
+        done = self.align(mpsnet, files, "--lens", files / "lens.json", code=2)
         assert "the lens is that of a photo of 400 x 480 pixels, but this one has 480 x 400" in done.stderr
-        done = self.align(mpsnet, files, "--lens", files / "lens.json", "--focal", 50)
-        assert done.returncode == 2 and "--lens and --focal both define the lens" in done.stderr
+        done = self.align(mpsnet, files, "--lens", files / "lens.json", "--focal", 50, code=2)
+        assert "--lens and --focal both define the lens" in done.stderr
 
     @pytest.mark.parametrize("given", ["start", "lens"])
     def test_a_camera_of_pixels_that_are_not_square_is_refused(self, mpsnet, files, given: str):
         write_camera(files / "given.json", replace(looking(46, 10, 4), focal=np.array([800.0, 600.0])))
-        done = self.align(mpsnet, files, f"--{given}", files / "given.json")
-        assert done.returncode == 2
+        done = self.align(mpsnet, files, f"--{given}", files / "given.json", code=2)
         assert f"the {given}'s focal lengths are 800 along x and 600 along y" in done.stderr
         assert not (files / "camera.json").exists()
-
-    def test_the_overlay_is_a_picture_of_srgb_values_as_others_are(self, mpsnet, files):
-        write_camera(files / "start.json", looking(46, 10, 4))
-        shown = []
-        for name in ("overlay.png", "overlay.exr"):
-            done = self.align(mpsnet, files, "--start", files / "start.json", "--overlay", files / name)
-            assert done.returncode == 0, done.stderr
-            shown.append(read_image(files / name).pixels)
-        assert oiio.ImageInput.open(str(files / "overlay.png")).spec().format == oiio.UINT8
-        # On the mean: outlines of two searches may differ by a fraction of a pixel. With the wrong curve it is 0.058.
-        assert np.abs(np.subtract(*shown)).mean() < 0.003
 
     def test_a_large_photo_under_near_lights_is_made_smaller(self, mpsnet, files, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("mpsnet_core.estimate.alignment.operation.LONGEST", 240)
@@ -342,8 +307,7 @@ class TestCommand:
         middle = np.array([0, 0, -6.0])
         write_rig(files / "rig.json", near_rig(middle + 30 * rig.directions, middle))
         write_camera(files / "start.json", looking(46, 10, 4))
-        done = self.align(mpsnet, files, "--start", files / "start.json", "--focal", 60)
-        assert done.returncode == 0, done.stderr
+        self.align(mpsnet, files, "--start", files / "start.json", "--focal", 60)
         assert degrees_apart(read_camera(files / "camera.json"), true) < 1
 
     def test_a_small_object_in_a_large_photo_is_placed_by_all_its_pixels(self, mpsnet, files):
@@ -354,14 +318,13 @@ class TestCommand:
             return replace(camera, width=width, height=height, centre=camera.centre + np.array([left, top]))
 
         write_camera(files / "start.json", looking(46, 10, 4))
-        assert self.align(mpsnet, files, "--start", files / "start.json").returncode == 0
+        self.align(mpsnet, files, "--start", files / "start.json")
         alone = shifted(read_camera(files / "camera.json"))
         image = np.zeros((height, width, 4), np.float32)
         image[top : top + HEIGHT, left : left + WIDTH] = np.dstack([photo.image, photo.mask])
         write_file(files / "photo.exr", image, "float")
         write_camera(files / "start.json", shifted(looking(46, 10, 4)))
-        done = self.align(mpsnet, files, "--start", files / "start.json", "--overlay", files / "overlay.exr")
-        assert done.returncode == 0, done.stderr
+        self.align(mpsnet, files, "--start", files / "start.json", "--overlay", files / "overlay.exr")
         shown = read_image(files / "overlay.exr").pixels
         rows, columns = np.nonzero((shown[..., 1] > 0.9) & (shown[..., 0] < 0.1))  # the mesh's, green
         outline = np.ptp(np.argwhere(photo.mask), axis=0)
@@ -379,18 +342,8 @@ class TestCommand:
         pose[:3, 3] += pose[:3, 0]
         write_camera(files / "start.json", Camera("perspective", WIDTH, HEIGHT, np.full(2, 800.0), None, pose))
         done = self.align(mpsnet, files, "--start", files / "start.json")
-        assert done.returncode == 0, done.stderr
         assert "the fit is poor" not in done.stderr
         assert_the_same(read_camera(files / "camera.json"), photographed().camera)
-
-    def test_a_photo_of_something_else_fits_poorly_and_that_is_reported(self, mpsnet, files):
-        stretched = bumpy_ball.mesh()
-        stretched.vertices[:, 2] *= 2.5
-        write_mesh(files / "mesh.npz", stretched)
-        write_camera(files / "start.json", looking(46, 10, 4))
-        done = self.align(mpsnet, files, "--start", files / "start.json")
-        assert done.returncode == 0, done.stderr
-        assert "the fit is poor" in done.stderr
 
     @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (2600, 1800)], ids=["large in the photo", "small in it"])
     def test_outlines_that_are_apart_by_a_share_of_the_object_are_a_poor_fit(self, mpsnet, files, size):
@@ -442,25 +395,20 @@ class TestCommand:
     @pytest.mark.parametrize("shape", [(1, 1), (48, 1), (4, 300)])
     def test_an_object_too_small_or_thin_gets_one_sentence(self, mpsnet, files, shape: tuple[int, int]):
         write_file(files / "photo.exr", np.full((*shape, 3), 0.5), "float")
-        done = self.align(mpsnet, files, "--mask", "none")
-        assert done.returncode == 2
-        assert f"the object is {shape[1]} x {shape[0]} pixels, too little to place a mesh by" in done.stderr
+        done = self.align(mpsnet, files, "--mask", "none", code=2)
+        assert f"the object is {shape[1]} x {shape[0]} pixels, too few to align a mesh with" in done.stderr
 
     @pytest.mark.parametrize(
         ("text", "sentence"),
         [
             ("{", "is not valid JSON"),
-            ("[]", "holds no list"),
             ('{"pairs": []}', "holds no list"),
-            ('{"pairs": [{"pixel": [1, 2]}]}', 'pair 1 is not made of "pixel" and "point"'),
             ('{"pairs": [{"pixel": [1, 2], "point": [1, 2]}]}', 'the "point" of pair 1 is not 3 numbers'),
             ('{"pairs": [{"pixel": [1, NaN], "point": [1, 2, 3]}]}', 'the "pixel" of pair 1 is not 2 numbers'),
-            ('{"pairs": [{"pixel": [1, 2], "point": [1, 2, 3]}]}', "1 pairs do not determine a camera"),
         ],
     )
     def test_bad_pairs_get_one_sentence(self, mpsnet, files, text: str, sentence: str):
         (files / "pairs.json").write_text(text)
-        done = self.align(mpsnet, files, "--points", files / "pairs.json")
-        assert done.returncode == 2
+        done = self.align(mpsnet, files, "--points", files / "pairs.json", code=2)
         assert re.fullmatch(rf"mpsnet: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
         assert not (files / "camera.json").exists()

@@ -11,14 +11,13 @@ from uv_squares import squares
 
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.bake.texture import Texture
-from mpsnet_core.bake.texture_sets import texture_sets
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.texture import Texture
+from mpsnet_core.scene.texture_sets import texture_sets
 
 SIZE = 64
 SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]
@@ -105,37 +104,6 @@ def test_objects_in_one_go_have_each_their_own_normals(space: str) -> None:
             assert error.mean() < 0.6 and np.percentile(error, 99) < 3, (number, size)
 
 
-def plates() -> tuple[Mesh, Mesh]:
-    """A square from -1 to 1 in z = 0, and a smaller one that floats before it, in half of the texture each."""
-    back = squares((0, 0), side=1.0)
-    back = replace(back, vertices=back.vertices * (2, 2, 1) - (1, 1, 0), uvs=back.uvs * (0.5, 1))
-    place = np.eye(4)
-    place[:3] = [[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.3, 0.5]]
-    return back, replace(back, uvs=back.uvs + np.float32([0.5, 0]), world_from_object=place)
-
-
-def test_one_object_hides_another() -> None:
-    back, front = plates()
-    camera = camera_looking((0, 0, 1), size=200, reach=1.2)
-    vectors = np.broadcast_to(np.array([0.6, 0, 0.8]) @ camera.rotation, (200, 200, 3))
-    view = View(camera, NormalMap(vectors, np.ones((200, 200), bool)))
-    (texture,) = baked([back, front], [view], size=200)
-    assert same(texture, bake_normals(join_meshes([back, front]), [view], size=200, margin=0))
-    column, row = np.meshgrid((np.arange(100) + 0.5) / 50 - 1, 1 - (np.arange(200) + 0.5) / 100)
-    reach = np.maximum(np.abs(column), np.abs(row))
-    seen = texture.seen[:, :100]
-    assert not seen[reach < 0.28].any() and seen[reach > 0.32].all() and texture.seen[:, 100:].all()
-    alone = bake_normals(back, [view], size=200, margin=0)
-    assert alone.seen[alone.covered].all()
-
-
-def test_uvs_of_objects_that_lie_over_each_other_are_reported(caplog: pytest.LogCaptureFixture) -> None:
-    view = sphere_view(camera_looking((1, 0, 0)))
-    with caplog.at_level("INFO", "mpsnet_core"):
-        baked([sphere_mesh(), sphere_mesh(world_from_object=pose((1, 1, 1), (0, 9, 0), 0))], [view])
-    assert any("UVs overlap" in r.getMessage() and "of its own" in r.getMessage() for r in caplog.records)
-
-
 def grainy(camera: Camera) -> View:
     """A view whose normals are another in each pixel."""
     shape = (camera.height, camera.width)
@@ -161,20 +129,6 @@ def test_several_points_a_texel_are_the_mean_of_the_finer_texture(samples: int, 
             counts = seen if seen.any() else covered  # an unseen point has no normal but the surface's own
             mean = fine.vectors[block][counts].sum(axis=0) if covered.any() else np.array([0, 0, 1])
             assert texture.vectors[row, column] == pytest.approx(mean / np.linalg.norm(mean), abs=1e-5)
-
-
-def test_several_points_a_texel_lessen_aliasing() -> None:
-    """A photo that is finer than the texels: the mean of its pixels is known, one point a texel hits one or another."""
-    mesh = squares((0, 0), side=1.0)
-    mesh = replace(mesh, vertices=mesh.vertices * 2 - (1, 1, 0))
-    view = grainy(camera_looking((0, 0, 1), size=330, reach=1.0))
-    mean = view.normals.vectors.mean(axis=(0, 1)) @ view.camera.rotation.T
-    apart = [
-        degrees_between(bake_normals(mesh, [view], size=24, samples=n, space="object").vectors, mean).mean()
-        for n in (1, 2, 4)
-    ]
-    print(f"degrees from the mean of the photo's pixels, 1, 2 and 4 points: {np.round(apart, 2)}")
-    assert apart[2] < 0.7 * apart[1] < 0.7 * 0.7 * apart[0]
 
 
 def test_a_tile_that_no_view_sees_is_flat_and_nothing_seen_is_refused() -> None:
@@ -209,17 +163,3 @@ def test_a_material_too_small_for_a_texel_has_no_texture(caplog: pytest.LogCaptu
         textures = baked([mesh], [grainy(camera_looking((0, 0, 1)))], by=("materials",))
     assert len(textures) == 1
     assert any("material dot: no texel lies on its UVs" in record.getMessage() for record in caplog.records)
-
-
-def test_progress_grows_over_all_textures() -> None:
-    said: list[float] = []
-    mesh = squares((0, 0), (1, 0), (2, 0), side=1.0)
-    view = grainy(camera_looking((0, 0, 1)))
-    baked([mesh], [view], by=("tiles",), samples=2, progress=lambda fraction, _: said.append(fraction))
-    assert said[0] == 0 and said[-1] == 1 and said == sorted(said)
-
-
-@pytest.mark.parametrize(("settings", "said"), [({"samples": 3}, "choose 1, 2 or 4"), ({"padding": "zoom"}, "padding")])
-def test_settings_that_are_none_are_refused(settings: dict, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        bake_normals(sphere_mesh(), [sphere_view(camera_looking((1, 0, 0)))], size=32, **settings)

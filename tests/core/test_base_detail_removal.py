@@ -15,7 +15,6 @@ from mpsnet_core.bake.bake import View
 from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_detail, remove_base_details
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_encoding import encode
@@ -154,11 +153,6 @@ def test_a_map_of_another_tile_is_taken_out_as_that_of_the_first() -> None:
     assert remove_base_detail(given, view.camera, moved, SCENE, replace(present(), corner=(0, 1)))[1] == 0
 
 
-def test_on_request_it_is_left_in() -> None:
-    view = smooth_view()
-    assert taken_out(worn(view), view, present(shown="no"))[1] == 0
-
-
 def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
     """Single texels of a map with far more of them than the photo has pixels."""
     rng = np.random.default_rng(0)
@@ -166,11 +160,6 @@ def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
     view = smooth_view()
     vectors, _ = taken_out(view.normals.vectors, view, BaseMap(unit(fine).astype(np.float32), "yes"))
     assert degrees_between(vectors, view.normals.vectors)[inner(view)].mean() < 12  # single texels lean by 30 degrees
-
-
-def test_a_word_that_says_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="choose auto, yes or no"):
-        present(shown="perhaps")
 
 
 def test_all_frames_of_a_sequence_have_the_share_of_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

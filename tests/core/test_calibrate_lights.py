@@ -1,7 +1,6 @@
 """Lights by mirror balls: against photographs that are traced ray by ray, with lamps whose places are known."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,21 +9,14 @@ from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, la
 from synthetic import degrees_between
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.calibrate.ball import (
-    Circle,
-    ball_from_circle,
-    ball_from_mask,
-    fit_ball,
-    mirrored,
-)
+from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, fit_ball
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
-from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point
+from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
-from mpsnet_core.scene.rig import read_rig, write_lp
 
 pytestmark = pytest.mark.accuracy
 
@@ -129,27 +121,6 @@ def test_what_a_lens_that_nobody_gave_does_is_within_the_uncertainty() -> None:
     assert np.mean(known) < 0.3 * np.mean(told), "what is added is the lens's"
 
 
-def test_the_direction_is_the_lights_and_not_the_balls_normal() -> None:
-    """Seen from the front, a light at slant 60° shines in the mirror where the ball's own slant is 30°."""
-    scene = afar([(60, 90), (60, 210), (60, 330)])
-    image = photograph(scene)
-    ball = find_balls(image, pixel_camera(*scene.size))[0]
-    sighting = Sighting(ball, find_coloured_highlights(taken(image), ball))
-    slants = np.degrees(np.arccos(find_lights([sighting]).directions[:, 2]))
-    assert slants == pytest.approx([60, 60, 60], abs=0.5)
-    for spot in sighting.highlights:
-        away = np.hypot(spot.x - ball.circle.x, spot.y - ball.circle.y)
-        assert np.degrees(np.arcsin(away / ball.circle.radius)) == pytest.approx(30, abs=0.3)
-
-
-def test_a_turned_photo_gives_turned_lights() -> None:
-    scene = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), FAR, 5, ANGLES), (300, 300))
-    image = photograph(scene)
-    upright = lights_of(image, pixel_camera(300, 300)).directions
-    turned = lights_of(np.rot90(image).copy(), pixel_camera(300, 300)).directions
-    assert degrees_between(turned, upright @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])).max() < 0.1
-
-
 @pytest.mark.parametrize("middle, radius", [((0.12, -0.08, -1.0), 0.14), ((0.22, -0.12, -1.0), 0.10)])
 def test_directions_in_perspective(middle: Sequence[float], radius: float) -> None:
     """At the photo's side, even across its border, where a ball's outline is an ellipse and the view is oblique."""
@@ -160,35 +131,6 @@ def test_directions_in_perspective(middle: Sequence[float], radius: float) -> No
     assert found.sightings[0].ball.centre == pytest.approx(middle, abs=0.003)
     # Taken as far away, the same photo misleads by the angle at which the ball is seen.
     assert degrees_between(lights_of(image, pixel_camera(*scene.size)).directions, FACING).min() > 4
-
-
-def test_an_outline_in_perspective_is_the_ellipse_that_the_formulas_give() -> None:
-    """The outline's points are where rays touch the ball: their distance from its middle is the radius."""
-    camera = Camera("perspective", 400, 300, (500.0, 500.0))
-    middle, radius = np.array([0.5, 0.2, -1.4]), 0.2
-    ball = fit_ball(ball_from_circle(Circle(378, 78, 74), camera, radius).outline(), camera, radius)
-    for x, y in ball.outline()[::20]:
-        ray = np.array([(x - 200) / 500, (150 - y) / 500, -1.0])
-        ray /= np.linalg.norm(ray)
-        assert np.linalg.norm(np.cross(ray, ball.centre)) == pytest.approx(radius, rel=1e-6)
-    exact = fit_ball(_touching(middle, radius, camera), camera, radius)
-    assert exact.centre == pytest.approx(middle, abs=1e-6)
-
-
-def _touching(middle: np.ndarray, radius: float, camera: Camera) -> np.ndarray:
-    """(N, 2) the outline by brute force: pixels of a fine fan of rays where the ball begins to be hit."""
-    points = []
-    for turn in np.radians(np.arange(0, 360, 5)):
-        low, high = 0.0, 400.0
-        start = np.array([500 * middle[0] / -middle[2] + 200, 150 - 500 * middle[1] / -middle[2]])
-        for _ in range(60):
-            half = (low + high) / 2
-            x, y = start + half * np.array([np.cos(turn), np.sin(turn)])
-            ray = np.array([(x - 200) / 500, (150 - y) / 500, -1.0])
-            hit = np.linalg.norm(np.cross(ray / np.linalg.norm(ray), middle)) < radius
-            low, high = (half, high) if hit else (low, half)
-        points.append(start + low * np.array([np.cos(turn), np.sin(turn)]))
-    return np.array(points)
 
 
 def near_scene(distance: float = 0.8) -> tuple[Scene, np.ndarray]:
@@ -243,16 +185,6 @@ def test_rays_that_miss_each_other_are_reported(caplog: pytest.LogCaptureFixture
         sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
     find_lights(sightings)
     assert "miss each other" in caplog.text
-
-
-def test_rays_meet_where_they_were_sent_from() -> None:
-    random = np.random.default_rng(3)
-    point = np.array([0.3, -0.2, 2.0])
-    origins = random.normal(size=(5, 3))
-    met, error, gap = meeting_point(
-        origins, (point - origins) / np.linalg.norm(point - origins, axis=1)[:, None], [0.01] * 5
-    )
-    assert met == pytest.approx(point) and gap == pytest.approx(0, abs=1e-9) and 0 < error < 0.1
 
 
 TOUCHING = [(30, 90), (30, 101), (24, 95)]
@@ -371,22 +303,6 @@ def test_a_mask_that_also_holds_the_stand() -> None:
         ball_from_mask(np.zeros((50, 50), bool), pixel_camera(50, 50))
 
 
-def test_sightings_that_do_not_fit_each_other() -> None:
-    scene = afar()
-    image = photograph(scene)
-    ball = find_balls(image, pixel_camera(*scene.size))[0]
-    spots = find_coloured_highlights(taken(image), ball)
-    with pytest.raises(InputError, match="same number of lights"):
-        find_lights([Sighting(ball, spots), Sighting(ball, spots[:2])])
-    with pytest.raises(InputError, match="give at least one"):
-        find_lights([])
-
-
-def test_a_direction_file_is_read_back(tmp_path: Path) -> None:
-    write_lp(tmp_path / "three.lp", FACING, ["a", "b", "c"])
-    assert degrees_between(read_rig(tmp_path / "three.lp").directions, FACING).max() < 1e-3
-
-
 # --- photographs ------------------------------------------------------------------------------------------------------
 
 
@@ -418,16 +334,3 @@ def test_a_mirror_ball_under_the_found_lights_shines_where_the_photographs_do(
         bright_rows, bright_columns = np.nonzero(photo.max(axis=-1) > 0.9)
         apart = np.hypot(rows.mean() - bright_rows.mean(), columns.mean() - bright_columns.mean())
         assert apart < 1
-
-
-def test_the_ball_that_is_found_is_the_masks(chrome: tuple[list[np.ndarray], np.ndarray]) -> None:
-    photos, mask = chrome
-    camera = pixel_camera(mask.shape[1], mask.shape[0])
-    ours, theirs = find_balls(np.mean(photos, axis=0), camera)[0].circle, ball_from_mask(mask, camera).circle
-    assert (ours.x, ours.y, ours.radius) == pytest.approx((theirs.x, theirs.y, theirs.radius), abs=2)
-
-
-def test_what_a_mirror_shows_at_the_middle_is_the_camera() -> None:
-    ball = ball_from_circle(Circle(100, 80, 50), pixel_camera(200, 160))
-    _, direction = mirrored(ball, [(100, 80)])
-    assert direction[0] == pytest.approx([0, 0, 1])

@@ -1,15 +1,12 @@
 """Cameras: where points fall in the image, rays back into the world, and camera files."""
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_input import NAN, gets_one_clear_sentence
+from bad_input import gets_one_clear_sentence
 
-from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
-from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera, write_camera
+from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 
 # Looks along world -x from (5, 2, 1): camera x is world y, camera y is world z, camera z is world x.
 SIDEWAYS = np.array([[0, 0, 1, 5], [1, 0, 0, 2], [0, 1, 0, 1], [0, 0, 0, 1.0]])
@@ -32,12 +29,6 @@ def test_orthographic_pixels_do_not_depend_on_depth_and_rows_count_down() -> Non
         assert project(camera, [depth, 2 + 1.5, 1 + 0.25]) == pytest.approx([30 + 15, 16 - 5])
 
 
-def test_perspective_shrinks_with_distance() -> None:
-    camera = Camera("perspective", 64, 32, (100, 50), (30, 16), SIDEWAYS)
-    assert project(camera, [5 - 4, 2 + 1, 1 + 1]) == pytest.approx([30 + 25, 16 - 12.5])
-    assert project(camera, [5 - 8, 2 + 1, 1 + 1]) == pytest.approx([30 + 12.5, 16 - 6.25])
-
-
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 def test_rays_go_through_the_pixels_they_were_asked_for(projection: str) -> None:
     camera = Camera(projection, 64, 48, (80, 90), (31, 20), SIDEWAYS)
@@ -56,11 +47,6 @@ def test_depth_is_measured_along_the_axis() -> None:
     assert camera.depth_row() @ [6, 0, 0, 1] == pytest.approx(-1)
 
 
-@pytest.mark.parametrize(("width", "height"), [(300, 200), (200, 300)])
-def test_a_lens_has_the_focal_length_that_it_was_made_of(width: int, height: int) -> None:
-    assert camera_of_lens(85, width, height).focal_35mm == pytest.approx(85)
-
-
 def test_a_camera_file_gives_the_camera_back(tmp_path: Path) -> None:
     camera = Camera("perspective", 64, 48, (80.5, 90.25), (31, 20), SIDEWAYS)
     write_camera(tmp_path / "camera.json", camera)
@@ -71,41 +57,13 @@ def test_a_camera_file_gives_the_camera_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.world_from_camera, camera.world_from_camera)
 
 
-@pytest.mark.parametrize(
-    ("change", "kind"),
-    [
-        (lambda file: file.unlink(), FileError),
-        (lambda file: file.write_text("{"), FormatError),
-        (lambda file: file.write_text(file.read_text().replace('"focal"', '"fokal"')), FormatError),
-        (lambda file: file.write_text(json.dumps({**json.loads(file.read_text()), "width": -1})), GeometryError),
-    ],
-)
-def test_callers_tell_errors_apart_by_their_class(
-    tmp_path: Path, change: Callable[[Path], object], kind: type[InputError]
-) -> None:
-    file = tmp_path / "camera.json"
-    write_camera(file, Camera("perspective", 64, 48, (80, 90)))
-    change(file)
-    with pytest.raises(kind, match=r"camera\.json") as caught:
-        read_camera(file)
-    assert caught.type is kind
-
-
 test_a_bad_camera_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        ("focal beyond reason", lambda b: b.estimate(focal="1e300"), "focal 1e+300 is out of range; choose 1 to 10000"),
         (lambda b: read_camera(b.camera(projection="fisheye")), '"orthographic" or "perspective", not \'fisheye\''),
-        ("width 0", lambda b: read_camera(b.camera(width=0)), "width must be a whole number of pixels from 1"),
         ("half a pixel", lambda b: read_camera(b.camera(height=1.5)), "camera.json…height must be a whole number"),
-        ("width beyond all numbers", lambda b: read_camera(b.camera(width=10**400, centre=None)), "camera.json…width"),
         ("focal 0", lambda b: read_camera(b.camera(focal=[8, 0])), "camera.json…focal must be above 0"),
-        ("one focal", lambda b: read_camera(b.camera(focal=8)), "camera.json…focal must be 2 finite numbers"),
-        ("centre not finite", lambda b: read_camera(b.camera(centre=[NAN, 0])), "centre must be 2 finite numbers"),
         (lambda b: read_camera(b.camera(world_from_camera=np.diag([2, 2, 2, 1]).tolist())), "not a rotation and a"),
         ("pose mirrored", lambda b: Camera("orthographic", 4, 4, (1, 1), None, np.diag([-1, 1, 1, 1])), "mirroring"),
-        (lambda b: read_camera(b.camera(world_from_camera=np.eye(3).tolist())), "world_from_camera must be 4 by 4"),
         (lambda b: read_camera(b.camera(world_from_camera=[[10**400] * 4] * 4)), "world_from_camera must be 4 by 4"),
-        ("without a pose", lambda b: read_camera(b.camera(world_from_camera=None)), "camera.json: it lacks"),
-        ("a rig in its place", lambda b: read_camera(b.rig()), "rig.json is not a mpsnet-camera file"),
     ]
 )

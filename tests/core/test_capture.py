@@ -8,7 +8,6 @@ from bad_input import NAN, SPHERE, gets_one_clear_sentence, loop, with_pixel
 from numpy.typing import ArrayLike
 from synthetic import Sphere, write_file
 
-from mpsnet_core import read_mask
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.open import read_capture
@@ -65,11 +64,6 @@ def test_a_large_photo_is_held_in_half_the_memory(
     assert angular_error(normals[1].vectors, normals[0].vectors)[sphere.mask].max() < 0.2
 
 
-def test_a_mask_file_is_used(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
-    mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
-    np.testing.assert_array_equal(read_capture(photo_file, sphere.rig, mask=mask).mask, sphere.mask)
-
-
 def test_an_error_keeps_its_kind_where_the_photo_is_named(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
     small = write_file(tmp_path / "mask.png", np.ones((8, 8)), "uint8")
     words = rf"{photo_file.name}: the mask is 8 x 8 but the photo is .*; they must be the same size"
@@ -83,11 +77,6 @@ def test_an_error_keeps_its_kind_where_the_photo_is_named(tmp_path: Path, photo_
 def test_only_integer_files_saturate(tmp_path: Path, sphere: Sphere, kind: str, clip: float) -> None:
     photo = write_file(tmp_path / "photo.tif", sphere.image, kind)
     assert read_capture(photo, sphere.rig).clip == clip
-
-
-def test_the_camera_is_kept(photo_file: Path) -> None:
-    camera = Camera("orthographic", 64, 64, (32, 32))
-    assert read_capture(photo_file, published_rig(), camera=camera).camera is camera
 
 
 @pytest.mark.parametrize(
@@ -127,18 +116,12 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
         ("a link to itself", lambda b: b.estimate(mask=loop(b / "m.png")), "mask …m.png does not exist"),
         (lambda b: b.estimate(b.photo(pixels=with_pixel(3e38))), "photo.exr: the photo holds values that are not"),
         (lambda b: read_capture(b.photo(pixels=with_pixel(NAN)), published_rig(), mask="none"), "not finite inside"),
-        (
-            "infinity",
-            lambda b: read_capture(b.photo(pixels=with_pixel(np.inf), kind="half"), published_rig(), mask="none"),
-            "photo.exr: the photo holds values that are not finite inside the mask",
-        ),
         (lambda b: read_capture(b.photo(), SPHERE.rig, mask=b.mask(values=0 * SPHERE.mask)), "mask is empty"),
         (
             "empty alpha",
             lambda b: read_capture(b.photo(pixels=np.dstack([SPHERE.image, 0 * SPHERE.mask])), SPHERE.rig),
             "photo.exr…mask is empty",
         ),
-        ("a mask that is no image", lambda b: read_mask(b.rig()), "rig.json cannot be read as an image"),
         ("alpha where there is none", lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"), "no alpha channel"),
         *(
             (
@@ -149,7 +132,7 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
             for text in ("low", "", "1.5", "nan")
         ),
         ("black", lambda b: read_capture(b.photo(pixels=0 * SPHERE.image), SPHERE.rig), "black inside the mask"),
-        ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels a pixel…(16, 16)"),
+        ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels per pixel…(16, 16)"),
         (lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))), "camera is 20 x 10 but the photo is"),
     ]
 )

@@ -166,13 +166,6 @@ def test_the_noise_s_variance_is_a_line_over_its_mean() -> None:
     assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.01, "channels have noise of their own"
 
 
-def test_noise_is_drawn_from_its_seed(white: Sample) -> None:
-    draw = CaptureModel().draw(generator(4))
-    first, again, other = (taken(white, replace(draw, noise_seed=seed)).image for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).mean() > 0.1
-
-
 @pytest.mark.parametrize(("exposure", "highlights"), [(0.3, 0.01), (0.9, 0.01), (0.5, 0.1)])
 def test_highlights_exceed_the_exposure(white: Sample, exposure: float, highlights: float) -> None:
     brightest = taken(white, ideal(exposure=exposure, highlights=highlights)).image[white.mask].max(axis=-1)
@@ -257,67 +250,6 @@ def test_a_mask_is_off_by_its_error(pixels: int) -> None:
     mask = flat(np.ones((120, 120)), ideal(mask_error=pixels), disc).mask
     assert (mask >= disc).all() if pixels > 0 else (mask <= disc).all()
     assert np.sqrt(mask.sum() / np.pi) == pytest.approx(40 + pixels, abs=0.2 * abs(pixels))
-
-
-def test_a_mask_does_not_shrink_to_nothing() -> None:
-    mask = np.zeros((20, 20), bool)
-    mask[9:11, 9:11] = True
-    np.testing.assert_array_equal(flat(np.ones((20, 20)), ideal(mask_error=-3), mask).mask, mask)
-
-
-def test_draws_fill_their_ranges() -> None:
-    model = CaptureModel()
-    rng = generator(7)
-    draws = [model.draw(rng) for _ in range(1200)]
-    # A render has neither noise nor blur, nor an error of its mask.
-    shots = [draw for draw in draws if np.isfinite(draw.full_well)]
-    assert 1 - len(shots) / len(draws) == pytest.approx(model.exact * model.rendered, abs=0.04)
-    for name in ("exposure", "highlights", "full_well", "read_noise", "blur"):
-        least, most = getattr(model, name)
-        values = np.array([getattr(draw, name) for draw in shots])
-        assert least <= values.min() < least + 0.05 * (most - least), name
-        assert most - 0.05 * (most - least) < values.max() <= most, name
-    assert {draw.mask_error for draw in draws} == {-3, -2, -1, 0, 1, 2}
-    assert {draw.bits for draw in draws} == set(model.bits)
-    qualities = [draw.jpeg_quality for draw in draws if draw.jpeg_quality]
-    assert (min(qualities), max(qualities)) == (60, 98)
-    assert all(draw.bits == 8 and draw.srgb for draw in draws if draw.jpeg_quality)
-    assert len(qualities) / 1200 == pytest.approx(model.jpeg * (1 - model.exact * model.rendered), abs=0.04)
-    exact = [np.array_equal(draw.known_mixing, draw.mixing) for draw in draws]
-    assert np.mean(exact) == pytest.approx(model.exact, abs=0.06)
-    unknown = [np.array_equal(draw.known_mixing, np.eye(3)) for draw in draws]
-    share = (1 - model.exact - model.measured) * model.unknown
-    assert np.mean(unknown) == pytest.approx(share, abs=0.05)
-    assert np.mean([draw.white for draw in draws]) == pytest.approx(model.white, abs=0.06)
-    np.testing.assert_allclose([draw.colours.sum(axis=1) for draw in draws], 1)
-    overlaps = np.array([draw.colours[0, 1] / draw.colours[0, 0] for draw in draws])
-    assert overlaps.min() < 0.01 and 0.45 < overlaps.max() <= 0.6
-    assert len({draw.noise_seed for draw in draws}) == 1200
-
-
-def test_the_paper_s_mixing_is_the_same_in_every_photograph() -> None:
-    model = replace(CaptureModel(), colour_overlap=(0.4, 0.4), overlap_shares=(1.0, 1.0))
-    for seed in range(3):
-        colours = model.draw(generator(seed)).colours
-        np.testing.assert_allclose(colours, np.full((3, 3), 2 / 9) + np.eye(3) / 3, atol=1e-12)
-
-
-def test_changing_one_range_leaves_the_other_numbers() -> None:
-    changed = replace(CaptureModel(), blur=(5.0, 5.0), full_well=(np.inf, np.inf), crosstalk=(0.0, 0.0), jpeg=0.0)
-    changed = replace(changed, bits=(16,), jpeg_quality=(80, 80), srgb=1.0, grain=1.0)
-    before, after = CaptureModel().draw(generator(8)), changed.draw(generator(8))
-    assert (after.blur, after.bits, after.srgb) == (5.0, 16, True)
-    assert before.grain == 0 and 0.01 <= after.grain <= 0.2
-    for name in ("colours", "direction_errors", "exposure", "read_noise", "mask_error", "noise_seed"):
-        np.testing.assert_array_equal(getattr(before, name), getattr(after, name), err_msg=name)
-
-
-def test_every_draw_makes_a_capture(coloured: Sample) -> None:
-    rng = generator(9)
-    for _ in range(60):
-        capture = taken(coloured, CaptureModel().draw(rng))
-        assert capture.image.dtype == np.float32 and capture.image.min() >= 0 and capture.image.max() <= 1
-        assert np.isfinite(capture.rig.unmixed(capture.image)).all()
 
 
 def test_without_light_there_is_no_photograph(white: Sample) -> None:

@@ -66,11 +66,6 @@ def test_children_do_not_inherit_claims(tmp_path: Path, other: Other) -> None:
     bystander.communicate(b"\n")
 
 
-def test_the_lock_file_stays_empty(tmp_path: Path) -> None:
-    with Claims(tmp_path) as claims, claims.claim(1000):
-        assert (tmp_path / LOCK_FILE).stat().st_size == 0
-
-
 def test_a_folder_without_room_for_locks_is_reported(tmp_path: Path) -> None:
     (tmp_path / LOCK_FILE).mkdir()
     with pytest.raises(InputError, match=r"job\.lock.*choose another folder"):

@@ -6,7 +6,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -226,17 +225,3 @@ def test_a_tls_address_needs_the_certificates_of_its_cluster(
             made_with(theirs)
         monkeypatch.undo()
         assert made_with(ours) == JobOutcome(made=3)
-
-
-def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
-    code = """
-import sys
-sys.modules["distributed"] = None
-from mpsnet_core.cli import main
-sys.exit(main(["make", sys.argv[1], "--cluster", "tcp://127.0.0.1:8786"]))
-"""
-    write_job(tmp_path, job(3))
-    done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "pip install distributed" in done.stderr

@@ -1,24 +1,15 @@
 """COLMAP models written by hand, after https://colmap.github.io/format.html, and what is refused."""
 
-import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from colmap_files import (
-    SIZE,
-    TEXT_CAMERAS,
-    TRANSLATION,
-    binary_cameras,
-    binary_images,
-    write_binary,
-    write_text,
-)
-from photogrammetry_scene import POINTS, QUATERNION, TURN, Array, opencv, refusal, seen
+from colmap_files import SIZE, TEXT_CAMERAS, TRANSLATION, binary_cameras, binary_images, write_binary, write_text
+from photogrammetry_scene import POINTS, TURN, Array, opencv, refusal, seen
 
-from mpsnet_core.scene.photogrammetry import Lens, read_cameras
+from mpsnet_core.scene.photogrammetry import read_cameras
 
 # Model, its number, its parameters in the file's order.
 MODELS = {
@@ -43,16 +34,6 @@ def documented(x: Array, parameters: dict[str, float]) -> Array:
     return np.stack(
         [parameters.get("fx", focal) * x + parameters["cx"], parameters.get("fy", focal) * y + parameters["cy"]], -1
     )
-
-
-def test_the_turn_of_these_tests_is_its_quaternion() -> None:
-    def times(a: Array, b: Array) -> Array:
-        return np.array([a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
-
-    quaternion = np.array(QUATERNION)
-    back = quaternion * (1, -1, -1, -1)
-    turned = [times(times(quaternion, np.array([0, *axis])), back)[1:] for axis in np.eye(3)]
-    np.testing.assert_allclose(np.array(turned).T, TURN, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["text", "binary"])
@@ -116,10 +97,6 @@ def test_a_quaternion_in_few_digits_is_made_a_rotation(tmp_path: Path) -> None:
     np.testing.assert_allclose(posed.camera.rotation @ posed.camera.rotation.T, np.eye(3), atol=1e-12)
 
 
-def test_lenses_have_no_terms_that_they_do_not_need(tmp_path: Path) -> None:
-    assert read_cameras(write_text(tmp_path))[1].lens == Lens(radial=(-0.12,))
-
-
 POSE = "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n"
 
 
@@ -127,24 +104,13 @@ POSE = "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n"
     ("cameras", "images", "said"),
     [
         ("3 OPENCV_FISHEYE 640 480 1 1 1 1 0 0 0 0", POSE, "cameras.txt: line 1: camera model OPENCV_FISHEYE"),
-        ("3 SPLINE 640 480 1", POSE, "camera model SPLINE"),
         ("3 PINHOLE 640 480 500 500 320", POSE, "PINHOLE has 4 parameters, here are 3"),
-        ("3 PINHOLE 640", POSE, "line 1: not CAMERA_ID MODEL WIDTH HEIGHT"),
-        ("3 PINHOLE 640 480 500 500 320 x", POSE, "line 1: not CAMERA_ID MODEL WIDTH HEIGHT"),
         ("3 PINHOLE 640 480 500 nan 320 240", POSE, "images.txt: line 1: the camera's focal"),
-        ("3 PINHOLE 640 480 500 -1 320 240", POSE, "focal must be above 0"),
-        ("3 PINHOLE 640 999999999999 500 500 320 240", POSE, "height must be a whole number"),
         ("3 SIMPLE_RADIAL 640 480 500 320 240 inf", POSE, "cameras.txt: line 1: the lens has a coefficient"),
-        ("", POSE, "its camera 3 is not in the file of cameras"),
         (TEXT_CAMERAS, POSE.replace("a.jpg", ""), "not IMAGE_ID QW QX QY QZ"),
         (TEXT_CAMERAS, POSE.replace("0.8", "nan"), "not a rotation"),
-        (TEXT_CAMERAS, POSE.replace("0.8", "1.8"), "not a rotation"),
-        (TEXT_CAMERAS, POSE.replace("6 3", "inf 3"), "not finite"),
         (TEXT_CAMERAS, POSE.replace(" 3 a", " 9 a"), "its camera 9 is not in the file of cameras"),
-        (TEXT_CAMERAS, "1.5 2.5 -1\n", "not IMAGE_ID QW QX QY QZ"),
         (TEXT_CAMERAS, POSE.strip() + "\n" + POSE.replace("a.", "b."), "line 2: not the points of the photo above"),
-        (TEXT_CAMERAS, POSE.strip() + "\n" + POSE.replace("a.", "b c d."), "line 2: not the points"),
-        (TEXT_CAMERAS, "# no photo\n", "holds no photo with a pose"),
         (TEXT_CAMERAS, "\0\ufffe binary \1", "not IMAGE_ID"),
     ],
 )
@@ -161,20 +127,13 @@ IMAGE = binary_images("a.jpg")
 @pytest.mark.parametrize(
     ("cameras", "images", "said"),
     [
-        (b"", IMAGE, "cameras.bin: it is cut short"),
         (CAMERA[:-1], IMAGE, "cameras.bin: it is cut short"),
         (struct.pack("<Q", 2**60), IMAGE, "more than fit into it"),
-        (CAMERA + b"\0", IMAGE, "cameras.bin: it is longer than it states"),
         (binary_cameras((3, 5, 640, 480, (1.0,) * 8)), IMAGE, "camera model OPENCV_FISHEYE"),
-        (binary_cameras((3, -7, 640, 480, ())), IMAGE, "camera model number -7"),
-        (binary_cameras((3, 99, 640, 480, (1.0,))), IMAGE, "camera model number 99"),
         (binary_cameras((3, 0, 2**63, 480, (500.0, 1.0, 1.0))), IMAGE, "the camera's width"),
-        (CAMERA, IMAGE[:40], "images.bin: it states 1 records, more than fit"),
         (CAMERA, IMAGE[:-4], "images.bin: it is cut short"),
         (CAMERA, IMAGE[:-8] + struct.pack("<Q", 2**61), "more than fit into it"),
-        (CAMERA, IMAGE[:72] + b"a" * 100, "a photo's name without an end"),
-        (CAMERA, struct.pack("<Q", 0) + IMAGE[8:], "images.bin: it is longer than it states"),
-        (CAMERA, struct.pack("<Q", 0), "holds no photo with a pose"),
+        (CAMERA, IMAGE[:72] + b"a" * 100, "a photo's name that does not end"),
         (CAMERA, binary_images("a.jpg", camera=4), "photo 'a.jpg': its camera 4 is not"),
         (CAMERA, binary_images("a.jpg", pose=(float("nan"), 0, 0, 0, 0, 0, 0)), "photo 'a.jpg': its quaternion"),
     ],
@@ -190,10 +149,6 @@ def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
     assert "does not exist" in refusal(lambda: read_cameras(tmp_path / "nowhere"))
     (tmp_path / "points3D.bin").write_bytes(b"")
     assert "is not a file of a COLMAP model" in refusal(lambda: read_cameras(tmp_path / "points3D.bin"))
-    (tmp_path / "scene.abc").write_bytes(b"")
-    assert "not a supported file of cameras" in refusal(lambda: read_cameras(tmp_path / "scene.abc"))
     write_binary(tmp_path)
     (tmp_path / "images.bin").unlink()
     assert "images.bin does not exist" in refusal(lambda: read_cameras(tmp_path))
-    shutil.rmtree(tmp_path)
-    assert "does not exist" in refusal(lambda: read_cameras(tmp_path))

@@ -1,6 +1,5 @@
 """Samples and photos as a picture, and a folder of samples in numbers."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
 from synthetic import Sphere, listing, write_file
 
-from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.contact_sheet import (
     LIT_COLOURS,
     MATERIAL_COLOURS,
@@ -23,7 +21,6 @@ from mpsnet_core.synthesis.contact_sheet import (
     folder_samples,
     sample_row,
     sheet_of_samples,
-    spread,
     summarise,
 )
 from mpsnet_core.synthesis.farm.run import make_samples
@@ -91,14 +88,6 @@ def test_a_black_sample_is_shown_black(sample: Sample) -> None:
     assert np.isfinite(dict(sample_row("empty", empty))["photo"]).all()
 
 
-@pytest.mark.parametrize(
-    ("count", "places"), [(1, [0]), (2, [0, 9]), (4, [0, 3, 6, 9]), (10, range(10)), (99, range(10))]
-)
-def test_samples_are_spread_evenly(count: int, places: list[int]) -> None:
-    files = [Path(str(number)) for number in range(10)]
-    assert spread(files, count) == [files[place] for place in places]
-
-
 def test_a_broken_file_gives_its_row_to_the_next_whole_one(folder: Path) -> None:
     files = folder_samples(folder)
     rows = [sheet_of_samples(files, count) for count in (1, 2, 3, 4, 8)]
@@ -159,21 +148,6 @@ def test_show_takes_photos_and_samples_together(
     assert mpsnet("show", photo).stdout == "photo_sheet.png\n"
 
 
-def test_the_contact_sheet_grows_with_the_samples(tmp_path: Path, sample: Sample, folder: Path) -> None:
-    shutil.copy(folder / "sample_000000.exr", tmp_path / "template.exr")
-    heights: list[int] = []
-
-    def look(fraction: float, words: str) -> None:
-        if (tmp_path / "contact_sheet.png").exists():
-            heights.append(pixels(tmp_path / "contact_sheet.png").shape[0])
-
-    (tmp_path / "slow").write_text("0.02")
-    make_samples(tmp_path, SampleJob("synthesis", 6), COMMAND, processes=1, progress=look)
-    assert heights and round(heights[0] / ROW) < 6
-    assert round(pixels(tmp_path / "contact_sheet.png").shape[0] / ROW) == 6
-    assert "unfinished" not in " ".join(listing(tmp_path))
-
-
 @posix
 def test_the_contact_sheet_is_not_drawn_through_a_link(tmp_path: Path, sample: Sample) -> None:
     folder, precious = tmp_path / "samples", tmp_path / "precious.png"
@@ -207,17 +181,8 @@ def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, samp
     assert sheet.read_bytes() == whole
 
 
-def test_a_folder_without_samples_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"holds no samples \(\.exr\); make some"):
-        folder_samples(tmp_path)
-
-
 test_a_bad_show_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        ("nothing to show", lambda b: b.run("show", b / "nowhere.exr"), "nowhere.exr does not exist; check the path"),
-        ("show over the photo", lambda b: b.run("show", b.photo("a.png"), "-o", b / "a.png"), "overwrite…a.png"),
-        ("show in no folder", lambda b: b.run("show", b.photo(), "-o", b / "no" / "s.png"), "does not exist"),
-        ("show as a film", lambda b: b.run("show", b.photo(), "-o", b / "s.mp4"), "s.mp4…not a supported image format"),
         ("show a rig", lambda b: b.run("show", b.rig()), "rig.json cannot be read as an image"),
         ("show a cut photo", lambda b: b.run("show", cut(b.photo("a.png", kind="uint8"))), "a.png is damaged or cut"),
         (lambda b: (write_sample(b / "s.exr", sphere_sample(16)), b.run("show", cut(b / "s.exr"))), "s.exr is damaged"),

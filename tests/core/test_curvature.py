@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
 
-from mpsnet_core import Camera, InputError, NormalMap
+from mpsnet_core import Camera, NormalMap
 from mpsnet_core.relief.curvature import curvature, curvature_picture, curvature_range
 
 # More rows than are worked on at a time.
@@ -78,13 +78,3 @@ def test_the_picture_is_grey_where_flat_and_spans_its_range() -> None:
     inner = np.abs(values) < limit
     assert (picture[inner] - 0.5) * 2 * limit == pytest.approx(values[inner], abs=1e-5 * limit)
     assert curvature_range(np.zeros((4, 4)), np.ones((4, 4), bool)) == 1
-
-
-def test_what_does_not_fit_is_said() -> None:
-    surface = ball(NEAR, (0, 0, -5), 1)
-    with pytest.raises(InputError, match="needs the depth of every pixel"):
-        curvature(surface.normals, NEAR)
-    with pytest.raises(InputError, match="the camera is 4 x 4 but the normal map is 300 x 320"):
-        curvature(surface.normals, orthographic(4, 4))
-    with pytest.raises(InputError, match="a radius of -1 pixels cannot be used"):
-        of(surface, radius=-1)

@@ -11,13 +11,12 @@ from synthetic import degrees_between, write_file
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.detail_blending import blend_detail, read_base_map, reoriented
-from mpsnet_core.bake.texture import Texture
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
+from mpsnet_core.scene.texture import Texture
 
 FLAT = np.array([0, 0, 1.0])
 
@@ -47,13 +46,6 @@ def test_the_detail_is_turned_by_the_rotation_from_flat_to_the_base() -> None:
     angles = degrees_between(base, FLAT)
     expected = [turn(np.cross(FLAT, b), a) @ d for b, a, d in zip(base, angles, detail, strict=True)]
     assert degrees_between(reoriented(detail, base), np.array(expected)).max() < 0.05
-
-
-def test_nothing_of_either_is_lost_where_the_other_is_flat() -> None:
-    some = outwards(100, 2)
-    flat = np.broadcast_to(FLAT, some.shape).astype(np.float32)
-    assert degrees_between(reoriented(flat, some), some).max() < 0.05
-    assert degrees_between(reoriented(some, flat), some).max() < 0.05
 
 
 @pytest.mark.parametrize("size", [96, 256, 100])
@@ -115,18 +107,6 @@ def test_slopes_scale_with_the_strength(strength: float, space: str) -> None:
     assert slopes == pytest.approx(np.broadcast_to(strength * in_camera[:2] / in_camera[2], slopes.shape), abs=1e-4)
 
 
-@pytest.mark.parametrize("strength", [-0.1, 2.5, float("nan")])
-def test_a_strength_out_of_range_is_refused(strength: float) -> None:
-    mesh, view = square()
-    with pytest.raises(InputError, match="choose 0 to 2"):
-        bake_normals(mesh, [view], size=32, strength=strength)
-
-
-def test_an_object_space_texture_cannot_go_on_top() -> None:
-    with pytest.raises(InputError, match="bake in tangent space"):
-        blend_detail(texture_of(waves(16), "object"), waves(16))
-
-
 class Bench:
     """`mpsnet bake` of a sphere whose view shows bumps, onto maps that lie in the same folder."""
 
@@ -184,17 +164,11 @@ def test_the_present_maps_convention_is_reported(bench: Bench) -> None:
     ("arguments", "sentence"),
     [
         (["--onto", "good", "--space", "object"], "bake in tangent space"),
-        (["--onto", "good", "--onto-convention", "metal"], "convention 'metal' is not known"),
         (["--onto-shown", "yes"], "--onto-convention and --onto-shown describe the map of --onto"),
         (["--onto-convention", "directx"], "--onto-convention and --onto-shown describe the map of --onto"),
-        (["--format", "exr"], "out.png ends in; change one, or leave --format out"),
-        (["--onto", "good", "--strength", "3"], "strength 3 is out of range; choose 0 to 2"),
         (["--onto", "photo"], "photo.png is not a normal map: its colours are not unit vectors"),
-        (["--onto", "black"], "black.png is not a normal map"),
         (["--onto", "object"], "object.png is not in tangent space: many of its normals point inwards"),
-        (["--onto", "nothing"], "nothing.png does not exist; check the path"),
         (["--onto", "out"], "the result would overwrite"),
-        (["--onto", "grey"], "grey.png has 1 channel(s)"),
     ],
     ids=lambda given: " ".join(given) if isinstance(given, list) else "",
 )

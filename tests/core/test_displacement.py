@@ -11,7 +11,6 @@ from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
 from surface_shapes import grid_triangles, sphere_mesh, texels_of
 
-from mpsnet_core.arrays.graph_poisson import Solver, graph_of
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.image_writing import write_image
@@ -355,42 +354,6 @@ def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:
     assert found.contradicted > wall.mean() / 2
 
 
-def test_the_solver_solves_the_least_squares() -> None:
-    """Against numpy's dense answer, over islands cut apart and tied together at random."""
-    rng = np.random.default_rng(3)
-    islands = np.where(rng.random((40, 40)) < 0.9, np.arange(40)[:, None] // 9, -1).astype(np.int32)
-    count = int((islands >= 0).sum())
-    ties = rng.integers(0, count, (60, 2)).astype(np.int32)
-    ties = ties[ties[:, 0] != ties[:, 1]]
-    hold = np.full(count, 1e-3, np.float32)
-    graph = graph_of(islands, ties, hold)
-    assert count > 1000
-    number = np.full(islands.shape, -1)
-    number[islands >= 0] = np.arange(count)
-    rows, known = [], []
-    right, below = rng.normal(size=(2, count)).astype(np.float32)
-    for there, change in ((np.roll(number, -1, 1), right), (np.roll(number, -1, 0), below)):
-        inside = np.ones(islands.shape, bool)
-        inside[:, -1] = change is not right
-        inside[-1] &= change is right
-        inside &= (number >= 0) & (there >= 0)
-        for i, j in zip(number[inside], there[inside], strict=True):
-            if graph.islands[i] == graph.islands[j]:
-                rows.append((i, j, 1.0))
-                known.append(change[i])
-    across = rng.normal(size=len(ties)).astype(np.float32)
-    weight = float(np.sqrt(graph.tie_weights[0]))
-    rows += [(i, j, weight) for i, j in ties]
-    known += list(across * weight)
-    matrix = np.zeros((len(rows), count))
-    for row, (i, j, w) in enumerate(rows):
-        matrix[row, j], matrix[row, i] = w, -w
-    matrix = np.concatenate([matrix, np.diag(np.sqrt(hold.astype(float)))])
-    dense = np.linalg.lstsq(matrix, np.concatenate([known, np.zeros(count)]), rcond=None)[0]
-    found = Solver(graph).solve(graph.right_side(right, below, across), np.zeros(count, np.float32))
-    assert found == pytest.approx(dense, abs=2e-3 * np.ptp(dense))
-
-
 def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mesh = cube_sphere(8)
     vectors = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
@@ -411,16 +374,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
     [
         (["--uvs", "mesh.npz"], "name their file with --height"),
         (["--uvs", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--faces", "9"], "--faces goes with --mesh, which is not given"),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "scale -1 is out of range; choose 0 to 10"),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
-        (
-            ["--uvs", "mesh.npz", "--height", "h.exr", "--margin", "99999"],
-            "margin 99999 is out of range; choose 0 to 16384",
-        ),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--space", "world"], "space 'world' is not known"),
         (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not a supported image format"),
-        (["--uvs", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
         (["--uvs", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
         (["--uvs", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
     ],

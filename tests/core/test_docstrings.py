@@ -1,9 +1,12 @@
-"""The examples in docstrings do what they say."""
+"""The examples in docstrings do what they say, and every field has a docstring."""
 
+import ast
 import doctest
 import importlib
 import pkgutil
 import re
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +14,10 @@ import mpsnet_core
 from mpsnet_core.errors import SettingsError
 
 MODULES = [found.name for found in pkgutil.walk_packages(mpsnet_core.__path__, "mpsnet_core.", lambda _: None)]
+PACKAGE = Path(mpsnet_core.__file__).parent
+# Rooms whose fields are still described in their class's docstring.
+NOT_YET = {"io", "learning", "relief", "synthesis"}
+FILES = [file for file in PACKAGE.rglob("*.py") if file.relative_to(PACKAGE).parts[0] not in NOT_YET]
 
 
 def test_examples_are_true():
@@ -37,3 +44,39 @@ def test_what_the_package_offers_has_a_docstring(name: str):
 @pytest.mark.parametrize("name", sorted(mpsnet_core.__all__))
 def test_sections_of_docstrings_have_a_line_of_their_own(name: str):
     assert not re.search(r"\w+ -{3,} \w", getattr(mpsnet_core, name).__doc__ or "")
+
+
+def fields(record: ast.ClassDef) -> Iterator[tuple[ast.AnnAssign, ast.stmt | None]]:
+    """The public fields of a class, each with the statement that follows it."""
+    for field, following in zip(record.body, [*record.body[1:], None], strict=True):
+        if isinstance(field, ast.AnnAssign) and not ast.unparse(field).startswith("_") and not is_of_class(field):
+            yield field, following
+
+
+def is_of_class(field: ast.AnnAssign) -> bool:
+    return ast.unparse(field.annotation).startswith("ClassVar")
+
+
+def is_record(found: ast.AST) -> bool:
+    """Whether it is a dataclass or a named tuple."""
+    return isinstance(found, ast.ClassDef) and any(
+        re.match(r"dataclass\b|NamedTuple$", ast.unparse(one)) for one in (*found.decorator_list, *found.bases)
+    )
+
+
+def is_described(field: ast.AnnAssign, following: ast.stmt | None) -> bool:
+    """Whether a docstring follows the field, or it is an option, which has its help."""
+    is_option = isinstance(field.value, ast.Call) and ast.unparse(field.value.func) == "option"
+    return is_option or (
+        isinstance(following, ast.Expr)
+        and isinstance(following.value, ast.Constant)
+        and isinstance(following.value.value, str)
+    )
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
+def test_every_field_has_a_docstring_below_it(file: Path):
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    for record in filter(is_record, ast.walk(tree)):
+        bare = [ast.unparse(field.target) for field, after in fields(record) if not is_described(field, after)]
+        assert not bare, record.name

@@ -13,9 +13,9 @@ from synthetic import diligent_object, shaded_sphere
 from mpsnet_core import published_rig
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import lambertian_normals
-from mpsnet_core.learning.evaluation.fine_relief import fine_relief
-from mpsnet_core.learning.evaluation.magnify import estimate_magnified
+from mpsnet_core.learning.evaluation.measure import estimate_magnified
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent, EvaluateStatues
+from mpsnet_core.learning.evaluation.statues import fine_relief
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -174,7 +174,6 @@ def test_diligent_is_magnified_and_scored_where_it_faces_all_lights(tmp_path: Pa
 
 test_a_bad_evaluation_of_statues_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        ("no such statue", lambda b: b.run("evaluate", "statues", b / "no.ply"), "no.ply does not exist"),
         (lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--magnify", "100"), "magnify 100 is out of"),
         (lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--slant", "95"), "the first light is behind the"),
         (

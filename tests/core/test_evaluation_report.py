@@ -2,8 +2,6 @@
 
 import base64
 import re
-import xml.etree.ElementTree as ElementTree
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,22 +10,10 @@ import pytest
 from synthetic import Sphere, diligent_object, listing
 
 from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.pictures import (
-    BACKGROUND,
-    GAP,
-    TITLE_HEIGHT,
-    colour_scale,
-    contact_sheet,
-    cropped,
-    error_picture,
-    normals_picture,
-    photo_picture,
-)
+from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, cropped, error_picture
 
 
 def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:
@@ -38,43 +24,6 @@ def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> Non
         ["lambertian", "white", "6.33", "11.75", "9.94"],
         ["ours", "white", "-", "4.00", "4.00"],
     ]
-
-
-# Matplotlib's inferno (Smith and van der Walt 2015) at 0, 1/4, 1/2 and 1.
-INFERNO = [[0.0015, 0.0005, 0.0139], [0.3415, 0.0623, 0.4294], [0.7357, 0.2159, 0.3302], [0.9884, 0.9984, 0.6449]]
-
-
-def test_errors_are_shown_in_inferno_up_to_the_highest() -> None:
-    error = np.array([[0, 10, 20, 40, 90.0]])
-    picture = error_picture(error, np.ones((1, 5), bool), 40)
-    np.testing.assert_allclose(picture[0, :4], INFERNO, atol=1e-3)
-    np.testing.assert_array_equal(picture[0, 4], picture[0, 3])
-    outside = error_picture(error, np.zeros((1, 5), bool), 40)
-    np.testing.assert_array_equal(outside, np.full((1, 5, 3), BACKGROUND, np.float32))
-
-
-def test_the_scale_runs_like_the_picture() -> None:
-    scale = colour_scale(45, 100)
-    top_down = error_picture(np.linspace(45, 0, 100)[:, None], np.ones((100, 1), bool), 45)
-    assert scale.shape == (100, 90, 3)
-    np.testing.assert_allclose(scale[:, 10], top_down[:, 0], atol=1e-5)
-
-
-def test_normals_and_photos_are_shown_on_a_dark_ground(sphere: Sphere) -> None:
-    picture = normals_picture(NormalMap(sphere.normals, sphere.mask))
-    assert (picture[~sphere.mask] == np.float32(BACKGROUND)).all()
-    assert picture[32, 32] == pytest.approx([0.5, 0.5, 1], abs=0.02)
-    photo = photo_picture(sphere.image * 50, sphere.mask)
-    assert photo.max() == pytest.approx(1) and 0.5 < photo[sphere.mask].mean() < 0.95
-
-
-def test_a_sheet_holds_every_tile_whole() -> None:
-    tiles = [(name, np.full((20, width, 3), value, np.float32)) for name, width, value in
-             [("a", 20, 0.3), ("b", 40, 0.5), ("c", 10, 0.7)]]  # fmt: skip
-    picture = contact_sheet(tiles, columns=2, tile_height=40)
-    assert picture.shape == (2 * (40 + TITLE_HEIGHT + GAP) + GAP, 40 + 80 + 3 * GAP, 3)
-    for value, area in ((0.3, 40 * 40), (0.5, 40 * 80), (0.7, 40 * 20)):
-        assert (np.abs(picture - value) < 1e-3).all(axis=-1).sum() == pytest.approx(area, abs=20)
 
 
 def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:
@@ -121,27 +70,3 @@ def test_the_page_shows_table_notes_charts_and_pictures(tmp_path: Path) -> None:
     (tmp_path / "picture.png").write_bytes(base64.b64decode(pictures[1]))
     pixels = oiio.ImageBuf(str(tmp_path / "picture.png")).get_pixels(oiio.FLOAT)
     np.testing.assert_allclose(pixels, case_picture(results), atol=0.5 / 255 + 1e-6)
-
-
-def test_a_chart_puts_its_points_where_their_values_are() -> None:
-    curves = [Curve("<one>", [1, 2, 4], [10, 30, 20], ["a", "b", "c"]), Curve("other", [1, 4], [0, 31])]
-    chart = ElementTree.fromstring(line_chart("Title", curves, "x", "y", diagonal=True))
-    name = "{http://www.w3.org/2000/svg}"
-    words = {text.text: (float(text.get("x", 0)), float(text.get("y", 0))) for text in chart.iter(f"{name}text")}
-    assert {"Title", "x", "y", "<one>", "other"} <= set(words)
-    one, other = (
-        [tuple(map(float, point.split(","))) for point in line.get("points", "").split()]
-        for line in chart.iter(f"{name}polyline")
-    )
-    # Both axes are linear, and as long as the longer of both where a diagonal stands for y = x: 10 units are a tick.
-    (_, bottom), (right, _) = other[0], words["10"]
-    unit = (one[0][1] - one[1][1]) / 20
-    assert [(bottom - y) / unit for _, y in one] == pytest.approx([10, 30, 20], abs=0.2)
-    step = one[1][0] - one[0][0]
-    assert one[2][0] - one[1][0] == pytest.approx(2 * step, abs=0.2)
-    assert [circle[0].text for circle in chart.iter(f"{name}circle")] == ["a", "b", "c"]
-    (diagonal,) = (line for line in chart.iter(f"{name}line") if line.get("stroke-dasharray"))
-    run, rise = (float(diagonal.get(f"{axis}2", 0)) - float(diagonal.get(f"{axis}1", 0)) for axis in "xy")
-    assert -rise / unit == pytest.approx(run / step, abs=0.2)
-    ticks = [float(text.text or 0) for text in chart.iter(f"{name}text") if (text.text or "").isdigit()]
-    assert all(b - a in (5, 10) for a, b in pairwise(ticks) if b > a) and right

@@ -12,11 +12,10 @@ torch = pytest.importorskip("torch")
 
 import onnx
 from small_networks import SMALL, recipe_data
-from synthetic import degrees_between, shaded_sphere
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY
-from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.learning.training import export
 from mpsnet_core.learning.training.export import TRAINING_KEY, export_onnx
@@ -102,28 +101,6 @@ def test_the_file_says_what_it_is(name: str, models: dict[str, tuple[Trained, Pa
         assert (record["validation_mae_deg"], record["validation_rank_correlation"]) == (None, None)
 
 
-@pytest.mark.parametrize("name", sorted(NETWORKS))
-def test_an_estimate_is_what_the_network_says_of_the_feature_maps(
-    name: str, models: dict[str, tuple[Trained, Path]]
-) -> None:
-    """The published rig's lights stand as in the canonical frame, and the picture's size is one that all take."""
-    trained, path = models[name]
-    network, sphere = trained.network.eval(), shaded_sphere(48)
-    capture, model = sphere.capture(), OnnxModel(path)
-    model.card = replace(model.card, magnified=1.0)
-    estimate = model(capture)
-    maps = feature_maps(capture, {feature for features in network.inputs.values() for feature in features})
-    inputs = [np.concatenate([maps[feature] for feature in features]) for features in network.inputs.values()]
-    at: tuple[Any, ...] = (slice(None), slice(None))
-    if network.kind == "patch":
-        at, inputs = (18, 20), [values[:, 16:21, 18:23] for values in inputs]
-    with torch.no_grad():
-        prediction = network(*(torch.from_numpy(values)[None] for values in inputs))
-    expected = np.moveaxis(prediction.normals[0].numpy(), 0, -1)
-    assert degrees_between(estimate.vectors[at], expected)[sphere.mask[at]].max() < 0.02
-    assert np.ptp(estimate.vectors[sphere.mask], axis=0).max() > 0.1, "the answer says something"
-
-
 def test_a_file_that_differs_from_the_network_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trained, made = untrained("psfcn"), export.onnx_of
 
@@ -166,17 +143,6 @@ def test_an_exported_network_can_be_trained_further(name: str, models: dict[str,
         with torch.no_grad():
             answer = network(*map(torch.from_numpy, given.values())).normals.numpy()
         np.testing.assert_allclose(answer, expected, atol=1e-3)
-
-
-def test_weights_before_batch_norms_have_one_scale_again(models: dict[str, tuple[Trained, Path]]) -> None:
-    """The smaller the weights, the further a step of the optimiser turns them, and folding changes their scale."""
-    network = build_network("multiscale", SMALL["multiscale"])
-    given = inputs_of(network, 8, 64, 64)
-    load_exported_weights(network, read_exported(models["multiscale"][1]), tuple(map(torch.from_numpy, given.values())))
-    normed = [layer.weight for layer in network.modules() if isinstance(layer, torch.nn.Conv2d) and layer.bias is None]
-    assert len(normed) > 10
-    for weight in normed:
-        np.testing.assert_allclose(weight.detach().square().mean(dim=(1, 2, 3)), 0.06**2, rtol=1e-4)
 
 
 def test_weights_of_another_network_are_refused(models: dict[str, tuple[Trained, Path]]) -> None:

@@ -8,7 +8,6 @@ from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.feather import border_distance
-from mpsnet_core.errors import InputError
 from mpsnet_core.scene.normal_map import NormalMap
 
 
@@ -74,9 +73,3 @@ def test_beside_an_edge_the_camera_that_is_slightly_wrong_bakes_the_other_view()
         assert texture.seen[texels].any()
         errors.append(degrees_between(texture.vectors, [0, 0, 1.0])[beside].mean())
     assert errors[1] < 0.6 * errors[0]
-
-
-@pytest.mark.parametrize("feather", [-0.1, 1.5, float("nan")])
-def test_a_feather_out_of_range_is_refused(feather: float) -> None:
-    with pytest.raises(InputError, match="choose 0 to 1"):
-        bake_normals(plane(), halves(), size=16, feather=feather)

@@ -43,10 +43,6 @@ def test_initial_normals_solve_equation_2(image: str) -> None:
     assert np.linalg.norm(feature(name)[SPHERE.mask], axis=-1) == pytest.approx(1, abs=1e-5)
 
 
-def test_mask_is_the_captures() -> None:
-    np.testing.assert_array_equal(feature("mask")[..., 0], SPHERE.mask)
-
-
 def test_lights_are_one_pixel_of_nine_numbers() -> None:
     lights = feature_maps(SPHERE.capture(), ["lights"])["lights"]
     assert (lights.shape, lights.dtype) == ((9, 1, 1), np.float32)
@@ -60,14 +56,9 @@ def test_a_whole_photo_has_no_scale_before_it() -> None:
     assert maps["previous"].shape == (4, 48, 48) and not maps["previous"].any() and not maps["given"].any()
 
 
-def test_a_white_photo_is_marked() -> None:
-    maps = feature_maps(SPHERE.capture(white=SPHERE.image), ["given"])
-    np.testing.assert_array_equal(maps["given"][:, 0, 0], [0, 1])
-
-
 @pytest.mark.parametrize("exact", [False, True])
 def test_a_rig_that_is_known_exactly_is_marked(exact: bool) -> None:
-    capture = replace(SPHERE.capture(), rig=replace(SPHERE.rig, exact=exact))
+    capture = replace(SPHERE.capture(), rig=replace(SPHERE.rig, is_ground_truth=exact))
     np.testing.assert_array_equal(feature_maps(capture, ["exact"])["exact"], np.full((1, 1, 1), float(exact)))
 
 

@@ -9,7 +9,7 @@ import pytest
 from height_shapes import Surface, ball, orthographic, plane
 from synthetic import listing, write_file
 
-from mpsnet_core import Camera, FileError, InputError, write_camera
+from mpsnet_core import Camera, FileError, InputError
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.relief.height_map import HeightMap
 
@@ -97,33 +97,9 @@ def test_a_picture_that_another_program_wrote_again_is_read(tmp_path: Path) -> N
     assert read_height(tmp_path / "h.png").values[BALL.mask] == pytest.approx(turned[BALL.mask], abs=1e-4)
 
 
-def test_writing_leaves_the_heights_as_they_are(tmp_path: Path) -> None:
-    whole = plane(orthographic(8, 9), (-0.1, -0.2, 1), -3).heights
-    before = whole.values.copy()
-    for name in ("h.png", "h.exr"):
-        write_height(tmp_path / name, whole)
-        assert (whole.values == before).all()
-
-
-def test_a_foreign_json_file_is_kept(tmp_path: Path) -> None:
-    write_camera(tmp_path / "h.png.json", BALL.camera)
-    with pytest.raises(InputError, match=r"overwrite .*h\.png\.json, which"):
-        write_height(tmp_path / "h.png", BALL.heights)
-    assert listing(tmp_path) == ["h.png.json"]
-    (tmp_path / "h.png.json").unlink()
-    for _ in range(2):  # its own is written anew
-        write_height(tmp_path / "h.png", BALL.heights)
-
-
 @pytest.mark.parametrize(
     ("name", "bits", "words"),
-    [
-        ("h.png", 8, "heights in 8 bits show steps"),
-        ("h.exr", 16, "heights in 16 bits show steps"),
-        ("h.png", 32, "hold 8 or 16 bits per channel, not 32"),
-        ("h.jpg", None, ".jpg is not a supported image format"),
-        ("no/h.png", None, "does not exist; create it first"),
-    ],
+    [("h.png", 8, "heights in 8 bits show steps"), ("h.exr", 16, "heights in 16 bits show steps")],
 )
 def test_what_cannot_be_written(tmp_path: Path, name: str, bits: int | None, words: str) -> None:
     with pytest.raises(InputError, match=words):
@@ -146,27 +122,18 @@ def changed(folder: Path, **changes: object) -> None:
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda f: (f / "h.png").unlink(), r"height map .*h\.png does not exist"),
         (lambda f: (f / "h.png.json").unlink(), r"height file .*h\.png\.json does not exist"),
         (lambda f: (f / "h.png.mask.png").unlink(), r"h\.png\.mask\.png does not exist"),
         (lambda f: (f / "h.png.json").write_text("[]"), "is not a mpsnet-height file"),
-        (lambda f: changed(f, format="mpsnet-rig"), "expected 'mpsnet-height'"),
         (lambda f: changed(f, version=9), "is version 9"),
         (lambda f: changed(f, scale=1), '"scale", which no mpsnet-height file has'),
         (lambda f: changed(f, black=float("nan")), '"black" must be a finite number'),
-        (lambda f: changed(f, white="1"), '"white" must be a finite number'),
         (lambda f: changed(f, white=10**400), '"white" must be a finite number'),
-        (lambda f: changed(f, black=None), '"black" must be a finite number'),
         (lambda f: changed(f, white=2.5), "not those that the picture itself keeps; write both again"),
-        (lambda f: changed(f, camera=None), 'lacks "camera"'),
-        (lambda f: changed(f, camera=[1]), 'lacks "camera"'),
         (lambda f: changed(f, camera={"projection": "flat"}), 'lacks "width"'),
         (lambda f: changed(f, mask="../h.png.mask.png"), '"mask" must be the name of a file beside it'),
-        (lambda f: changed(f, mask=["x"]), '"mask" must be the name of a file beside it'),
         (lambda f: write_file(f / "h.png.mask.png", np.ones((3, 3)), "uint8"), "do not fit a mask of shape"),
-        (lambda f: write_file(f / "h.png.mask.png", np.zeros((40, 50)), "uint8"), "mask is empty"),
         (lambda f: write_file(f / "h.png", np.ones((3, 3)), "uint16"), "do not fit a mask of shape"),
-        (lambda f: (f / "h.png").write_bytes(b"no picture"), "cannot be read as an image"),
     ],
 )
 def test_what_cannot_be_read(tmp_path: Path, spoil: object, words: str) -> None:

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import re
 import struct
 import zlib
 from collections.abc import Callable
@@ -57,12 +56,6 @@ def test_every_kind_of_file_is_read_linear(
     expected, slope = (colours, 1) if linear else (as_linear(colours), 2.4)
     np.testing.assert_allclose(image.pixels, expected, rtol=0, atol=slope * tolerance + 1e-6)
     assert image.clip == (np.inf if kind in ("half", "float") else 1.0)
-
-
-def test_jpeg_is_read_linear(tmp_path: Path) -> None:
-    flat = np.tile(np.float32([0.735357, 0.5, 0.2]), (32, 32, 1))
-    image = read_image(write_file(tmp_path / "photo.jpg", flat, "uint8", Compression="jpeg:98"))
-    np.testing.assert_allclose(image.pixels, as_linear(flat), atol=0.02)
 
 
 @pytest.mark.parametrize(("stored", "linear"), SRGB.items())
@@ -359,9 +352,8 @@ class TestWriting:
         write_image(tmp_path / name, colours, bits=bits)
         buffer = oiio.ImageBuf(str(tmp_path / name))
         assert str(buffer.nativespec().format) == stored
-        if not name.endswith(".jpg"):
-            tolerance = {"uint8": 0.5 / 255, "uint16": 0.5 / 65535, "half": 2**-12, "float": 0}[stored]
-            np.testing.assert_allclose(buffer.get_pixels(oiio.FLOAT), colours, rtol=0, atol=tolerance + 1e-7)
+        tolerance = {"uint8": 0.5 / 255, "uint16": 0.5 / 65535, "half": 2**-12, "float": 0}[stored]
+        np.testing.assert_allclose(buffer.get_pixels(oiio.FLOAT), colours, rtol=0, atol=tolerance + 1e-7)
         assert listing(tmp_path) == [name]
 
     @pytest.mark.parametrize(("suffix", "stored"), [(".png", 0.5), (".tif", 0.5), (".exr", 0.125)])
@@ -374,24 +366,11 @@ class TestWriting:
         assert raw[0, 0] == pytest.approx([stored] * 3 + [0.25], abs=1e-4)
         assert read_image(path, encoding="linear").pixels[0, 0] == pytest.approx([0.5] * 3, abs=1e-4)
 
-    def test_one_channel_is_written_as_grey(self, tmp_path: Path) -> None:
-        write_image(tmp_path / "a.png", np.full((3, 4), 0.25))
-        buffer = oiio.ImageBuf(str(tmp_path / "a.png"))
-        assert buffer.nchannels == 1
-        assert buffer.get_pixels(oiio.FLOAT) == pytest.approx(np.full((3, 4, 1), 0.25), abs=1e-5)
-
     @pytest.mark.parametrize("shape", [(), (4,), (2, 2, 2, 2), (0, 4), (4, 0, 3), (2, 2, 0), (2, 2, 5)])
-    @pytest.mark.parametrize("suffix", [".png", ".tif", ".exr"])
-    def test_what_is_no_image_is_refused(self, tmp_path: Path, shape: tuple[int, ...], suffix: str) -> None:
-        with pytest.raises(
-            SettingsError, match=rf"a{suffix}: an array of shape {re.escape(str(shape))} is not an image"
-        ):
-            write_image(tmp_path / f"a{suffix}", np.zeros(shape))
+    def test_what_is_no_image_is_refused(self, tmp_path: Path, shape: tuple[int, ...]) -> None:
+        with pytest.raises(SettingsError, match="is not an image"):
+            write_image(tmp_path / "a.png", np.zeros(shape))
         assert not any(tmp_path.iterdir())
-
-    def test_integer_files_clip(self, tmp_path: Path) -> None:
-        write_image(tmp_path / "a.png", np.tile(np.float32([-1, 0.5, 7]), (2, 2, 1)))
-        assert oiio.ImageBuf(str(tmp_path / "a.png")).getpixel(0, 0) == pytest.approx((0, 0.5, 1), abs=1e-5)
 
 
 SIDES = {"top": np.s_[0], "bottom": np.s_[-1], "left": np.s_[:, 0], "right": np.s_[:, -1]}
@@ -522,9 +501,7 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         (lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")), "photo.exr cannot be read as an image"),
         ("missing", lambda b: read_image(b / "photo.png"), "photo.png does not exist; check the path"),
         ("a folder", lambda b: read_image(b.folder), "is a folder, not a file; name a file in it"),
-        ("empty", lambda b: read_image(b.bytes("photo.png", b"")), "PNG, JPEG, TIFF or EXR"),
         ("not an image", lambda b: read_image(b.text("photo.png", "hello")), "photo.png cannot be read as an image"),
-        ("of no known kind", lambda b: read_image(b.text("photo.txt", "hello")), "photo.txt cannot be read as an"),
         ("PNG cut short", lambda b: read_image(cut(b.photo("p.png", kind="uint16"))), "damaged or cut short"),
         ("JPEG cut short", lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)), "p.jpg is damaged or cut"),
         (
@@ -535,7 +512,6 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         ("TIFF cut short", lambda b: read_image(cut(b.photo("p.tif", kind="uint16"))), "p.tif"),
         ("EXR cut short", lambda b: read_image(cut(b.photo("p.exr"))), "p.exr is damaged or cut short"),
         ("grey", lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")), "p.png has 1 channel"),
-        ("two channels", lambda b: read_image(b.photo("p.tif", SPHERE.image[..., :2], "uint8")), "red, green and blue"),
         ("a name that is not UTF-8", lambda b: read_image(latin_named(b)), "its name is not valid UTF-8; rename it"),
         (
             "unknown layer",
@@ -548,17 +524,6 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
                 write_parts(b / "l.exr", [(None, named("A.", "RGB", SPHERE.image) | named("B.", "RGB", SPHERE.image))])
             ),
             "l.exr has several layers; name one of A, B",
-        ),
-        (
-            "a layer of two view layers",
-            lambda b: read_image(
-                write_parts(
-                    b / "l.exr",
-                    [(None, named("A.Combined.", "RGB", SPHERE.image) | named("B.Combined.", "RGB", SPHERE.image))],
-                ),
-                layer="Combined",
-            ),
-            "l.exr has several layers; name one of A.Combined, B.Combined",
         ),
         ("unknown encoding", lambda b: read_image(b.photo(), encoding="log"), "encoding 'log' is not known"),
         (lambda b: read_image(b.bytes("p.png", huge_png(100_000, 100_000))), "p.png…100000"),

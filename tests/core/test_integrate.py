@@ -66,14 +66,6 @@ def test_what_lies_around_the_object_changes_nothing(method: Method) -> None:
     assert np.array_equal(np.pad(heights[0], border), heights[1])
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_errors_fall_with_the_pixels_size(method: Method) -> None:
-    """Of a cap up to 60°, in the unit of the world: half the pixel, a quarter of the error or so."""
-    coarse, fine = (spheres(square_camera(size), (0, 0, 0, 1.0), rim=0.5) for size in (48, 96))
-    errors = [off(found(cap, method), cap.z, cap.mask).mean() for cap in (coarse, fine)]
-    assert errors[1] < errors[0] / 3
-
-
 def test_a_whole_ball_is_right_up_to_its_outline() -> None:
     """Where normals are nearly level: the outline's pixels may be off by a few pixels, and pull nothing with them."""
     ball = spheres(square_camera(200), (0, 0, 0, 0.9))
@@ -184,10 +176,7 @@ def brute_force(normals: NormalMap) -> np.ndarray:
         return abs(change(a, b) + change(b, e) - change(d, e) - change(a, d))
 
     for r, c in np.argwhere(mask):
-        for other, asked, loops in (
-            ((r, c + 1), -n_x, ((r - 1, c), (r, c))),
-            ((r + 1, c), n_y, ((r, c - 1), (r, c))),
-        ):
+        for other, asked, loops in (((r, c + 1), -n_x, ((r - 1, c), (r, c))), ((r + 1, c), n_y, ((r, c - 1), (r, c)))):
             if not inside(other):
                 continue
             trust = min(1 / (1 + (loose(*loop) / float(LOOSE)) ** 2) for loop in loops)
@@ -232,9 +221,7 @@ def test_progress_moves_on_and_work_can_be_cancelled(method: Method) -> None:
         ({"camera": square_camera(8)}, "the camera is 8 x 8 but the normal map is 9 x 6; they must be"),
         ({"method": "slow"}, "method 'slow' is not known; choose fast or bilateral"),
         ({"distance": 0.0}, "the distance must be a number above 0, not 0.0"),
-        ({"distance": -1.0}, "the distance must be a number above 0, not -1.0"),
         ({"distance": np.nan}, "the distance must be a number above 0, not nan"),
-        ({"distance": np.inf}, "the distance must be a number above 0, not inf"),
         ({"distance": 2.0}, "an orthographic camera sees no distance; leave it out"),
     ],
 )

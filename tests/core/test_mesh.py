@@ -2,7 +2,6 @@
 
 import json
 import os
-import pickle
 import re
 import struct
 import zipfile
@@ -76,36 +75,9 @@ def test_obj_corner_by_corner(tmp_path: Path, faces: str) -> None:
     assert mesh.corner_normals[2:] == pytest.approx(np.broadcast_to(SLANTED, (2, 3, 3)), abs=1e-6)
 
 
-def test_obj_of_triangles_and_polygons_mixed(tmp_path: Path) -> None:
-    faces = "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\nf 1/1 2/2 5/6 6/7 3/3 4/4"
-    mesh = read_mesh(obj(tmp_path / "mesh.obj", faces, normals=False))
-    hexagon = [(0, 0), (1, 1), (4, 5), (5, 6), (2, 2), (3, 3)]
-    assert corners_of(mesh) == fan(LEFT, hexagon)
-
-
-@pytest.mark.parametrize("first", range(8))
 @pytest.mark.parametrize("behind", [False, True], ids=["from the front", "from behind"])
-def test_a_notch_in_a_polygon_stays_open(tmp_path: Path, first: int, behind: bool) -> None:
-    """A U in a slanted plane, whichever corner is its first: as much area as it has, and nothing over the notch."""
-    u_shape = np.array([[0, 0], [5, 0], [5, 4], [3, 4], [3, 1], [2, 1], [2, 4], [0, 4]])
-    around = np.roll(u_shape[::-1] if behind else u_shape, first, axis=0)
-    lines = [f"v {x} {y} {x + 2 * y}\nvt {x / 5} {y / 5}" for x, y in around]
-    (tmp_path / "u.obj").write_text("\n".join([*lines, "f " + " ".join(f"{n}/{n}" for n in range(1, 9))]))
-    mesh = read_mesh(tmp_path / "u.obj")
-    corners = mesh.vertices[mesh.triangles][..., :2] * ([-1, 1] if behind else 1)
-
-    def doubled_areas(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-        return np.linalg.det(np.stack([b - a, c - a], axis=-1))
-
-    areas = doubled_areas(*corners.swapaxes(0, 1)) / 2
-    assert len(areas) == 6 and (areas > 0).all() and areas.sum() == pytest.approx(17)
-    in_notch = np.broadcast_to([-2.5 if behind else 2.5, 2.5], (6, 2))
-    sides = [doubled_areas(corners[:, n], corners[:, n - 2], in_notch) for n in range(3)]
-    assert not (np.array(sides) >= 0).all(axis=0).any()
-
-
 @pytest.mark.parametrize("shape", ["star", "comb", "spiral", "ring"])
-def test_a_polygon_of_many_notches_is_covered_once(shape: str) -> None:
+def test_a_slanted_polygon_of_many_notches_is_covered_once(shape: str, behind: bool) -> None:
     """All triangles face one way and have together the area by the shoelace formula: none overlap, none is missing."""
     turn = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
     circle = np.c_[np.cos(turn), np.sin(turn)]
@@ -120,11 +92,12 @@ def test_a_polygon_of_many_notches_is_covered_once(shape: str) -> None:
     else:  # a seam leads to its hole, whose corner and whose seam's are there twice
         hole = circle[::2]
         around = np.r_[2 * hole, 2 * hole[:1], hole[:1], hole[::-1]]
-    places = np.c_[around, np.zeros(len(around))]
+    around = around[::-1] if behind else around
+    places = np.c_[around, around @ [1, 2]]
     corners = places[triangulated(places, np.array([len(around)]))]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
     x, y = around.T
-    assert len(areas) == len(around) - 2 and (areas > -1e-9).all()
+    assert len(areas) == len(around) - 2 and (areas * (-1 if behind else 1) > -1e-9).all()
     assert areas.sum() == pytest.approx((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 
 
@@ -212,28 +185,12 @@ def test_obj_corners_without_a_normal_get_the_smooth_one(tmp_path: Path) -> None
         ("f 1/1 2/2 -9/3", "line 19 cannot be read"),
         ("f 1/1 2/2 3/x", "line 19 cannot be read"),
         ("v 1 2\nf 1/1 2/2 3/3", "line 19 cannot be read"),
-        ("f 1/1 2/2", "it has no faces"),
-        ("v nan 0 0\nf 1/1 2/2 3/3", "not finite; repair the mesh"),
         ("v 1e200 0 0\nf 1/1 2/2 3/3", r"vertices hold a value beyond 1e\+12; repair the mesh"),
     ],
 )
 def test_obj_that_cannot_be_meant(tmp_path: Path, faces: str, said: str) -> None:
     with pytest.raises(InputError, match=rf"mesh\.obj: .*{said}"):
         read_mesh(obj(tmp_path / "mesh.obj", faces))
-
-
-def test_ply_with_uvs_and_normals(tmp_path: Path) -> None:
-    """As Blender writes it: a vertex for every place and UV, s and t for UVs."""
-    corners = [(*POINTS[v], *normal, *UVS[t]) for face, normal in ((LEFT, UP), (RIGHT, SLANTED)) for v, t in face]
-    names = ["x", "y", "z", "nx", "ny", "nz", "s", "t"]
-    header = ["ply", "format ascii 1.0", "element vertex 8", *(f"property float {name}" for name in names)]
-    header += ["element face 4", "property list uchar uint vertex_indices", "end_header"]
-    faces = ["3 0 1 2", "3 0 2 3", "3 4 5 6", "3 4 6 7"]
-    path = tmp_path / "mesh.ply"
-    path.write_text("\n".join([*header, *(" ".join(map(str, row)) for row in corners), *faces]) + "\n")
-    mesh = read_mesh(path)
-    assert corners_of(mesh) == fan(LEFT, RIGHT)
-    assert mesh.corner_normals[2:] == pytest.approx(np.broadcast_to(SLANTED, (2, 3, 3)), abs=1e-5)
 
 
 # A quad, a triangle beside it and a pentagon with a notch, a UV for each vertex: its own x and y.
@@ -279,6 +236,15 @@ def test_ply_with_polygons_of_several_sizes(tmp_path: Path, order: str, uvs: str
     assert areas.min() > 0 and np.bincount(mesh.polygons, areas) == pytest.approx([1, 0.25, 2.2])
 
 
+def write_glb(path: Path, header: dict[str, Any], buffer: bytes) -> Path:
+    """A GLB file of its two chunks; the header is told the buffer's length where it does not say another."""
+    text = json.dumps({"buffers": [{"byteLength": len(buffer)}], **header}).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return path
+
+
 def glb(path: Path, *, normals: bool, mirrored: bool = False, materials: bool = True) -> Path:
     """Both squares as meshes of their own, with two materials; the right one is moved by its node."""
     buffer, views, accessors, meshes = b"", [], [], []
@@ -318,19 +284,15 @@ def glb(path: Path, *, normals: bool, mirrored: bool = False, materials: bool = 
         "meshes": meshes,
         "accessors": accessors,
         "bufferViews": views,
-        "buffers": [{"byteLength": len(buffer)}],
     }
-    text = json.dumps(data).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
-    return path
+    return write_glb(path, data, buffer)
 
 
 @pytest.mark.parametrize("normals", [True, False])
 def test_glb_with_several_meshes_and_materials(tmp_path: Path, normals: bool) -> None:
     mesh = read_mesh(glb(tmp_path / "mesh.glb", normals=normals))
     assert sorted(corners_of(mesh)) == sorted(fan(LEFT, RIGHT))
+    assert mesh.materials is not None and mesh.materials.names == ("a", "b")
     is_shaded(mesh, FLAT)
 
 
@@ -402,12 +364,8 @@ def edited(path: Path, edit: Callable[[dict[str, Any], bytes], bytes]) -> Path:
     (length,) = struct.unpack("<I", data[12:16])
     header = json.loads(data[20 : 20 + length])
     buffer = edit(header, data[28 + length :])
-    header["buffers"] = [{"byteLength": len(buffer)}]
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
-    return path
+    header.pop("buffers")
+    return write_glb(path, header, buffer)
 
 
 def skinned(posed: bool) -> Callable[[dict[str, Any], bytes], bytes]:
@@ -481,14 +439,12 @@ def test_glb_with_lines_beside_its_mesh(tmp_path: Path) -> None:
 
 def change_header(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
     """Change the JSON part of a GLB file."""
-    data = path.read_bytes()
-    end = 20 + struct.unpack("<I", data[12:16])[0]
-    header = json.loads(data[20:end])
-    change(header)
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + data[end:]
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+    def edit(header: dict[str, Any], buffer: bytes) -> bytes:
+        change(header)
+        return buffer
+
+    edited(path, edit)
 
 
 def placed(**how: object) -> dict[str, Any]:
@@ -817,13 +773,6 @@ def test_vertices_of_no_face_count_for_nothing(tmp_path: Path) -> None:
     assert mesh.vertices.tolist() == POINTS
 
 
-def test_world_vertices_stand_where_the_pose_says() -> None:
-    pose = np.array([[0, -2, 0, 1], [1, 0, 0, 2], [0, 0, 3, 3], [0, 0, 0, 1.0]])
-    mesh = sphere_mesh(world_from_object=pose)
-    x, y, z = mesh.vertices.T
-    assert mesh.world_vertices == pytest.approx(np.stack([1 - 2 * y, 2 + x, 3 + 3 * z], axis=1))
-
-
 def pickled(b: Bench) -> Path:
     """An npz that would run code if it were unpickled."""
 
@@ -846,11 +795,8 @@ def glb_of(b: Bench, **said: Any) -> Path:
     """A GLB of one point that lies in a buffer, as far as not said otherwise."""
     mesh = {"primitives": [{"attributes": {"POSITION": 0}}]}
     good = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "meshes": [mesh]}
-    good |= {"accessors": [POINT], "bufferViews": [{"buffer": 0, "byteLength": 12}], "buffers": [{"byteLength": 12}]}
-    text = json.dumps(good | said).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 12, b"BIN\0") + bytes(12)
-    return b.bytes("mesh.glb", struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    good |= {"accessors": [POINT], "bufferViews": [{"buffer": 0, "byteLength": 12}]}
+    return write_glb(b / "mesh.glb", good | said, bytes(12))
 
 
 def glb_beside_a_pipe(b: Bench) -> Path:
@@ -895,43 +841,19 @@ def half_a_head(b: Bench) -> Path:
     return b / "mesh.npz"
 
 
-def broken_array(b: Bench) -> Path:
-    """A zip whose UVs are not an array at all."""
-    with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive:
-        archive.writestr("uvs.npy", b"\x93NUMPY\x01\x00garbage")
-    return b / "mesh.npz"
-
-
-PLY_HEAD = """ply
-format ascii 1.0
-element vertex 1
-property float x
-property float y
-property float z
-element face 1
-property list uchar int vertex_indices
-end_header
-0 0 0
-3 0 0 0
-"""
-
-
 test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -4/-1 1/1 2/1")), "m.obj: line 5"),
         (lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nvt 0 0\nf" + " 1/1" * 100_000)), "m.obj: line 3 is a face of"),
         (
             "a GLB whose faces name vertices that it lacks",
             lambda b: read_mesh(b.replaced(glb(b / "m.glb", normals=True), b"\2\0\0\0\3\0\0\0", b"\2\0\0\0\3\0\0\1")),
             "m.glb: the mesh's triangles name vertices that it does not have; export it again",
         ),
-        ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a supported mesh format"),
         ("a packed mesh", lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")), ".bz2 is not a supported mesh format"),
         ("npz with a password", lambda b: read_mesh(locked(b)), "mesh.npz: it cannot be read (…encrypted…)"),
         ("npz of complex numbers", lambda b: read_mesh(b.mesh(uvs=1j * SQUARE["uvs"])), 'mesh.npz: its "uvs" holds'),
         ("npz whose array has half a head", lambda b: read_mesh(half_a_head(b)), "mesh.npz: it cannot be read"),
         ("a PLY cut short", lambda b: read_mesh(cut(ply(b / "m.ply", "<"))), "m.ply: it cannot be read as PLY"),
-        (lambda b: read_mesh(b.replaced(ply(b / "m.ply", ""), b"7 3 1 4 2", b"7 3 1 4 10")), "m.ply: the mesh's"),
         *(
             (
                 f"a PLY with {word} for a number",
@@ -940,14 +862,10 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             )
             for word, old, new, said in (
                 ("inf", b"7 3 1 4 2", b"7 inf 1 4 2", "it cannot be read as PLY (cannot convert float infinity"),
-                ("nan", b"7 3 1 4 2", b"7 3 1 nan 2", "the mesh's triangles name vertices that it does not have"),
                 ("1e30", b"7 3 1 4 2", b"7 3 1 1e30 2", "the mesh's triangles name vertices that it does not have"),
-                ("a word", b"7 3 1 4 2", b"7 3 1 x 2", "it cannot be read as PLY (could not convert string to float"),
             )
         ),
         (lambda b: read_mesh(b.replaced(ply(b / "m.ply", ""), b"7 3 1 4 2", b"7 -3 1 4 2")), "m.ply: it cannot be"),
-        (lambda b: read_mesh(b.text("m.ply", PLY_HEAD.replace("property list", "qroperty list"))), "m.ply: it cannot"),
-        ("missing", lambda b: read_mesh(b / "mesh.obj"), "mesh.obj does not exist"),
         ("not a mesh", lambda b: read_mesh(b.photo("mesh.png", kind="uint8")), "not a supported mesh"),
         ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj: it has no faces"),
         ("texts without letters", lambda b: read_mesh(texts_without_letters(b)), '"materials" holds neither numbers'),
@@ -969,7 +887,6 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             (f"a GLB of {words}", lambda b, nodes=nodes: read_mesh(glb_of(b, nodes=nodes)), f"mesh.glb: {said}")
             for words, nodes, said in (
                 ("nodes in one another", [{"children": [1]}, {"mesh": 0, "children": [0]}], "it has no faces"),
-                ("a node in itself", [{"mesh": 0, "children": [0]}], "it has no faces"),
                 ("a node that it lacks", [{"children": [7]}], "it cannot be read"),
                 ("a place that is none", [HUGE | {"children": [1]}, HUGE | {"mesh": 0}], "a transform of it is not"),
                 ("instances of two numbers", [{"mesh": 0, "extensions": INSTANCED}], "it cannot be read"),
@@ -982,20 +899,12 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         ("a GLB whose numbers are in another file", lambda b: read_mesh(glb_beside_a_pipe(b)), "mesh.glb: it refers"),
         ("an .npz that unpacks to far more", lambda b: read_mesh(bomb(b)), "mesh.npz: it unpacks to 288 MiB, more"),
-        ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb…export it again"),
-        ("npz cut short", lambda b: read_mesh(cut(b.mesh())), "mesh.npz…cannot be read…export it again"),
-        ("npz with a broken array", lambda b: read_mesh(broken_array(b)), "mesh.npz…cannot be read…export it again"),
         ("npz with pickles", lambda b: read_mesh(pickled(b)), "mesh.npz…cannot be read…pickle…export it again"),
-        ("npz that is a pickle", lambda b: read_mesh(b.bytes("mesh.npz", pickle.dumps({"a": 1}))), "cannot be read"),
         ("npz of something else", lambda b: read_mesh(b.mesh(format=None)), "mesh.npz…not a mpsnet-mesh file"),
         ("npz of a newer version", lambda b: read_mesh(b.mesh(version=np.array(2))), "version 2, this program reads"),
-        ("npz with two versions", lambda b: read_mesh(b.mesh(version=np.array([1, 2]))), "mesh.npz…version [1 2]"),
         ("npz without UVs", lambda b: read_mesh(b.mesh(uvs=None)), 'mesh.npz…lacks "uvs"; export it again'),
-        ("npz of words", lambda b: read_mesh(b.mesh(uvs=np.full((2, 3, 2), "u"))), "mesh.npz…uvs…export it again"),
-        ("npz with a single number", lambda b: read_mesh(b.mesh(vertices=np.array(1.0))), "vertices…export it again"),
         ("UVs of another shape", lambda b: read_mesh(b.mesh(uvs=np.zeros((4, 2)))), "uvs have shape (4, 2), expected"),
         (lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, 9]]))), "triangles name vertices that it"),
-        (lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, -1]]))), "mesh.npz…triangles name vertices"),
         ("vertices not finite", lambda b: Mesh(**{**SQUARE, "vertices": SQUARE["vertices"] * NAN}), "vertices hold a"),
         (
             "UVs outside",
@@ -1004,7 +913,6 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             ),
             "UVs lie outside the texture (0 to 1); move",
         ),
-        (lambda b: Mesh(**{key: SQUARE[key][:0] if key != "vertices" else SQUARE[key] for key in SQUARE}), "no faces"),
         ("scale 0", lambda b: Mesh(**SQUARE, world_from_object=np.diag([1, 1, 0, 1])), "scaled to nothing"),
     ]
 )

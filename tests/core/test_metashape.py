@@ -94,34 +94,21 @@ SCALED = "1.1 0 0 0 0 1.1 0 0 0 0 1.1 0 0 0 0 1"
     ("changes", "said"),
     [
         ({"kind": "fisheye"}, "photo 'DSC_0002': its sensor is of type 'fisheye'"),
-        ({"sensor": SENSOR.replace('type="frame"', 'type="spherical"', 1)}, "of type 'spherical'"),
-        ({"sensor": ""}, "its sensor 0 is not in the file"),
         ({"sensor": '<sensors><sensor id="0" label="Nikon"/></sensors>'}, "sensor 'Nikon' has no calibration"),
-        ({"sensor": SENSOR.replace("<resolution", "<pixels")}, "its sensor's width must be a finite number"),
-        ({"sensor": SENSOR.replace('width="640"', 'width="many"')}, "its sensor's width must be a finite number"),
         ({"sensor": SENSOR.replace('width="640"', f'width="{"9" * 400}"')}, "its sensor's width must be"),
-        ({"sensor": SENSOR.replace('width="640"', 'width="-640"')}, "the camera's width"),
         ({"calibration": without(CALIBRATION, "f")}, "lacks the focal length f;"),
-        ({"calibration": without(CALIBRATION, "f") | {"fx": 500}}, "PhotoScan 1.1"),
         ({"calibration": CALIBRATION | {"f": "nan"}}, "its sensor's f must be a finite number"),
-        ({"calibration": CALIBRATION | {"k1": "1e999"}}, "its sensor's k1 must be a finite number"),
-        ({"calibration": CALIBRATION | {"f": -3}}, "focal must be above 0"),
         ({"calibration": CALIBRATION | {"f": 1e-320, "b1": 0}}, "focal must be above 0"),
         ({"calibration": CALIBRATION | {"p3": 0.1}}, "distortion p3"),
-        ({"transform": "1 0 0"}, "its transform must be 16 finite numbers"),
         ({"transform": "nan" + MIRRORED[2:]}, "its transform must be 16 finite numbers"),
         ({"transform": MIRRORED}, "a mirroring"),
         ({"transform": SCALED}, "the rotation of the camera is not"),
         ({"rest": SIMILARITY.replace("0 -1 0 1", "0 -1 0 2")}, "the rotation of the chunk is not"),
         ({"rest": SIMILARITY.replace(">2<", ">0<")}, "the chunk's scale is 0"),
-        ({"rest": SIMILARITY.replace(">2<", "><")}, "the chunk's scale must be a finite number"),
-        ({"rest": SIMILARITY.replace("10 20", "10")}, "the chunk's translation must be 3 finite numbers"),
         ({"rest": SIMILARITY.replace(">2<", ">1e308<")}, "photo 'DSC_0002': the camera's world_from_camera must be"),
         ({"rest": f"<transform>{MIRRORED}</transform>"}, "older than 1.2"),
-        ({"cameras": ""}, "holds no photo with a pose"),
         ({"cameras": CAMERAS.replace("transform>", "reference>")}, "holds no photo with a pose"),
         ({"rest": "</chunk><chunk>"}, "it holds 2 chunks"),
-        ({"rest": "<unclosed>"}, "it is not valid XML"),
     ],
 )
 def test_bad_files_are_refused(tmp_path: Path, changes: dict[str, str], said: str) -> None:
@@ -141,21 +128,10 @@ BOMB = """<?xml version="1.0"?>
     [
         (BOMB.encode(), "cameras.xml: it has a document type"),
         (BOMB.encode("utf-16"), "it is not UTF-8 text"),
-        (b"", "it is not valid XML"),
         (b"\x89PNG\r\n", "it is not UTF-8 text"),
-        (b"<document/>", "it is not a Metashape file of cameras"),
-        (b"<html><chunk/></html>", "it is not a Metashape file of cameras"),
         (b"<document>" + b"<a>" * 100_000, "it is not valid XML"),
-        (b"<document>&undefined;</document>", "it is not valid XML"),
     ],
 )
 def test_what_is_no_file_of_cameras_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
     (tmp_path / "cameras.xml").write_bytes(content)
     assert said in refusal(lambda: read_cameras(tmp_path / "cameras.xml"))
-
-
-def test_missing_and_huge_files_are_refused(tmp_path: Path) -> None:
-    assert "does not exist" in refusal(lambda: read_cameras(tmp_path / "cameras.xml"))
-    with (tmp_path / "cameras.xml").open("wb") as file:
-        file.truncate(1 << 27)
-    assert "larger than 64 MiB" in refusal(lambda: read_cameras(tmp_path / "cameras.xml"))

@@ -136,18 +136,6 @@ def test_brightness_is_one_at_the_target_and_falls_with_the_square() -> None:
     np.testing.assert_allclose(near.lights_at(half_way)[0], 4 * np.array([0, 3, 4]) / 5)
 
 
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_points_are_where_the_camera_projects_them_from(projection: str) -> None:
-    camera = Camera(projection, 30, 20, np.array([25.0, 27]), np.array([14.0, 11]))
-    depth = np.random.default_rng(0).uniform(2, 5, (20, 30))
-    points = camera.points(depth[5:15], first_row=5)
-    projected = np.concatenate([points, np.ones((10, 30, 1))], axis=-1) @ camera.projection_rows().T
-    pixels = projected[..., :2] / projected[..., 2:]
-    np.testing.assert_allclose(pixels[..., 0], np.broadcast_to(np.arange(30) + 0.5, (10, 30)))
-    np.testing.assert_allclose(pixels[..., 1], np.broadcast_to(np.arange(5, 15)[:, None] + 0.5, (10, 30)))
-    np.testing.assert_allclose(-points[..., 2], depth[5:15])
-
-
 def test_a_lens_is_reported_for_the_longer_side() -> None:
     assert camera_of_lens(36, 600, 400).focal.tolist() == [600, 600]
     assert camera_of_lens(36, 400, 600).focal.tolist() == [600, 600]
@@ -226,12 +214,9 @@ def test_the_command_line_takes_camera_and_distance(
     [
         ((), "the rig's lights stand near the object, so its distance counts: give the camera"),
         (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both define the lens"),
-        (("--focal", "0"), "focal 0 is out of range; choose 1 to 10000"),
         (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
         (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both define how far"),
-        (("--camera", "camera.json", "--distance", "-3"), "the object's distance is a number above 0, not -3"),
         (("--camera", "away.json", "--mesh", "ball.obj"), "away.json: the camera does not see the mesh"),
-        (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 60 but the photo is 160 x 160"),
     ],
 )
 def test_what_does_not_fit_is_reported(
@@ -249,20 +234,10 @@ def test_what_does_not_fit_is_reported(
     ("change", "sentence"),
     [
         ({"target": None}, 'lights with a position need a "target"'),
-        ({"target": [0, 0]}, "the lights' target must be three finite numbers"),
         ({"lobe": -1}, "the lights' lobe is a number from 0"),
-        ({"lobe": "wide"}, "the lights' lobe is a number from 0"),
         (
             {"lights": [{"position": [0, 1, 0]}, {"position": [1, 0, 0]}, {"slant": 3, "tilt": 4}]},
             "the third light needs",
-        ),
-        (
-            {"lights": [{"position": [0, 1, 0]}, {"position": [1, 0, 0]}, {"position": [0, 0, -5]}]},
-            "stands in the target",
-        ),
-        (
-            {"lights": [{"position": [0, 1, 0]}, {"position": [1, 0, 0]}, {"position": ["x", 0, 0]}]},
-            "the third light's",
         ),
         (
             {"lights": [{"slant": 30, "tilt": tilt} for tilt in (0, 120, 240)]},
@@ -315,4 +290,4 @@ def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -
 @pytest.mark.parametrize(("distance", "told"), [("3.1", False), ("3100", True), ("1.2", True)])
 def test_another_unit_is_reported(bench: Path, capsys: pytest.CaptureFixture[str], distance: str, told: bool) -> None:
     assert estimate(bench, "--focal", "50", "--distance", distance) == 0
-    assert ("in one unit?" in capsys.readouterr().err) == told
+    assert ("in the same unit?" in capsys.readouterr().err) == told

@@ -29,32 +29,12 @@ def test_one_octave_is_gradient_noise() -> None:
     np.testing.assert_array_equal(fractal_noise(places, 9, 1), gradient_noise(places, 9))
 
 
-def test_more_octaves_are_rougher() -> None:
-    places, step = points(20_000), np.array([0.01, 0, 0])
-    rough = [np.std(fractal_noise(places + step, 3, n) - fractal_noise(places, 3, n)) for n in (1, 2, 4)]
-    assert rough[1] > 1.2 * rough[0]
-    assert rough[2] > 1.2 * rough[1]
-
-
 def test_smooth_across_the_lattice() -> None:
     # Second differences along a line stay as small as a twice differentiable field's.
     line = np.linspace(0, 30, 30_001)[:, None] * directions(1)
     values = gradient_noise(line, 4).astype(np.float64)
     assert np.abs(np.diff(values)).max() < 4e-3
     assert np.abs(np.diff(values[::10], 2)).max() < 40 * 0.01**2
-
-
-def test_the_lattice_does_not_show() -> None:
-    # Plain Perlin noise is 0 at every whole point, and has other slopes along its axes than between them.
-    whole = np.stack(np.meshgrid(*3 * [np.arange(24.0)], indexing="ij"), axis=-1).reshape(-1, 3)
-    assert np.mean([gradient_noise(whole, seed).std() for seed in range(8)]) > 0.25
-    places = points(4000)
-    ways = np.concatenate([np.eye(3), [[1, 1, 0], [0, 1, 1], [1, 1, 1]] / np.sqrt([[2], [2], [3]])])
-    slopes = [
-        np.mean([np.mean((gradient_noise(places + 0.01 * way, s) - gradient_noise(places, s)) ** 2) for s in range(24)])
-        for way in ways
-    ]
-    assert max(slopes) < 1.06 * min(slopes)
 
 
 def test_seeds_and_places_are_unrelated() -> None:

@@ -7,7 +7,7 @@ import pytest
 from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
 from surface_shapes import grid_triangles
 
-from mpsnet_core import Camera, InputError
+from mpsnet_core import Camera
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.occlusion import ambient_occlusion
 from mpsnet_core.scene.normal_map import NormalMap
@@ -151,14 +151,6 @@ def test_one_pixel_is_open() -> None:
     mask[2, 3] = True
     up = NormalMap(np.tile([0.0, 0, 1], (5, 5, 1)), mask)
     assert (ambient_occlusion(HeightMap(np.ones((5, 5)), mask, orthographic(5, 5)), up) == 1).all()
-
-
-def test_what_does_not_fit_is_said() -> None:
-    surface = ball(FAR, (0, 0, -4), 1)
-    with pytest.raises(InputError, match="cannot reach over 0 pixels"):
-        of(surface, reach=0)
-    with pytest.raises(InputError, match="the height map is 10 x 10 but the normal map is 200 x 180"):
-        ambient_occlusion(plane(orthographic(10, 10), (0, 0, 1), -1).heights, surface.normals)
 
 
 @CAMERAS

@@ -181,11 +181,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[np.ndarray]]:
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_same_file_gives_the_same_pixels_and_the_same_note(
-    tmp_path: Path,
-    opened: list[np.ndarray],
-    caplog: pytest.LogCaptureFixture,
-    kind: str,
-    way: Callable[[Desk], None],
+    tmp_path: Path, opened: list[np.ndarray], caplog: pytest.LogCaptureFixture, kind: str, way: Callable[[Desk], None]
 ) -> None:
     write, words, tolerance = KINDS[kind]
     write_rig(tmp_path / "rig.json", SPHERE.rig)

@@ -23,7 +23,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
-from mpsnet_core.estimate.onnx_model import MAX_ARENA_BYTES, OnnxModel
+from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.patches import PATCHES_A_BATCH
 
 
@@ -92,41 +92,15 @@ def pooled(path: Path, halo: int) -> Path:
     return write_model(path, nodes, weights, card(halo=halo, multiple=4))
 
 
-# Network, its halo, and a halo that is too small for it.
-NETWORKS = [pytest.param(plain, 3, 2, id="plain"), pytest.param(pooled, 16, 12, id="pooled")]
+# Network and its halo.
+NETWORKS = [pytest.param(plain, 3, id="plain"), pytest.param(pooled, 16, id="pooled")]
 
 
-@pytest.mark.parametrize(("network", "halo", "too_small"), NETWORKS)
-def test_tiled_and_untiled_agree(tmp_path: Path, odd: Capture, network, halo: int, too_small: int) -> None:
+@pytest.mark.parametrize(("network", "halo"), NETWORKS)
+def test_tiled_and_untiled_agree(tmp_path: Path, odd: Capture, network, halo: int) -> None:
     untiled, tiled = (estimate_normals(odd, network(tmp_path / "n.onnx", halo), tile=tile) for tile in (1024, 64))
     assert difference(tiled.vectors, untiled.vectors) < 1e-4
     assert np.ptp(untiled.vectors[odd.mask], axis=0).min() > 0.1
-
-
-@pytest.mark.parametrize(("network", "halo", "too_small"), NETWORKS)
-def test_with_too_small_a_halo_they_do_not(tmp_path: Path, odd: Capture, network, halo: int, too_small: int) -> None:
-    untiled = estimate_normals(odd, network(tmp_path / "n.onnx", halo))
-    for wrong in (0, too_small):
-        tiled = estimate_normals(odd, network(tmp_path / "wrong.onnx", wrong), tile=64)
-        assert difference(tiled.vectors, untiled.vectors) > 1e-2
-
-
-@pytest.mark.parametrize(("network", "halo", "too_small"), NETWORKS)
-def test_the_network_sees_the_masks_box(tmp_path: Path, odd: Capture, network, halo: int, too_small: int) -> None:
-    """The same network run by hand on the features of the mask's bounding box."""
-    path = network(tmp_path / "n.onnx", halo)
-    rows, columns = (slice(np.flatnonzero(o)[0], np.flatnonzero(o)[-1] + 1) for o in (odd.mask.any(1), odd.mask.any(0)))
-    names = ["photo", "initial_normals_grey_world"] if network is plain else ["initial_normals"]
-    maps = feature_maps(odd, names)
-    box = np.concatenate([maps[name] for name in names])[:, rows, columns]
-    grain = 1 if network is plain else 4
-    box = np.pad(box, [(0, 0), (0, -box.shape[1] % grain), (0, -box.shape[2] % grain)])
-    (answer,) = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"]).run(None, {"x": box[None]})
-    by_hand = np.zeros((*odd.mask.shape, 3), np.float32)
-    size = rows.stop - rows.start, columns.stop - columns.start
-    by_hand[rows, columns] = answer[0].transpose(1, 2, 0)[: size[0], : size[1]]
-    expected = np.where(odd.mask[..., None], normalised(by_hand), 0)
-    assert difference(estimate_normals(odd, path).vectors, expected) < 1e-4
 
 
 def test_patches_are_centred_and_zero_outside_the_mask(tmp_path: Path) -> None:
@@ -178,12 +152,6 @@ def test_what_the_photo_holds_outside_the_mask_does_not_matter(tmp_path: Path, o
     loud = np.where(odd.mask[..., None], odd.image, np.nan)
     again = estimate_normals(Capture(loud, odd.mask, odd.rig), model)
     np.testing.assert_array_equal(again.vectors, estimate_normals(odd, model).vectors)
-
-
-def test_the_number_of_threads_does_not_matter(tmp_path: Path, odd: Capture) -> None:
-    model = plain(tmp_path / "n.onnx", 3)
-    one, two = (estimate_normals(odd, model, threads=threads) for threads in (1, 2))
-    assert difference(one.vectors, two.vectors) < 1e-5
 
 
 @pytest.mark.parametrize(
@@ -301,12 +269,6 @@ def own_operator(path: Path) -> Path:
     return path
 
 
-@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="where Linux says how much memory there is")
-def test_a_network_may_take_half_of_the_machine_s_memory() -> None:
-    kilobytes = int(Path("/proc/meminfo").read_text().split()[1])  # MemTotal
-    assert min(16 << 30, 511 * kilobytes) <= MAX_ARENA_BYTES <= min(16 << 30, 512 * kilobytes)
-
-
 test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("an endless loop", use(dense(nodes=ENDLESS)), 'm.onnx has the operator "Loop", which feed-forward'),
@@ -341,52 +303,27 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             "m.onnx cannot be used: its metadata are not UTF-8 text; export it again",
         ),
         ("unknown name", lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"), "no model 'mpsnet9'"),
-        ("missing file", lambda b: estimate_normals(SPHERE.capture(), b / "m.onnx"), "m.onnx does not exist"),
         (lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))), "m.onnx is not an ONNX"),
-        ("empty file", lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", b"")), "m.onnx is not an ONNX"),
         ("no card", use(dense(card=None)), "m.onnx…no card (metadata 'mpsnet.card')"),
         ("card not JSON", use(dense(card="{")), "m.onnx…card…not valid JSON"),
-        ("card of another format", use(dense(card={"format": "recipe"})), "m.onnx…not a mpsnet-model card"),
         ("card of a newer version", card_with(version=CARD_VERSION + 1), "version 2, this program reads version 1"),
         ("card without a licence", card_with(licence=None), 'm.onnx…card lacks "licence"'),
-        ("card with an empty name", card_with(name=""), 'm.onnx…needs a text for "name"'),
         ("card with an unknown kind", card_with(kind="sparse"), "m.onnx…\"kind\" is 'sparse'"),
         ("card with an unknown feature", card_with(inputs={"x": ["depth"]}), "m.onnx…requests 'depth'"),
-        ("card with a feature that is a list", card_with(inputs={"x": [["photo"]]}), "m.onnx…requests ['photo']"),
         ("card that stacks the lights with maps", card_with(inputs={"x": ["photo", "lights"]}), "card stacks lights"),
         ("card without features", card_with(inputs={"x": []}), "m.onnx…no list of features for input 'x'"),
-        ("card with features in words", card_with(inputs={"x": "photo"}), "m.onnx…no list of features for input 'x'"),
-        ("card with inputs as a list", card_with(inputs=["photo"]), 'm.onnx…"inputs" must name each input\'s features'),
         ("card with a negative halo", card_with(halo=-1), 'm.onnx…"halo" is -1; expected a whole number from 0'),
         ("card with an even patch", card_with(kind="patch", patch=4), 'm.onnx…"patch" is 4; expected an odd number'),
         ("card with an unknown frame", card_with(frame="world"), "m.onnx…\"frame\" is 'world'"),
-        ("canonical card of patches", card_with(kind="patch", frame="canonical"), '"frame" is "canonical", which a'),
-        ("card with seven passes", card_with(frame="canonical", passes=7), 'm.onnx…"passes" is 7'),
         ("a dense network that magnifies", card_with(magnified=2.0), '"magnified" needs the "kind" "pyramid", not'),
         ("a magnification beyond memory", card_with(kind="pyramid", magnified=1e6), 'm.onnx…"magnified" is 1000000.0'),
         ("three passes in the camera's frame", card_with(passes=3), '"passes" is 3, which needs the "frame"'),
         ("card with other inputs", card_with(inputs={"y": ["photo"]}), "m.onnx…inputs ['x'], its card describes ['y']"),
         ("wrong channel count", use(dense(channels=4, shape=("n", 4, "h", "w"))), "expected tensor(float) ['any', 3"),
-        (
-            "wrong type",
-            use(
-                dense(
-                    nodes=[helper.make_node("Cast", ["x"], ["c"], to=TensorProto.FLOAT), conv("c", "normals", "w")],
-                    input_type=TensorProto.DOUBLE,
-                )
-            ),
-            "m.onnx…tensor(double)…expected tensor(float)",
-        ),
         ("fixed size", use(dense(shape=("n", 3, 64, 64))), "m.onnx…fixed size…64, 64]…export with dynamic sizes"),
         ("a patch of another size", use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))), "m.onnx…7, 7]"),
-        (
-            "flat input",
-            use(dense(shape=("n", 3), nodes=[helper.make_node("Identity", ["x"], ["normals"])])),
-            "m.onnx…input 'x'…expected tensor(float) ['any', 3, 'any', 'any']",
-        ),
         ("no output called normals", use(dense("depth")), 'm.onnx…no output called "normals"'),
         ("four channels out", use(dense(answers=4)), 'm.onnx…output "normals" is (1, 4,…expected (1, 3,'),
-        (use(dense(nodes=[conv("x", "normals", "w", strides=[2, 2])])), 'output "normals" is (1, 3, 8, 8), expected'),
         (
             "patches that give too much",
             use(lambda path: pass_through(path, card(kind="patch", patch=3), inputs={"x": ("n", 3, 3, 3)})),
@@ -401,24 +338,6 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
                         helper.make_node("Sub", ["h", "h"], ["z"]),
                         helper.make_node("Div", ["z", "z"], ["normals"]),
                     ]
-                )
-            ),
-            "m.onnx returned values that are not finite",
-        ),
-        (
-            "NaN confidence",
-            use(
-                lambda path: write_model(
-                    path,
-                    [
-                        helper.make_node("Identity", ["x"], ["normals"]),
-                        helper.make_node("Sub", ["x", "x"], ["z"]),
-                        helper.make_node("Div", ["z", "z"], ["q"]),
-                        helper.make_node("ReduceMean", ["q"], ["confidence"], axes=[1]),
-                    ],
-                    {},
-                    card(),
-                    outputs={"normals": DENSE, "confidence": ("n", 1, "h", "w")},
                 )
             ),
             "m.onnx returned values that are not finite",
@@ -439,32 +358,10 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             ),
             'm.onnx…output "confidence" is (1, 3, 16, 16), expected (1, 1, 16, 16)',
         ),
-        (
-            "failing as it runs",
-            use(
-                dense(
-                    channels=3,
-                    nodes=[
-                        helper.make_node("Reshape", ["x", "s"], ["normals"]),
-                        helper.make_node(
-                            "ConstantOfShape", ["k"], ["s"], value=helper.make_tensor("v", TensorProto.INT64, [1], [7])
-                        ),
-                        helper.make_node("Constant", [], ["k"], value_ints=[4]),
-                    ][::-1],
-                )
-            ),
-            "m.onnx failed on x (1, 3, 16, 16)",
-        ),
         (lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), tile=8), "tile of 8 pixels is too"),
         (lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=-1), "-1 threads is out of"),
-        (lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=1.5), "1.5 threads is out"),
-        (lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), provider="gpu"), "provider 'gpu' is"),
     ]
 )
-
-
-def test_the_network_that_is_spoilt_above_is_good_before(tmp_path: Path) -> None:
-    estimate_normals(SPHERE.capture(), dense(card=json.loads(card().to_json()))(tmp_path / "m.onnx"))
 
 
 @pytest.mark.long

@@ -48,13 +48,3 @@ def test_push_pull_turns_with_the_picture() -> None:
     vectors, covered = two_islands(128, 128)
     turned = padded(np.rot90(vectors), np.rot90(covered), "push-pull", 0)
     assert turned == pytest.approx(np.rot90(padded(vectors, covered, "push-pull", 0)), abs=1e-5)
-
-
-def test_without_padding_nothing_changes() -> None:
-    vectors, covered = two_islands(32, 32)
-    assert padded(vectors, covered, "none", 8) is vectors
-
-
-def test_nothing_is_missing_where_all_is_covered() -> None:
-    vectors = np.broadcast_to(LEFT, (8, 8, 3))
-    assert np.array_equal(padded(vectors, np.ones((8, 8), bool), "push-pull", 0), vectors)

@@ -36,11 +36,6 @@ def test_every_material_gets_its_share(points: np.ndarray, parts: np.ndarray, ki
         assert mixed > 0.5 * softness
 
 
-def test_parts_take_materials_in_turn(points: np.ndarray, parts: np.ndarray) -> None:
-    weights = material_weights(Pattern("parts"), 3, points, parts)
-    assert (weights.argmax(axis=1) == parts % 3).all()
-
-
 def test_stripes_follow_one_another_along_their_direction(points: np.ndarray, parts: np.ndarray) -> None:
     weights = material_weights(Pattern("stripes", 2.0, direction=(0, 0.6, 0.8)), 3, points, parts)
     along = points.astype(np.float64) @ [0, 0.6, 0.8] * 2

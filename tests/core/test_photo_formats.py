@@ -195,16 +195,6 @@ def test_float_values_with_the_srgb_curve_are_recognised(tmp_path: Path, caplog:
         assert ("READ AS sRGB" in caplog.text) == (name == "curve.tif")
 
 
-def test_a_profile_of_tables_is_said_to_be_ignored(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    profile = bytes(128) + struct.pack(">I4sII", 1, b"A2B0", 144, 16) + bytes(16)
-    spec = oiio.ImageSpec(9, 6, 3, "uint8")
-    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
-    target = oiio.ImageOutput.create(str(tmp_path / "photo.tif"))
-    assert target.open(str(tmp_path / "photo.tif"), spec) and target.write_image(PIXELS) and target.close()
-    read_image(tmp_path / "photo.tif")
-    assert "photo.tif has a colour profile without curves" in caplog.text
-
-
 def test_hostile_structures_end(tmp_path: Path) -> None:
     """Directories that lead to themselves, chunks without end."""
     from mpsnet_core.io.file_kinds import png_chunks, tiff_directories

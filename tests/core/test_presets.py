@@ -89,11 +89,6 @@ def test_no_texture_is_too_small_for_a_margin_that_nobody_gave(
     assert stored(tmp_path / "small.png")[1].shape[:2] == (8, 8)
 
 
-def test_without_a_preset_all_is_as_before(tilted: list[str], tmp_path: Path) -> None:
-    assert main([*tilted, "-o", str(tmp_path / "plain.png")]) == 0
-    assert stored(tmp_path / "plain.png")[0] == "uint16" and middle_green(tmp_path / "plain.png") > 0.5
-
-
 @pytest.mark.parametrize(
     ("given", "stem"),
     [
@@ -126,12 +121,7 @@ def test_an_ending_that_contradicts_the_preset_is_refused(output: str, said: str
         (["--preset", "cryengine"], "preset 'cryengine' is not known; choose blender, unreal"),
         (["--preset", "gltf", "-o", "texture.exr"], "the preset for glTF writes .png, but texture.exr ends in .exr"),
         (["--preset", "unity", "--bits", "32"], "hold 8 or 16 bits per channel, not 32"),
-        (["--preset", "unity", "--convention", "metal"], "convention 'metal' is not known"),
         (["-o", "{folder}"], "it is a folder; give a file name"),
-        (
-            ["--preset", "unity", "--mesh", "b.obj", "-o", "{folder}/"],
-            "2 share this one; give its file with --output, such as",
-        ),
         (["--padding", "none", "--margin", "4"], "--margin goes with --padding nearest, not with none; leave it out"),
         (["--padding", "push-pull", "--margin", "0"], "--margin goes with --padding nearest, not with push-pull"),
     ],

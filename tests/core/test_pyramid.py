@@ -141,12 +141,6 @@ def test_how_many_rows_of_the_photo_are_read_at_a_time_does_not_matter(
     np.testing.assert_allclose(model(ragged).vectors, at_once.vectors, rtol=0, atol=1e-5)
 
 
-def test_with_too_small_a_halo_they_do_not(tmp_path: Path, ragged: Capture) -> None:
-    model = sees_all(tmp_path / "n.onnx", halo=2)
-    tiled, untiled = (estimate_normals(ragged, model, tile=tile) for tile in (64, 1024))
-    assert abs(tiled.vectors - untiled.vectors).max() > 1e-2
-
-
 # --- what arrives on the finest scale ---------------------------------------------------------------------------------
 
 
@@ -283,14 +277,6 @@ def test_the_first_scale_shows_the_whole_object_on_128_pixels_at_most(size: int,
     assert [call["given"][0, :, 0, 0].tolist() for call in calls] == [[0, 0]] + [[1, 0]] * (len(sides) - 1)
 
 
-def test_tiles_that_hold_nothing_of_the_object_are_not_run() -> None:
-    """Two specks 640 pixels apart: of 10 tiles on the finest scale the outer two."""
-    mask = np.zeros((1, 640), bool)
-    mask[0, [0, -1]] = True
-    calls = shown(Capture(np.ones((1, 640, 3)), mask, RIG), "mask", tile=64)
-    assert [call["mask"].shape[3] for call in calls] == [40, 40, 54, 52, 64, 64, 64, 64]
-
-
 # --- progress and memory ----------------------------------------------------------------------------------------------
 
 
@@ -321,20 +307,3 @@ def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 1.25 * side * side * 4 * 4 + 0.6 * photo.nbytes
-
-
-def test_the_answer_of_the_scale_before_is_given_back_as_it_is_used_up() -> None:
-    side, told = 1024, []
-    capture = Capture(np.ones((side, side, 3), np.float32), np.ones((side, side), bool), RIG)
-
-    def network(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, np.ndarray]:
-        told.append(tracemalloc.get_traced_memory()[0])
-        return always_facing(inputs, count, *size)
-
-    seen = card(kind="pyramid", inputs={"mask": ("mask",)}, halo=16, multiple=16)
-    tracemalloc.start()
-    predict_dense(network, seen, capture, 64, silent)
-    tracemalloc.stop()
-    before = (side // 2) ** 2 * 4 * 4
-    first, *_, last = told[-((side // 64) ** 2) :]
-    assert first - last > 0.8 * before

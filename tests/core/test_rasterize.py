@@ -115,11 +115,3 @@ def test_the_margin_holds_the_nearest_filled_texels_value(share: float, distance
         else:
             nearest = at[steps == steps.min()]
             assert (result[place] == values[tuple(nearest.T)]).all(axis=1).any()
-
-
-def test_growing_leaves_its_input_alone() -> None:
-    values, filled = np.zeros((8, 8, 3), np.float32), np.zeros((8, 8), bool)
-    values[3, 3], filled[3, 3] = 1, True
-    extend_to_nearest(values, filled, 2)
-    assert values.sum() == 3 and filled.sum() == 1
-    assert (extend_to_nearest(values, np.ones((8, 8), bool), 5) == values).all()

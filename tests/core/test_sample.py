@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -197,20 +195,8 @@ def drop_description(channels: dict[str, np.ndarray], extra: dict[str, Any]) -> 
     del extra["mpsnet:sample"]
 
 
-def huge_description(channels: dict[str, np.ndarray], extra: dict[str, Any]) -> None:
-    extra["mpsnet:sample"] = json.dumps({**json.loads(extra["mpsnet:sample"]), "more": "x" * (1 << 20)})
-
-
 def break_description(channels: dict[str, np.ndarray], extra: dict[str, Any]) -> None:
     extra["mpsnet:sample"] = extra["mpsnet:sample"][:-40]
-
-
-def nest_description(channels: dict[str, np.ndarray], extra: dict[str, Any]) -> None:
-    extra["mpsnet:sample"] = "[" * 200_000
-
-
-def describe_a_list(channels: dict[str, np.ndarray], extra: dict[str, Any]) -> None:
-    extra["mpsnet:sample"] = "[1, 2]"
 
 
 def description(**changes: Any) -> Callable[[dict[str, np.ndarray], dict[str, Any]], None]:
@@ -240,23 +226,14 @@ def channel(name: str, value: float) -> Callable[[dict[str, np.ndarray], dict[st
     [
         (drop_channel, "not a sample: it does not have a sample's layers"),
         (drop_description, "not a sample: it has no description"),
-        (huge_description, "not a sample: it has no description"),
         (break_description, "its description cannot be read"),
-        (nest_description, "its description cannot be read"),
-        (describe_a_list, "its description cannot be read"),
         (description(version=99), "version 99, this program reads up to 1; update it"),
-        (description(version="1"), "its description cannot be read"),
-        (description(lit_fractions=[0, 1]), "its description cannot be read"),
         (description(lit_fractions=[0, 0, 2, 0]), "its description cannot be read"),
-        (description(lit_fractions=[0, 0, 0, 10**400]), "its description cannot be read"),
-        (recipe(shape=3), "recipe is not known to this program"),
         (recipe(materials=[{"gloss": 1}]), "recipe is not known to this program"),
         (recipe(light_directions=[[0, 0, 1]] * 3), "lie .nearly. in one plane"),
         (recipe(light_directions=[[1, 0, 1], [0, 1, 1], [-1, 0, 1]]), "its recipe does not fit it"),
         (recipe(rotation=[[float("nan")] * 3] * 3), "its recipe does not fit it"),
-        (recipe(light_sizes=[1, 1, -5]), "its recipe does not fit it"),
         (channel("light2.G", np.nan), "values that are not finite"),
-        (channel("depth.Z", np.inf), "values that are not finite"),
         (channel("alpha.A", 1.5), "an alpha outside 0 to 1"),
         (channel("lit3.V", -0.5), "shares of light outside 0 to 1"),
         (channel("material.V", 0.5), "materials that are no numbers"),
@@ -290,7 +267,6 @@ def test_other_files_are_reported(tmp_path: Path, sample: Sample) -> None:
     huge.write_bytes(huge_header(sample, tmp_path))
     for path, words in (
         (tmp_path / "none.exr", "does not exist"),
-        (tmp_path, "is a folder"),
         (photo, "not a sample: it does not have a sample's layers"),
         (disguised, "not a sample"),
         (text, "not a sample, or its header is cut short"),
@@ -322,26 +298,3 @@ def test_a_picture_that_is_not_finite_is_not_written(tmp_path: Path, sample: Sam
 def test_light_brighter_than_half_floats_is_held_at_their_end(tmp_path: Path, sample: Sample) -> None:
     write_sample(tmp_path / "s.exr", replace(sample, lights=sample.lights * np.float32(1e6)))
     assert read_sample(tmp_path / "s.exr").lights.max() == 65504
-
-
-def test_a_full_disk_leaves_nothing(tmp_path: Path, sample: Sample) -> None:
-    if sys.platform == "win32":
-        pytest.skip("needs a limit on a process's file sizes")
-    script = (
-        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096));"
-        "from mpsnet_core.errors import InputError;"
-        "from mpsnet_core.synthesis.sample import write_sample;"
-        "from sphere_sample import sphere_sample;"
-        "import pathlib\n"
-        "try: write_sample(sys.argv[1], sphere_sample())\n"
-        "except InputError as error: print(error)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script, str(tmp_path / "s.exr")],
-        capture_output=True,
-        text=True,
-        cwd=Path(__file__).parent,
-    )
-    assert "is the disk full?" in done.stdout, done
-    assert listing(tmp_path) == []

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpsnet
-from synthetic import degrees_between, left_by, listing, named, shaded_sphere, write_file, write_parts
+from synthetic import degrees_between, listing, named, shaded_sphere, write_file, write_parts
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.open import PhotoSet
@@ -25,7 +25,6 @@ from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, frame_masks, photo_frames
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import image_description
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.rig import write_rig
@@ -129,28 +128,6 @@ def test_no_more_than_a_few_frames_are_held_at_once(tmp_path: Path) -> None:
     assert most <= 10
 
 
-def test_reading_and_writing_go_on_while_a_frame_is_estimated(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 7))
-    main, read_in, met = threading.current_thread(), [], []
-
-    def watched_take(frame: Frame) -> Capture:
-        read_in.append((frame.number, threading.current_thread()))
-        return take(frame)
-
-    def watched(capture: Capture, progress: Progress) -> NormalMap:
-        assert threading.current_thread() is main
-        limit = time.monotonic() + 10
-        while not met and len(read_in) < 3 and time.monotonic() < limit:  # the next are read meanwhile
-            time.sleep(0.001)
-        met.append(len(read_in))
-        return LAMBERTIAN(capture, progress)
-
-    run(photos, tmp_path / "out", take=watched_take, estimator=watched)
-    assert met[0] >= 3
-    assert [number for number, _ in read_in] == [1, 2, 3, 4, 5, 6]
-    assert {thread for _, thread in read_in}.isdisjoint({main}) and len({thread for _, thread in read_in}) == 1
-
-
 # --- going on ---------------------------------------------------------------------------------------------------------
 
 
@@ -206,34 +183,6 @@ def test_a_photo_that_changed_is_made_again_with_those_it_counts_for(tmp_path: P
         assert (outcome.made, outcome.there) == (again, 9 - again)
 
 
-def test_other_settings_make_everything_again(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 4))
-    for options in ({}, {"recipe": "another"}, {"smooth": 1}, {"convention": "directx"}):
-        assert run(photos, tmp_path / "out", **options) == Outcome(3, 0, 3 * SPHERE.mask.sum())
-
-
-def test_what_a_killed_run_left_is_cleared_but_not_what_another_writes(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 3))
-    (tmp_path / "out").mkdir()
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    left, alive = (left_by(pid, tmp_path / "out" / "frame_0001_normals.png") for pid in (ended.pid, os.getppid()))
-    for file in (left, alive):
-        file.write_bytes(b"half")
-    run(photos, tmp_path / "out")
-    assert not left.exists()
-    assert alive.exists()
-
-
-@pytest.mark.parametrize("suffix", [".png", ".tif", ".exr"])
-def test_every_format_keeps_the_line_that_says_what_it_was_made_of(tmp_path: Path, suffix: str) -> None:
-    write_image(tmp_path / f"a{suffix}", SPHERE.normals, description="normals by us, 0f3a")
-    assert image_description(tmp_path / f"a{suffix}") == "normals by us, 0f3a"
-    write_image(tmp_path / f"b{suffix}", SPHERE.normals)
-    assert image_description(tmp_path / f"b{suffix}") == ""
-    assert image_description(tmp_path / f"missing{suffix}") == ""
-
-
 # --- what goes wrong on the way ---------------------------------------------------------------------------------------
 
 
@@ -284,15 +233,6 @@ def test_broken_photos_are_named_and_all_others_made(tmp_path: Path, mpsnet: Mps
     assert (told["made"], told["there"], told.get("failed")) == (2, 5, None)
 
 
-@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() == 0, reason="root may read everything")
-def test_a_photo_that_may_not_be_read_is_named_too(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 4))
-    photos[1].chmod(0)
-    outcome = run(photos, tmp_path / "out", continue_on_error=True)
-    assert (outcome.made, [*outcome.failed]) == (2, [2])
-    assert str(photos[1]) in outcome.failed[2]
-
-
 def test_a_mask_that_fits_no_photo_ends_the_run_soon(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     shots(tmp_path / "shots", range(1, 8))
     command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
@@ -302,15 +242,6 @@ def test_a_mask_that_fits_no_photo_ends_the_run_soon(tmp_path: Path, mpsnet: Mps
         assert done.returncode == 2 and done.stderr.count("\n") == 1
         assert done.stderr.startswith("mpsnet: all 3 that were tried failed; the first: frame_0001.png: ")
         assert not (tmp_path / "out").exists()
-
-
-def test_a_single_photo_of_a_folder_that_is_broken_gets_its_own_sentence(
-    tmp_path: Path, mpsnet: Mpsnet, rig: Path
-) -> None:
-    [photo] = shots(tmp_path / "shots", [1])
-    cut_short(photo)
-    done = mpsnet("estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out")
-    assert done.returncode == 2 and done.stderr.startswith(f"mpsnet: {photo} is damaged") and "tried" not in done.stderr
 
 
 def test_a_result_that_cannot_be_written_ends_the_run(tmp_path: Path) -> None:
@@ -569,13 +500,9 @@ def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet
     ("arguments", "words"),
     [
         (["a.png", "b.png", "--smooth", "1"], "--smooth takes the frames of one sequence"),
-        (["a.png", "--smooth", "1"], "--smooth needs the frames of a sequence, but there is one photo; leave it out"),
         (["a.png", "b.png", "--mask", "masks"], "masks takes the frames of one sequence"),
         (["s_1.png", "s_2.png", "--mask", "masks"], "masks has no mask for frame 1; add it, or give one mask for all"),
-        (["s_1.png", "s_2.png", "--smooth", "-1"], "smooth -1 is out of range; choose 0 to 12"),
-        (["s_1.png", "s_2.png", "--smooth", "some"], "--smooth: invalid int value: 'some'"),
         (["s_1.png", "s_2.png", "--confidence", "c.png"], "--confidence takes one photo at a time"),
-        (["s_1.png", "s_2.png", "--mask", "none/*.png"], "no image matches none/*.png; check the pattern"),
     ],
 )
 def test_what_a_sequence_cannot_be_asked(
@@ -606,28 +533,6 @@ def test_results_over_the_files_of_a_pattern_are_refused(
     done = mpsnet(*command, option, tmp_path / "more" / "frame_####_normals.png")
     assert done.returncode == 2 and "the result would overwrite" in done.stderr
     assert contents(tmp_path / "more") == before
-
-
-def test_masks_that_are_found_are_doubted_once(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
-    """Of the first frame: each has another share, and meets another part of the border."""
-    (tmp_path / "shots").mkdir()
-    for number in range(1, 7):
-        scene = np.zeros((96, 96, 3))
-        top = 16 + 6 * number
-        scene[top : top + 48, 24:72] = SPHERE.image[: 96 - top]
-        write_file(tmp_path / "shots" / f"frame_{number}.exr", scene, "float")
-    command = ["estimate", "--rig", rig, "--model", "lambertian", "--mask", "auto", "--progress", "json"]
-    frames = ["frame_6.exr", "frame_1.exr", "frame_2.exr", "frame_3.exr", "frame_4.exr", "frame_5.exr"]
-    told = result(mpsnet(*command, *(tmp_path / "shots" / name for name in frames), "-o", tmp_path / "out"))
-    assert not [note for note in told["notes"] if "mask" in note], told["notes"]  # of frame 1, which is far from it
-    alone = result(mpsnet(*command, tmp_path / "shots" / "frame_6.exr", "-o", tmp_path / "6.png"))
-    [share] = [note for note in alone["notes"] if "the mask covers" in note]
-    [doubt] = [note for note in alone["notes"] if "the mask meets" in note]
-    for name in ("frame_1.exr", "frame_2.exr", "frame_3.exr"):
-        (tmp_path / "shots" / name).unlink()
-    (tmp_path / "shots" / "frame_6.exr").rename(tmp_path / "shots" / "frame_2.exr")
-    told = result(mpsnet(*command, tmp_path / "shots", "-o", tmp_path / "out2"))
-    assert [note for note in told["notes"] if "mask" in note] == [doubt] and share not in told["notes"]
 
 
 @pytest.mark.parametrize("option", ["--dark", "--flat", "--mask"])
@@ -671,14 +576,6 @@ def test_one_frame_of_a_folder_or_pattern_is_a_sequence(tmp_path: Path, mpsnet: 
     told = result(mpsnet(*command, tmp_path / "normals.exr"))  # a file, too, as of one photo
     assert (told["made"], told["outputs"]) == (1, [str(tmp_path / "normals.exr")])
     np.testing.assert_array_equal(read_normals(tmp_path / "normals.exr").mask, half)
-
-
-def test_the_confidence_of_the_one_photo_in_a_folder_is_written(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
-    shots(tmp_path / "shots", [7])
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "--progress", "json"]
-    told = result(mpsnet(*command, "--confidence", tmp_path / "sure.png", "-o", tmp_path / "out"))
-    assert told["outputs"] == [str(tmp_path / "out" / "frame_0007_normals.png")]
-    assert (tmp_path / "sure.png").is_file()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")

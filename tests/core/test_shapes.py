@@ -1,7 +1,6 @@
 """Shapes: closed, wound outwards, of one size, with normals that fit; broken meshes; the same from the same seed."""
 
 import json
-import struct
 from functools import cache
 from pathlib import Path
 
@@ -116,45 +115,6 @@ def test_a_description_is_all_there_is(kind: str) -> None:
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
 
 
-def test_other_seeds_give_other_shapes() -> None:
-    for kind, character in (("blobs", "faceted"), ("blobs", "smooth"), ("drapery", "pinned")):
-        first, other = drawn(kind, character, 4), drawn(kind, character, 5)
-        assert first.vertices.shape != other.vertices.shape or np.abs(first.vertices - other.vertices).max() > 0.01
-
-
-def test_draws_cover_the_characters() -> None:
-    rng = np.random.Generator(np.random.PCG64(3))
-    found = {draw_shape(rng, "blobs")["character"] for _ in range(400)}
-    assert found == set(BLOBS)
-    poses = {kind: {draw_shape(rng, kind)["pose"] for _ in range(60)} for kind in KINDS if kind != "meshes"}
-    assert poses["blobs"] == {"any", "front"}
-    assert poses["reliefs"] == {"front"}
-    assert poses["groups"] == {"upright"}
-
-
-def hidden_share(character: str) -> float:
-    """The share of what is seen from +z that light past the viewer, 30 degrees aslant, does not reach."""
-    light = np.array([0.5, 0.0, np.sqrt(0.75)])
-    across = np.linspace(-0.9, 0.9, 60)
-    starts = np.stack([*np.meshgrid(across, across), np.full((60, 60), 3.0)], axis=-1).reshape(-1, 3)
-    shares = []
-    for seed in range(6):
-        shape = drawn("blobs", character, seed)
-        scene = RayScene(shape.vertices, shape.triangles)
-        hits = scene.hits(starts, np.broadcast_to([0.0, 0.0, -1.0], starts.shape))
-        found = hits.triangle >= 0
-        flat, _ = face_normals(shape)
-        normals = flat[hits.triangle[found]]
-        points = starts[found] + [0, 0, -1] * hits.distance[found, None] + 2e-3 * normals
-        away = normals @ light <= 0
-        shares.append((away | np.isfinite(scene.distances(points, np.broadcast_to(light, points.shape)))).mean())
-    return float(np.mean(shares))
-
-
-def test_hollows_keep_light_from_what_is_seen() -> None:
-    assert hidden_share("hollowed") > 1.3 * hidden_share("smooth")
-
-
 def test_a_ball_is_a_sphere_with_exact_normals() -> None:
     shape = isosurface([limb((0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 1, 1)], 2 / 40)
     away = shape.vertices - (0.1, 0.2, 0.3)
@@ -260,44 +220,12 @@ def test_broken_meshes_are_repaired(tmp_path: Path, kind: str) -> None:
 
 
 def test_creases_stay_sharp_and_y_is_up(tmp_path: Path) -> None:
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 1)], float)
-    faces = np.array(
-        [
-            (0, 1, 3),
-            (0, 3, 2),
-            (4, 6, 7),
-            (4, 7, 5),
-            (0, 4, 5),
-            (0, 5, 1),
-            (2, 3, 7),
-            (2, 7, 6),
-            (0, 2, 6),
-            (0, 6, 4),
-            (1, 5, 7),
-            (1, 7, 3),
-        ]
-    )
-    shape = meshes.load_mesh(str(obj(tmp_path / "box.obj", corners, faces)))
+    block = trimesh.creation.box((1, 2, 1))
+    shape = meshes.load_mesh(str(obj(tmp_path / "box.obj", block.vertices, block.faces)))
     flat, _ = face_normals(shape)
     np.testing.assert_allclose(shape.corner_normals, np.repeat(flat[:, None], 3, axis=1), atol=1e-6)
     size = shape.vertices.max(axis=0) - shape.vertices.min(axis=0)
     np.testing.assert_allclose(size / size[0], (1, 1, 2), rtol=1e-6)
-
-
-def test_a_binary_ply_of_triangles_and_quads_is_read(tmp_path: Path) -> None:
-    """A pyramid on a square, as Blender writes it."""
-    points = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1), (0.5, 1, 0.5)]
-    faces = [(0, 1, 2, 3), (1, 0, 4), (2, 1, 4), (3, 2, 4), (0, 3, 4)]
-    head = "ply\nformat binary_little_endian 1.0\nelement vertex 5\n"
-    head += "property float x\nproperty float y\nproperty float z\n"
-    head += "element face 5\nproperty list uchar uint vertex_indices\nend_header\n"
-    rows = [struct.pack(f"<B{len(face)}I", len(face), *face) for face in faces]
-    path = tmp_path / "pyramid.ply"
-    path.write_bytes(head.encode() + np.array(points, "<f4").tobytes() + b"".join(rows))
-    shape = meshes.load_mesh(str(path))
-    assert_closed(shape.triangles)
-    scale = np.ptp(shape.vertices[:, 0])  # of a base of 1 x 1
-    assert volume(shape) == pytest.approx(scale**3 / 3, rel=1e-6)
 
 
 def test_a_hole_with_a_long_rim_is_filled(tmp_path: Path) -> None:
@@ -330,26 +258,12 @@ def test_meshes_together_on_a_ground_and_deformed(tmp_path: Path) -> None:
     assert build_shape(description, tmp_path).vertices.tobytes() == shape.vertices.tobytes()
 
 
-def test_mesh_files_are_listed_in_order(tmp_path: Path) -> None:
-    for name in ("b.obj", "A.STL", "c.ply", "notes.txt", "c.mtl"):
-        (tmp_path / name).touch()
-    assert mesh_files(tmp_path) == ["A.STL", "b.obj", "c.ply"]
-
-
-PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
-
-
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("empty.obj", "", "no faces|cannot be read"),
-        ("points.ply", PLY + "0 0 0\n1 0 0\n0 1 0\n", "no faces"),
-        ("cut.ply", PLY + "0 0 0\n", "cannot be read|no faces"),
         ("garbage.glb", "this is no mesh", "cannot be read"),
-        ("garbage.stl", "\x00\x01\x02", "cannot be read|no faces"),
         ("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
         ("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no faces with an area"),
-        ("far.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 9\n", "lacks|cannot be read"),
         ("photo.png", "x", "not in a supported format"),
     ],
 )
@@ -360,13 +274,6 @@ def test_hopeless_meshes_are_named(tmp_path: Path, name: str, text: str, words: 
         build_shape(description, tmp_path)
     assert name in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_mesh_that_promises_more_than_it_holds_is_named(tmp_path: Path) -> None:
-    box = trimesh.Scene([trimesh.creation.box()]).export(file_type="glb")
-    (tmp_path / "short.glb").write_bytes(box.replace(b'"byteLength":144', b'"byteLength":999'))
-    with pytest.raises(InputError, match=r"short\.glb: it cannot be read"):
-        meshes.load_mesh(str(tmp_path / "short.glb"))
 
 
 def test_large_meshes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -385,10 +292,9 @@ def test_what_is_no_shape_is_named(tmp_path: Path) -> None:
         draw_shape(rng, "cats")
     with pytest.raises(InputError, match="no mesh files"):
         draw_shape(rng, "meshes")
-    with pytest.raises(InputError, match="holds no meshes"):
-        mesh_files(tmp_path)
-    with pytest.raises(InputError, match="does not exist"):
-        mesh_files(tmp_path / "nowhere")
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(InputError):
+            mesh_files(folder)
     deleted = {"kind": "composites", "seed": 1, "pose": "upright", "character": "biped"}
     for description in ({}, {"kind": "blobs"}, {"kind": "blobs", "seed": 1}, {"kind": "cats", "seed": 1}, deleted):
         with pytest.raises(InputError, match=r"known|knows"):

@@ -32,10 +32,7 @@ from mpsnet_core.synthesis.shapes import build_shape
 pytestmark = pytest.mark.accuracy
 
 SIZE = 160
-MATERIALS = (
-    Material(base_color=(0.7, 0.5, 0.4), roughness=0.6),
-    Material(base_color=(0.3, 0.4, 0.6), roughness=0.4),
-)
+MATERIALS = (Material(base_color=(0.7, 0.5, 0.4), roughness=0.6), Material(base_color=(0.3, 0.4, 0.6), roughness=0.4))
 
 
 @cache
@@ -131,24 +128,6 @@ def test_strengths_of_the_lights_do_not_lead_astray(strengths: tuple[float, floa
     """A rig is calibrated, so a network may make use of the strengths; it must not rely on them alone."""
     capture, _ = upright()
     assert moved(default()(replace(capture, image=capture.image * np.float32(strengths)))) < 10
-
-
-def test_order_of_the_lights_does_not_matter() -> None:
-    """Red and green exchanged: the frames take the lights by where they stand, so nothing changes."""
-    capture, _ = upright()
-    order = [1, 0, 2]
-    rig = replace(capture.rig, directions=capture.rig.directions[order])
-    other = Capture(np.ascontiguousarray(capture.image[..., order]), capture.mask, rig)
-    assert moved(default()(other)) < 0.1
-
-
-def test_tiles_leave_no_seams() -> None:
-    """The default's halo is less than its layers could reach; what it cuts off must not be seen."""
-    capture, _ = upright()
-    image, mask = (values.repeat(2, axis=0).repeat(2, axis=1) for values in (capture.image, capture.mask))
-    large = Capture(image, mask, capture.rig)
-    tiled, untiled = (estimate_normals(large, tile=tile, passes=1) for tile in (128, 512))
-    assert angular_error(tiled.vectors, untiled.vectors)[large.mask].max() < 0.1
 
 
 def test_three_passes_are_better_than_one_on_the_mean_of_eight_scenes() -> None:

@@ -9,7 +9,6 @@ from synthetic import Sphere, degrees_between, write_file
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.capture.superpose import as_channels
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
@@ -62,16 +61,6 @@ def test_what_the_sum_does_not_show_any_more_gets_a_warning(tmp_path: Path, caps
     told = capsys.readouterr().err
     assert f"10.0% of {files[2]} is saturated" in told and told.count("saturated") == 1
     assert f"{files[2]} was exposed for 0.2 s, {files[0]} for 0.1 s" in told and told.count("exposed for") == 1
-
-
-def test_one_photo_given_twice_is_reported(photos: list[str], caplog: pytest.LogCaptureFixture) -> None:
-    as_channels([photos[0], photos[1], photos[0]])
-    assert caplog.text.count("shows the same as") == 1 and photos[0] in caplog.text
-
-
-def test_two_photos_are_too_few(photos: list[str]) -> None:
-    with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
-        as_channels(photos[:2])
 
 
 def test_the_sum_of_white_photos_is_reported_by_its_channels(

@@ -176,8 +176,6 @@ def test_what_cannot_be_made(tmp_path: Path) -> None:
     mesh = of(surface)
     for bad, words in (
         (lambda: of(surface, 0), "a mesh of 0 faces cannot be made"),
-        (lambda: of(surface, 10**9), "a mesh of 1000000000 faces cannot be made"),
-        (lambda: of(surface, open_from=0), "between 0 and 90 degrees on, not 0"),
         (lambda: of(surface, open_from=float("nan")), "between 0 and 90 degrees on, not nan"),
         (lambda: of(surface, 1), "no face is left of the surface"),
         *(
@@ -188,9 +186,6 @@ def test_what_cannot_be_made(tmp_path: Path) -> None:
             lambda: surface_mesh(surface.heights, NormalMap(np.ones((3, 4, 3)), np.ones((3, 4), bool))),
             "the height map is 40 x 40 but the normal map is 4 x 3",
         ),
-        (lambda: write_surface_mesh(tmp_path / "m.stl", mesh), ".stl is not a supported mesh format"),
-        (lambda: write_surface_mesh(tmp_path / "m", mesh), "no suffix is not a supported mesh format"),
-        (lambda: write_surface_mesh(tmp_path / "no" / "m.ply", mesh), "does not exist; create it first"),
         (lambda: write_surface_mesh(tmp_path / "m.ply", mesh, up="x"), 'is "y" or "z", not'),  # type: ignore[arg-type]
     ):
         with pytest.raises(InputError, match=words):

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,13 +10,10 @@ import numpy as np
 import pytest
 from bad_input import Bench, gets_one_clear_sentence
 from conftest import Mpsnet
-from farm_runs import posix
 from progress_lines import events
 from synthetic import listing
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.job import SampleJob, read_job, samples_there
-from mpsnet_core.synthesis.make import make_sample
+from mpsnet_core.synthesis.job import read_job, samples_there
 from mpsnet_core.synthesis.sample import read_sample, read_sample_data
 
 # A tetrahedron, closed and turned outwards.
@@ -89,34 +85,6 @@ def test_samples_that_cannot_be_made_are_counted_and_the_rest_is_kept(tmp_path: 
         assert read_sample_data(out / f"sample_{number:06d}.exr")["recipe"]["shape"]["kind"] == "meshes"
 
 
-@posix
-def test_a_terminated_run_leaves_whole_samples(tmp_path: Path) -> None:
-    command = ["synthesize", "--count", "500", "--size", "64", "--processes", "2", "-o", str(tmp_path)]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "mpsnet_core", *command, "--progress", "json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert child.stdout is not None
-    for line in child.stdout:
-        if json.loads(line)["progress"] >= 3 / 500:
-            child.send_signal(signal.SIGTERM)
-            break
-    _, words = child.communicate(timeout=30)
-    assert (child.returncode, words) == (130, "")
-    there = samples_there(tmp_path)
-    assert 3 <= len(there) < 500
-    assert all(read_sample(tmp_path / f"sample_{number:06d}.exr").alpha.shape == (64, 64) for number in there)
-    assert not [name for name in listing(tmp_path) if "unfinished" in name]
-
-
-def test_a_job_for_blender_is_not_synthesised(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is for Blender; continue it with mpsnet make"):
-        make_sample(SampleJob(renderer="cycles", count=1), 0, tmp_path / "sample_000000.exr")
-    assert not listing(tmp_path)
-
-
 def test_work_is_not_listed_and_speaks_its_protocol(mpsnet_process: Mpsnet, made: Path) -> None:
     assert " work" not in mpsnet_process("--help").stdout
     given = '{"number": 0}\n{"number": 1}\n"two"\n'
@@ -137,22 +105,12 @@ def synthesize(b: Bench, *arguments: str | Path) -> None:
 test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (lambda b: synthesize(b, "-o", b / os.fsdecode(b"\xf6")), "\\udcf6: its name is not valid UTF-8"),
-        ("no count", lambda b: b.run("synthesize", "-o", b / "s"), "--count; see mpsnet synthesize --help"),
-        ("no samples", lambda b: synthesize(b, "--count", "0"), "count 0 is out of range; choose 1 to 10000000"),
-        ("a count in words", lambda b: synthesize(b, "--count", "many"), "--count…'many'…see mpsnet synthesize"),
-        ("a size beyond reason", lambda b: synthesize(b, "--size", "100000"), "size 100000 is out of range"),
-        ("more bounces than three", lambda b: synthesize(b, "--bounces", "4"), "bounces 4 is out of range"),
         ("unknown shape", lambda b: synthesize(b, "--shapes", "blobs,teapots"), "shape 'teapots' is not known"),
-        ("no shape", lambda b: synthesize(b, "--shapes", ","), "job has no shapes; choose some of blobs"),
-        ("a shape twice", lambda b: synthesize(b, "--shapes", "blobs,blobs"), "shapes name one twice…name each once"),
         ("meshes of no folder", lambda b: synthesize(b, "--shapes", "meshes"), "meshes but has no folder of them"),
         (lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder), "has a folder of meshes"),
         ("a scene without Blender", lambda b: synthesize(b, "--shapes", "scene"), "takes shapes from a scene but"),
-        ("meshes missing", lambda b: synthesize(b, "--meshes", b / "nowhere"), "nowhere"),
         (lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"), "nowhere does not exist"),
-        ("materials missing", lambda b: synthesize(b, "--merl", b / "nowhere"), "nowhere"),
         (lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"), "cannot make folder"),
-        ("samples into a file", lambda b: b.run("synthesize", "--count", "1", "-o", b.photo()), "photo.exr is a file"),
         (lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), synthesize(b)), "holds samples but no"),
     ]
 )

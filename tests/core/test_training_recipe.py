@@ -77,19 +77,11 @@ def test_a_recipe_changes_ranges_of_the_capture_model() -> None:
     [
         ({"crostalk": [0, 0]}, "has no 'crostalk'; choose crosstalk, "),
         ({"crosstalk": 0.1}, r"needs numbers like \[0.0, 0.4\] as crosstalk, from 0 to 0.9, not 0.1"),
-        ({"crosstalk": [0, "much"]}, "needs numbers like"),
-        ({"crosstalk": [0, 0.1, 0.2]}, "needs the least and the most crosstalk, not"),
         ({"blur": [1.2, 0.3]}, r"needs the least and the most blur, not \[1.2, 0.3\]"),
-        ({"blur": [0, 1000]}, r"needs numbers like \[0.0, 1.2\] as blur, from 0 to 16, not \[0, 1000\]"),
         ({"light_strengths": [0, 1]}, "as light_strengths, from 0.001 to 1000, not"),
         ({"light_strengths": [1.0, float("nan")]}, "as light_strengths, from 0.001 to 1000, not"),
-        ({"exact": float("nan")}, "as exact, from 0 to 1, not nan"),
-        ({"exact": True}, "as exact, from 0 to 1, not True"),
-        ({"mask_error": [-3.5, 2]}, "as mask_error, from -32 to 32, not"),
         ({"bits": []}, "has no bits; name at least one"),
-        ({"exact": [1.0]}, "needs a number like 0.33 as exact"),
         ({"exact": -1}, "needs a number like 0.33 as exact"),
-        ([1], "must be a table"),
     ],
 )
 def test_a_capture_that_no_model_has_is_refused(capture: object, words: str) -> None:

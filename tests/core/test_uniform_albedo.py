@@ -10,8 +10,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.uniform_albedo import halving, refine, refine_normals
-from mpsnet_core.io.image import SATURATED_SHARE
+from mpsnet_core.estimate.uniform_albedo import refine, refine_normals
 from mpsnet_core.scene.normal_map import NormalMap
 
 pytestmark = pytest.mark.accuracy
@@ -89,54 +88,6 @@ def test_noise_in_a_proven_colour_is_averaged_out(scenes: dict[str, Scene], monk
     alone = refine_normals(capture, network(scene))
     assert errors(alone, scene)[scene.lit].mean() < 3
     assert errors(mended, scene)[scene.lit].mean() < 0.7 * errors(alone, scene)[scene.lit].mean()
-
-
-def test_half_the_resolution_shows_means_of_the_mask(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of an odd number of rows and columns, in several bands; the camera still sees each pixel where it is."""
-    monkeypatch.setattr(halving, "ROWS", 16)
-    scene = scenes["near lights"]
-    odd = slice(0, 121), slice(0, 97)
-    image, mask, depth = scene.image[odd], scene.mask[odd], np.where(scene.mask, scene.depth, np.inf)[odd]
-    camera = replace(scene.camera, height=121, width=97)
-    capture = Capture(image, mask, scene.rig, camera, clip=0.9, depth=depth)
-    estimate = NormalMap(scene.normals[odd].astype(np.float32), mask)
-    small, normals = halving.halve(capture, estimate)
-    assert small.mask.shape == (61, 49)
-    seen, here = camera.points(np.ones((121, 97))), small.camera.points(np.ones((61, 49)))
-    for row, column in np.ndindex(61, 49):
-        block = slice(2 * row, 2 * row + 2), slice(2 * column, 2 * column + 2)
-        inside = mask[block]
-        assert small.mask[row, column] == inside.any()
-        if inside.size == 4:
-            np.testing.assert_allclose(here[row, column], seen[block].mean(axis=(0, 1)), atol=1e-9)
-        if inside.any():
-            np.testing.assert_allclose(small.image[row, column], image[block][inside].mean(axis=0), atol=1e-6)
-            np.testing.assert_allclose(small.depth[row, column], depth[block][inside].mean(), rtol=1e-6)
-            assert (
-                small.saturated[row, column] == (image[block][inside] >= capture.clip * SATURATED_SHARE).any(axis=0)
-            ).all()
-            total = estimate.vectors[block][inside].sum(axis=0)
-            np.testing.assert_allclose(normals.vectors[row, column], total / np.linalg.norm(total), atol=1e-5)
-
-
-def test_what_changed_at_half_the_resolution_is_the_same_in_one_band_and_in_several(
-    scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene, odd = scenes["distant"], (slice(0, 121), slice(0, 97))
-    mask, random = scene.mask[odd], np.random.default_rng(1)
-    half = halving.halve(Capture(scene.image[odd], mask, scene.rig), NormalMap(scene.normals[odd], mask))[1]
-    turn = 0.1 * random.normal(size=(61, 49, 3)).astype(np.float32) * half.mask[..., None]
-    trust = -0.2 * half.mask.astype(np.float32)
-    mended = []
-    for rows in (256, 16):
-        monkeypatch.setattr(halving, "ROWS", rows)
-        mended.append(NormalMap(scene.normals[odd].astype(np.float32), mask))
-        halving.add_upsampled_changes(mended[-1], half, turn, trust)
-    whole, banded = mended
-    np.testing.assert_array_equal(banded.vectors, whole.vectors)
-    # The same of all pixels of the mask, up to its border.
-    np.testing.assert_allclose(whole.confidence[mask], 1 - 0.2 * halving.SURE, atol=1e-5)
-    assert not whole.confidence[~mask].any() and not whole.vectors[~mask].any()
 
 
 def glossy(scene: Scene) -> np.ndarray:

@@ -1,8 +1,5 @@
 """Who sees what and who departs from whom, where both are known: planes whose views say what they are told to."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 from eight_views import turn
@@ -11,9 +8,8 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import bake_normals
-from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
+from mpsnet_core.bake.report import view_table
 from mpsnet_core.bake.view_agreement import agreement, table_rows
-from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rays import RayScene
 
 AHEAD = camera_looking((0, 0, 1))
@@ -105,20 +101,3 @@ def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
     # Archimedes: on a sphere every slab of the same height has the same area.
     assert np.histogram(points[:, 2], 8, (-1, 1))[0] / 5000 == pytest.approx(1 / 8, abs=0.012)
     assert degrees_between(said.points.normals.T, points @ pose[:3, :3].T).max() < 5
-
-
-def test_the_report_is_one_page_that_holds_all(tmp_path: Path) -> None:
-    mesh = sphere_mesh()
-    scene = RayScene.of(mesh)
-    views = [sphere_view(camera_looking(side)) for side in SIX_SIDES[:3]]
-    said = agreement(mesh, scene, count=500)
-    for number, view in enumerate(views):
-        said.add(f"photo <{number}>", view, view, 0.0)
-    texture = bake_normals(mesh, views, size=64)
-    write_bake_report(tmp_path / "report.html", "statue & co", texture_maps(texture), said.views(), ["a note"])
-    page = (tmp_path / "report.html").read_text()
-    assert "statue &amp; co" in page and "photo &lt;2&gt;" in page and "a note" in page
-    assert re.findall("<figcaption>([^<]*)<i ", page) == ["how many views see it:"]  # the one whose colours have a key
-    assert page.count("data:image/png;base64,") == 3 and not re.search(r"https?://", page)
-    with pytest.raises(InputError, match=r"reports are written as \.html"):
-        write_bake_report(tmp_path / "report.txt", "", [], said.views())

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eight_views import CORNERS, all_levelled, outcome, shot, sphere_texels, turn, wrong_views
+from eight_views import CORNERS, all_levelled, outcome, shot, sphere_texels, wrong_views
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
@@ -33,7 +33,7 @@ from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_encoding import read_vectors
-from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
+from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
@@ -183,19 +183,6 @@ def test_the_command_bakes_what_the_photos_show(table: Table) -> None:
     assert "side0" in (table / "report.html").read_text()
 
 
-def test_what_no_photo_shows_is_filled(table: Table) -> None:
-    """The four sides look from below; the sphere is one island."""
-    words = table.run("--space", "tangent", "--fill", "--coverage", table / "seen", "--json", table / "figures.json")
-    figures = json.loads((table / "figures.json").read_text())
-    assert figures["filled"] > 0.1 and figures["seen"] + figures["filled"] == pytest.approx(1, abs=1e-3)
-    assert f"{figures['filled']:.1%} filled" in words and (table / "seen/texture.png").is_file()
-
-
-def test_levelling_can_be_left_out(table: Table) -> None:
-    assert "not levelled" in table.run("--level", "off", "--json", table / "figures.json")
-    assert {row["level_deg"] for row in json.loads((table / "figures.json").read_text())["views"]} == {0.0}
-
-
 def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     """Only those whose photo, camera, rig, mask, mesh or model changed; the texture is the same as without."""
     table.run()
@@ -340,22 +327,7 @@ def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
     write_file(photo.with_suffix(".png"), pixels / np.quantile(pixels[pixels > 0.05], 0.6), "uint8")
     notes = json.loads(table.run("--progress", "json").splitlines()[-1])["result"]["notes"]
     (saturated,) = [note for note in notes if "are saturated" in note]
-    assert re.fullmatch(
-        r"view side2: \d\d% of the object's pixels are saturated and therefore wrong; "
-        r"use a shorter exposure \[clipped-photo\]",
-        saturated,
-    )
-
-
-def test_a_photo_whose_shading_is_that_of_linear_values_is_reported(table: Table) -> None:
-    """As a raw converter's TIFF is: without a word about its curve, read as sRGB."""
-    for number in range(4):
-        photo = table / "photos" / f"side{number}.exr"
-        pixels = read_image(photo).pixels
-        photo.unlink()
-        write_file(photo.with_suffix(".tif"), np.clip(pixels, 0, 1), "uint16")
-    assert "side0.tif does not state its colour encoding" in table.notes()
-    assert "does not say" not in table.notes("--encoding", "linear")
+    assert saturated.startswith("view side2: ") and saturated.endswith("[clipped-photo]")
 
 
 def test_passes_are_chosen(table: Table) -> None:
@@ -399,7 +371,7 @@ def test_photos_of_the_same_name_have_masks_of_their_own(tmp_path: Path, naming:
         (tmp_path / "masks" / naming.format(side)).unlink()
     photography = ViewCaptureSettings(lambda camera: published_rig(), str(tmp_path / "masks"))
     with pytest.raises(
-        FileError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; name one"
+        FileError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; add one named"
     ):
         sources_of(views, photography, sphere_mesh(), "")
 
@@ -454,16 +426,6 @@ def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
     assert degrees_between(table.texture(), own).mean() < (0.05 if lens.startswith("PINHOLE") else 0.5)
 
 
-def behind(table: Table) -> list[Any]:
-    lights = [{"direction": list(direction)} for direction in np.eye(3)]
-    (table / "still.json").write_text(json.dumps({"format": "mpsnet-rig", "version": 1, "lights": lights}))
-    return ["--rig", table / "still.json", "--lights-in", "world"]
-
-
-def angles(table: Table) -> list[Any]:
-    return ["--lights-in", "world"]
-
-
 def no_photo(table: Table) -> list[Any]:
     (table / "photos" / "side1.exr").unlink()
     return []
@@ -491,8 +453,6 @@ def broken_photo(table: Table) -> list[Any]:
 
 
 BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
-    "a light behind what a camera sees": (behind, r"view side\d: the \w+ light is behind the object"),
-    "angles for lights in the world": (angles, r"the first light stands in the world, where it needs \"direction\""),
     "a camera without a photo": (no_photo, r"camera side1.camera.json has no photo side1 .*put it there"),
     "two photos for a camera": (
         two_photos,
@@ -501,17 +461,12 @@ BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
     "a photo of another size": (small_photo, r"view side1: .*the camera is 96 x 96 but the photo is 50 x 40"),
     "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
     "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
-    "no folder of photos": (lambda t: ["--photos", t / "none"], r"none is not a folder"),
     "a folder without cameras": (
         lambda t: ["--cameras", t / "photos"],
         r"photos holds no file NAME\.camera\.json for a photo called NAME, and no COLMAP model .*; choose the folder",
     ),
     "a level that is none": (lambda t: ["--level", "much"], r"--level much is not known; give on, off, or a scale"),
-    "a level out of range": (lambda t: ["--level", "0.001"], r"--level 0.001 is not known"),
-    "a report that is no page": (lambda t: ["--report", t / "r.pdf"], r"reports are written as .html"),
     "an output over the rig": (lambda t: ["--json", t / "rig.json"], r"would overwrite .*rig.json"),
-    "outputs over one another": (lambda t: ["--json", t / "texture.png"], r"would overwrite .*texture.png"),
-    "a file for the folder to keep": (lambda t: ["--keep", t / "rig.json"], r"rig.json is a file; name a folder"),
 }
 
 
@@ -523,30 +478,6 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(table: Table, case: str)
     with pytest.raises(InputError, match=said):
         table.run(*arguments)
     assert listing(table.folder) == before
-
-
-def test_names_are_reported_apart_by_their_cameras(table: Table) -> None:
-    names = [view.name for view in posed_photos(table / "cameras", table / "photos")]
-    assert names == ["side0", "side1", "side2", "side3"]
-
-
-def test_bake_levels_when_asked(table: Table) -> None:
-    """A tilted normal map, baked as it is and levelled."""
-    camera = camera_looking((1, 0.2, 0.3), size=96)
-    view = sphere_view(camera)
-    write_camera(table / "camera.json", camera)
-    tilted = NormalMap(view.normals.vectors @ turn(np.array([1.0, 0, 0]), 10).T, view.normals.mask)
-    write_normals(table / "tilted.png", tilted)
-    texels = sphere_texels(64)
-    errors = []
-    for level in ("off", "on"):
-        good = ["--mesh", table / "mesh.npz", "--view", f"{table / 'camera.json'}={table / 'tilted.png'}"]
-        good += ["--size", "64", "--space", "object", "--level", level, "-o", table / "texture.png"]
-        with contextlib.redirect_stdout(io.StringIO()):
-            assert main(["bake", *map(str, good)]) == 0
-        ahead = texels.points @ camera.rotation[:, 2] > 0.5
-        errors.append(degrees_between(table.texture()[texels.row, texels.column], texels.points)[ahead].mean())
-    assert errors[0] > 6 and errors[1] < 0.7
 
 
 def test_near_lights_in_the_world_are_where_each_camera_sees_them(tmp_path: Path) -> None:
@@ -574,16 +505,11 @@ PLACES = [{"position": place} for place in (5 * published_rig().directions).toli
     ("data", "said"),
     [
         ({"lights": DIRECTIONS, "target": [0, 0, 0]}, '"target" is for lights with a "position" each; leave it out'),
-        ({"lights": DIRECTIONS, "lobe": 3}, '"lobe" is for lights with a "position" each; leave it out'),
         (
             {"lights": [{**DIRECTIONS[0], "slant": 80}, *DIRECTIONS[1:]]},
             'the first light .* "direction" .* nothing else',
         ),
-        ({"lights": [*PLACES[:2], {**PLACES[2], "typo": 1}], "target": [0, 0, 0]}, "the third light .* nothing else"),
-        ({"lights": [*PLACES[:2], DIRECTIONS[2]], "target": [0, 0, 0]}, 'the third light .* "position"'),
-        ({"lights": [{"direction": [True, 0, 1]}, *DIRECTIONS[1:]]}, "the first light"),
         ({"lights": PLACES}, 'lights with a position need a "target"'),
-        ({"lights": DIRECTIONS[:2]}, '"lights" must be a list of three lights'),
     ],
 )
 def test_lights_in_the_world_are_refused_as_those_of_a_camera(tmp_path: Path, data: dict[str, Any], said: str) -> None:
@@ -595,7 +521,9 @@ def test_lights_in_the_world_are_refused_as_those_of_a_camera(tmp_path: Path, da
 def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
     lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
     (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
-    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights stand before the camera; .* rig .json"):
+    with pytest.raises(
+        InputError, match=r"lights.LP: the lights of an .lp file are relative to the camera; .* rig .json"
+    ):
         read_world_lights(tmp_path / "lights.LP")
 
 
@@ -629,10 +557,7 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
     for change, said in (
         ({"photo": "photos/none.exr"}, "view side0: photo .*none.exr does not exist"),
         ({"name": "../side0"}, 'view 1 needs a "name" of printable letters, without slashes or colons'),
-        ({"name": "C:side0"}, 'view 1 needs a "name" of printable letters, without slashes or colons'),
-        ({"name": "side\x000"}, 'view 1 needs a "name" of printable letters'),
         ({"camera": {"width": 96}}, 'view side0: it lacks "projection"'),
-        ({"camera": 3}, 'view 1 needs "name", "photo" and "camera"'),
         ({"name": "side1"}, "two cameras for photos called side1"),
         ({"photo": "photos/side1.exr"}, "two cameras for photos in .*side1.exr"),
     ):
@@ -736,7 +661,6 @@ def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> 
 def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Table) -> None:
     for arguments, said in (
         (("--size", "0"), "a texture of 0 texels cannot be baked"),
-        (("--margin", "99999"), "margin 99999 is out of range; choose 0 to 16384"),
         (("--json", table / "cameras" / "side1.camera.json"), "would overwrite .*side1.camera.json"),
     ):
         with pytest.raises(InputError, match=said):
@@ -766,27 +690,3 @@ def test_views_that_do_not_belong_together_are_reported(table: Table) -> None:
     write_rig(table / "wrong.json", LightRig(lights[[1, 2, 0]]))
     assert "belong together" in table.notes("--rig", table / "wrong.json")
     assert "belong together" not in table.notes()
-
-
-def test_a_preset_names_the_texture_and_detail_goes_on_top_of_a_map(table: Table) -> None:
-    """Of all views together: where none sees, the existing map stays as it is."""
-    v, u = np.mgrid[:64, :64] / 64 * 2 * np.pi
-    waves = np.stack([0.4 * np.sin(u), 0.3 * np.cos(v), np.ones_like(u)], -1)
-    waves /= np.linalg.norm(waves, axis=-1, keepdims=True)
-    (table / "out").mkdir()
-    preset = ["--space", "tangent", "--preset", "unreal", "-o", table / "out", "--progress", "none"]
-    table.run(*preset)
-    (written,) = (table / "out").iterdir()
-    assert written.name == "T_mesh_N.png"
-    detail = normalised(read_vectors(written, "directx")[0])
-    map_file = write_file(table / "map.png", 0.5 + 0.5 * waves, "uint16")
-    table.run(*preset, "--onto", map_file, "--onto-shown", "no")
-    laid = normalised(read_vectors(written, "directx")[0])
-    flat = degrees_between(detail, np.array([0, 0, 1.0])) < 0.01
-    assert 0.03 < flat.mean() < 0.7
-    assert degrees_between(laid, waves)[flat].max() < 0.05
-    assert degrees_between(laid, waves)[~flat].mean() == pytest.approx(
-        degrees_between(detail, np.array([0, 0, 1.0]))[~flat].mean(), rel=0.05
-    )
-    with pytest.raises(InputError, match="would overwrite"):
-        table.run("--space", "tangent", "--onto", map_file, "-o", map_file)

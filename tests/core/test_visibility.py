@@ -101,20 +101,6 @@ def test_what_is_seen_is_what_no_triangle_hides(
     assert (seen == free[0])[clear].all()
 
 
-def test_a_scene_gives_the_distance_of_the_first_hit(mesh: Mesh) -> None:
-    rng = np.random.default_rng(4)
-    directions = rng.normal(size=(500, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    origins = -6 * directions + rng.normal(0, 0.8, (500, 3))
-    expected = nearest_hit(mesh, origins, directions)
-    found = RayScene.of(mesh).distances(origins, directions)
-    hit = np.isfinite(expected)
-    assert 0.3 < hit.mean() < 0.95
-    assert (np.isfinite(found) != hit).sum() <= 2  # a ray that grazes an edge
-    both = hit & np.isfinite(found)
-    assert np.abs(found[both] - expected[both]).max() < 1e-4
-
-
 def test_it_does_not_matter_how_large_or_how_far_away_the_object_is() -> None:
     """A millimetre or a kilometre in size, far from the origin: the same half of a sphere is seen."""
     counts = []

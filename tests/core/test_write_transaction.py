@@ -201,7 +201,8 @@ def test_a_full_disk_leaves_all_as_it_was(verb: Verb, tmp_path: Path) -> None:
     if subprocess.run([*alone, 'mount -t tmpfs tmpfs "$0"', tmp_path], capture_output=True).returncode:
         pytest.skip("no disk can be mounted here")
     words = [*alone, script, "sh", sys.executable, __file__, verb.name, verb.inputs, tmp_path]
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120, env=paths)
     assert done.returncode == 0, done.stderr
 
 

@@ -22,14 +22,14 @@ from ...scene.mesh_file import as_rendered
 
 @dataclass(frozen=True)
 class SceneObjects:
-    """Snapshots of objects and instances in a common space: centred, with a bounding sphere of radius 1.
-
-    meshes: each with the matrix to that space. vertices (V, 3) and triangles (T, 3): of all meshes together.
-    """
+    """Snapshots of objects and instances in a common space: centred, with a bounding sphere of radius 1."""
 
     meshes: list[tuple[Any, Matrix]]
+    """Each with the matrix to that space."""
     vertices: NDArray[np.float64]
+    """(V, 3) of all meshes together."""
     triangles: NDArray[np.int32]
+    """(T, 3) of all meshes together."""
 
 
 def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:

@@ -23,14 +23,16 @@ ROWS = 32
 
 
 class Pixels(NamedTuple):
-    """Pixels (...) of a photo. light: (..., 3) unmixed image. lights: (..., 3, 3) directions times brightness, one
-    light per row. cosines: (..., 3) `lights` times the estimated normals. grazing: (..., 3) limits of the cosines
-    below which a light grazes the surface."""
+    """Pixels (...) of a photo."""
 
     light: Floats
+    """(..., 3). Unmixed image."""
     lights: NDArray[np.float64]
+    """(..., 3, 3). Light directions times brightness, one light per row."""
     cosines: Floats
+    """(..., 3). `lights` times the estimated normals."""
     grazing: Floats
+    """(..., 3). Limits of the cosines below which a light grazes the surface."""
 
     @property
     def log_albedos(self) -> Floats:

@@ -44,11 +44,12 @@ MIN_DIFFERENCE = 0.2
 
 @dataclass(frozen=True)
 class _Clusters:
-    """centre: (3,) log albedo at the histogram's centre. offsets: (CELLS, CELLS, CELLS, 3) difference of the log colour
-    of each cell's cluster from the mean."""
+    """Clusters of colours in a histogram of log albedos."""
 
     centre: NDArray[np.float64]
+    """(3,). Log albedo at the histogram's centre."""
     offsets: NDArray[np.float32]
+    """(CELLS, CELLS, CELLS, 3). Difference between the log colour of each cell's cluster and the mean."""
 
     def colours(self, log_albedos: Floats) -> NDArray[np.float32]:
         """(..., 3) colour of each pixel's cluster divided by the mean colour."""

@@ -9,7 +9,7 @@ is divided by its albedo relative to the mean, which is the length of equation 2
   each edge between them has curl;
 * most lengths are near their mean.
 
-Deep shadows and highlights are no grain and do not change.
+Deep shadows and highlights are not grain and do not change.
 """
 
 from dataclasses import dataclass, replace
@@ -55,36 +55,24 @@ LEFT_BY_NOISE, MIN_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
 
 @dataclass(frozen=True)
 class Grain:
-    """Fit of a surface of one chromaticity with varying brightness.
-
-    Attributes
-    ----------
-    gains : (3,) float64 array
-        Gains times unmixed light is each light's cosine times the albedo relative to the mean.
-    deviation : float
-        Standard deviation of the log relative albedo.
-    by_direction : float
-        The part of it that the direction of the normal explains.
-    determined : float
-        The second of three eigenvalues of the fit's normal equations, per pixel.
-    share : float
-        Share of the pixels that count in the fit.
-    turned : float
-        Standard deviation of equation 2's directions, in radians.
-    curl : float
-        Curl of equation 2's gradients, relative to random gradients.
-    noise : float
-        Standard deviation of the noise in equation 2's normals, in radians, from differences of neighbours.
-    """
+    """Fit of a surface of one chromaticity with varying brightness."""
 
     gains: NDArray[np.float64]
+    """(3,) float64. Gains times unmixed light is each light's cosine times the albedo relative to the mean."""
     deviation: float
+    """Standard deviation of the log relative albedo."""
     by_direction: float
+    """The part of the deviation that the direction of the normal explains."""
     determined: float
+    """The second of three eigenvalues of the fit's normal equations, per pixel."""
     share: float
-    turned: float
+    """Share of the pixels that count in the fit."""
+    direction_spread: float
+    """Standard deviation of equation 2's directions, in radians."""
     curl: float = np.inf
+    """Curl of equation 2's gradients, relative to random gradients."""
     noise: float = 0.0
+    """Standard deviation of the noise in equation 2's normals, in radians, from differences of neighbours."""
 
 
 def divide_out_grain(capture: Capture) -> Capture:
@@ -117,7 +105,7 @@ def find_grain(capture: Capture) -> Grain | None:
         or grain.share < MIN_SHARE
     ):
         return None
-    flat = grain.turned < FLAT
+    flat = grain.direction_spread < FLAT
     if not flat and grain.determined < DETERMINED:
         return None
     grain = _with_curl(capture, grain)

@@ -14,21 +14,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MeshFaces:
-    """A mesh prepared for alignment.
-
-    Parameters
-    ----------
-    scene
-        For ray casting, in world space.
-    normals
-        (T, 3) unit normals of the triangles in world space; zero for triangles without area.
-    axes
-        (3, 3) principal axes of the surface as rows, unit vectors in world space.
-    """
+    """A mesh prepared for alignment."""
 
     scene: RayScene
+    """The mesh for ray casting, in world space."""
     normals: NDArray[np.float64]
+    """(T, 3). Unit normals of the triangles in world space; zero for triangles without area."""
     axes: NDArray[np.float64]
+    """(3, 3). Principal axes of the surface as rows, unit vectors in world space."""
 
     @classmethod
     def of(cls, mesh: Mesh) -> "MeshFaces":
@@ -57,18 +50,11 @@ class MeshFaces:
 
 @dataclass(frozen=True)
 class SeenFaces:
-    """A mesh as a camera sees it.
-
-    Parameters
-    ----------
-    mask
-        (h, w) whether a pixel shows the mesh.
-    normals
-        (h, w, 3) unit normals in camera space, facing the camera; zero outside the mask.
-    points
-        (h, w, 3) positions in camera space, in units of the mesh's size; zero outside the mask.
-    """
+    """A mesh as a camera sees it."""
 
     mask: NDArray[np.bool_]
+    """(h, w). Whether a pixel shows the mesh."""
     normals: Floats
+    """(h, w, 3). Unit normals in camera space, facing the camera; zero outside the mask."""
     points: Floats
+    """(h, w, 3). Positions in camera space, in units of the mesh's size; zero outside the mask."""

@@ -41,39 +41,26 @@ SQUARE = 1.005
 
 @dataclass(frozen=True)
 class CameraFound(Result):
-    """The camera of a photo.
-
-    Attributes
-    ----------
-    output
-        The camera file.
-    outline_pixels
-        Median distance of the mesh's outline from the mask's, in the photo's pixels.
-    normals_degrees
-        Median angle between the mesh's normals and the photo's.
-    overlap
-        Intersection over union of mesh and mask.
-    poor
-        Whether the fit is too poor to bake with.
-    mirrored
-        Whether the mirror image of the mesh fits better; such a fit is poor.
-    residuals
-        Reprojection error of each pair, in the photo's pixels.
-    left_out
-        Numbers of the pairs that contradict the others, from 1.
-    others
-        Camera files of the next best views, if there was no start.
-    """
+    """The camera of a photo."""
 
     output: str
+    """The camera file."""
     outline_pixels: float
+    """Median distance of the mesh's outline from the mask's, in the photo's pixels."""
     normals_degrees: float
+    """Median angle between the mesh's normals and the photo's."""
     overlap: float
+    """Intersection over union of mesh and mask."""
     poor: bool
+    """Whether the fit is too poor to bake with."""
     mirrored: bool
+    """Whether the mirror image of the mesh fits better; such a fit is poor."""
     residuals: list[float] | None = None
+    """Reprojection error of each pair, in the photo's pixels."""
     left_out: list[int] | None = None
+    """Numbers of the pairs that contradict the others, from 1."""
     others: list[str] | None = None
+    """Camera files of the next best views, if there was no start."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +100,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         low=MIN_FOCAL,
         high=MAX_FOCAL,
         help="35 mm equivalent focal length of the lens, in millimetres",
-        unset="estimated too, from the one that the photo's EXIF data state",
+        unset="estimated too, starting from the one in the photo's EXIF data",
     )
     lens: str | None = option(
         default=None,
@@ -217,31 +204,31 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             rough = _of_size(read_camera(self.start), width, height, "start")
             if lens is not None:
                 rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
-        shown = _Part.of(capture.mask)
-        small = shown.capture(capture)
+        crop = _ObjectCrop.of(capture.mask)
+        small = crop.capture(capture)
         estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
         if rough is None:
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
-            begin, rest = shown.camera(lens or free), part(progress, 0.4, 0.9)
+            begin, rest = crop.camera(lens or free), part(progress, 0.4, 0.9)
             usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
             fits = search_cameras(
                 estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest
             )
         else:
             progress(0.4, "aligning")
-            begin = shown.camera(rough)
+            begin = crop.camera(rough)
             if by_points is None:
                 begin = move_onto_mask(estimate, faces, begin)
             fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
         best = fits[0]
-        if by_points and pairs and _contradicts(shown.whole(fits[0]).camera, by_points, *pairs):
+        if by_points and pairs and _contradicts(crop.whole(fits[0]).camera, by_points, *pairs):
             log.warning("the mesh contradicts the pairs of points; the camera is found from the pairs alone")
             fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
         progress(0.9, "comparing with the mirrored mesh")
         image = find_better_mirrored(estimate, faces, best)
         turned_over = image is not None and not _is_poor(image, small.mask)
-        return [shown.whole(fit) for fit in fits], by_points, turned_over
+        return [crop.whole(fit) for fit in fits], by_points, turned_over
 
     def _written(
         self,
@@ -273,7 +260,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
-        apart = None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
+        residuals = (
+            None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
+        )
         return CameraFound(
             self.output,
             round(best.outline, 2),
@@ -281,7 +270,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             round(best.overlap, 4),
             poor or turned_over,
             turned_over,
-            apart,
+            residuals,
             [number + 1 for number in left_out] or None,
             [str(path) for path, _ in others] or None,
             text=f"{self.output}: camera with a lens of {best.camera.focal_35mm:.0f} mm; {quality}",
@@ -319,12 +308,12 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         from mpsnet_core.estimate.alignment.overlay import overlay
         from mpsnet_core.scene.pictures import contact_sheet
 
-        shown = replace(_Part.of(capture.mask), factor=1)
-        here = shown.rows, shown.columns
+        crop = replace(_ObjectCrop.of(capture.mask), factor=1)
+        here = crop.rows, crop.columns
         image, mask = capture.image[here].astype(np.float32, copy=False), capture.mask[here]
         if pairs is not None:
-            pairs = pairs[0] - (shown.columns.start, shown.rows.start), pairs[1]
-        pictures = [overlay(image, mask, faces.scene, shown.camera(fit.camera), pairs, left_out) for fit in fits]
+            pairs = pairs[0] - (crop.columns.start, crop.rows.start), pairs[1]
+        pictures = [overlay(image, mask, faces.scene, crop.camera(fit.camera), pairs, left_out) for fit in fits]
         if len(fits) == 1:
             return pictures[0]
         titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]
@@ -346,7 +335,7 @@ def _check_size(mask: "NDArray[np.bool_]") -> None:
     height, width = (side.stop - side.start for side in bounding_box(mask))
     if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < MIN_SIDE:
         raise GeometryError(
-            f"the object is {width} x {height} pixels, too little to place a mesh by; take a larger photo of it"
+            f"the object is {width} x {height} pixels, too few to align a mesh with; take a larger photo of it"
         )
 
 
@@ -367,20 +356,22 @@ def _quality(fit: "Fit") -> str:
 
 
 @dataclass(frozen=True)
-class _Part:
-    """The part of a photo with the object and a margin, reduced by an integer factor.
-
-    width, height: of the photo.
-    """
+class _ObjectCrop:
+    """The part of a photo with the object and a margin, reduced by an integer factor."""
 
     rows: slice
+    """Its rows in the photo."""
     columns: slice
+    """Its columns in the photo."""
     factor: int
+    """The factor."""
     width: int
+    """Width of the photo."""
     height: int
+    """Height of the photo."""
 
     @classmethod
-    def of(cls, mask: "NDArray[np.bool_]") -> "_Part":
+    def of(cls, mask: "NDArray[np.bool_]") -> "_ObjectCrop":
         from mpsnet_core.arrays.mask_regions import bounding_box
         from mpsnet_core.estimate.alignment.refine import MARGIN
 
@@ -434,8 +425,8 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     if camera.focal.max() > SQUARE * camera.focal.min():
         along_x, along_y = camera.focal
         raise GeometryError(
-            f"the {what}'s focal lengths are {along_x:g} along x and {along_y:g} along y, but align knows square "
-            f"pixels only; resize the photo so that its pixels are square, and give a {what} with one focal length"
+            f"the {what}'s focal lengths are {along_x:g} along x and {along_y:g} along y, but align supports "
+            f"square pixels only; resize the photo so that they are square, and give a {what} with one focal length"
         )
     scale = max(width, height) / max(camera.width, camera.height)
     size = np.array([width, height])

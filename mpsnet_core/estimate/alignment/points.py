@@ -23,21 +23,14 @@ WRONG_RATIO, WRONG_PIXELS = 6.0, 12.0
 
 @dataclass(frozen=True)
 class PointFit:
-    """A camera fitted to pairs.
-
-    Parameters
-    ----------
-    camera
-        Perspective, with the image's size.
-    residuals
-        (N,) reprojection error of each pair, in pixels.
-    left_out
-        Numbers of the pairs that contradict the others and were not used, from 0.
-    """
+    """A camera fitted to pairs."""
 
     camera: Camera
+    """The camera: perspective, with the image's size."""
     residuals: Floats
+    """(N,). Reprojection error of each pair, in pixels."""
     left_out: tuple[int, ...]
+    """Numbers of the pairs that contradict the others and were not used, from 0."""
 
 
 def camera_from_points(
@@ -76,10 +69,10 @@ def camera_from_points(
     """
     pixels, points = np.asarray(pixels, np.float64), np.asarray(points, np.float64)
     if len(points) < MIN_PAIRS:
-        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {MIN_PAIRS} or more, best 6 to 12")
+        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {MIN_PAIRS} or more, ideally 6 to 12")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:
-        raise GeometryError("the points on the mesh lie in one line; choose some beside it")
+        raise GeometryError("the points on the mesh lie on one line; choose some that do not")
     least = MIN_PAIRS + 1 if lens else MIN_PAIRS + 2
     fits = [np.ones(len(points), bool)]
     if len(points) >= least:
@@ -99,7 +92,7 @@ def camera_from_points(
 
 
 def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Floats:
-    """(N,) reprojection errors in pixels of `points` (N, 3) at `pixels` (N, 2)."""
+    """(N,). Reprojection errors in pixels of `points` (N, 3) at `pixels` (N, 2)."""
     poses = Poses.of(camera)
     return np.asarray(np.linalg.norm(poses.projected(poses.in_camera(points))[0] - pixels, axis=1))
 

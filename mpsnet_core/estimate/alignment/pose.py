@@ -16,24 +16,16 @@ PARAMETERS = 7
 
 @dataclass(frozen=True)
 class Poses:
-    """K pinhole cameras with square pixels and the same principal point.
-
-    Parameters
-    ----------
-    rotation
-        (K, 3, 3) from world to camera space: x right, y up, z towards the viewer.
-    translation
-        (K, 3) from world to camera space.
-    focal
-        (K,) focal lengths in pixels.
-    centre
-        (2,) principal point, in pixels from the top left corner.
-    """
+    """K pinhole cameras with square pixels and the same principal point."""
 
     rotation: Floats
+    """(K, 3, 3). Rotations from world to camera space: x right, y up, z towards the viewer."""
     translation: Floats
+    """(K, 3). Translations from world to camera space."""
     focal: Floats
+    """(K,). Focal lengths in pixels."""
     centre: Floats
+    """(2,). Principal point, in pixels from the top left corner."""
 
     @classmethod
     def of(cls, camera: Camera) -> "Poses":

@@ -35,24 +35,16 @@ FOCAL_SPREAD = 0.2  # prior standard deviation of the log focal length about its
 
 @dataclass(frozen=True)
 class Fit:
-    """A camera, and how well the mesh through it fits the photo.
-
-    Parameters
-    ----------
-    camera
-        Perspective, with the image's size.
-    outline
-        Median distance of the mesh's outline from the mask's, in the photo's pixels.
-    degrees
-        Median angle between the mesh's normals and the photo's, where mesh and mask overlap.
-    overlap
-        Intersection over union of mesh and mask.
-    """
+    """A camera, and how well the mesh through it fits the photo."""
 
     camera: Camera
+    """The camera: perspective, with the image's size."""
     outline: float
+    """Median distance of the mesh's outline from the mask's, in the photo's pixels."""
     degrees: float
+    """Median angle between the mesh's normals and the photo's, where mesh and mask overlap."""
     overlap: float
+    """Intersection over union of mesh and mask."""
 
     @property
     def cost(self) -> float:
@@ -62,21 +54,24 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Scale:
-    """The photo on one scale, cropped to the object and a margin.
-
-    factor: size of its pixels in the photo's pixels. place: (row, column) of its first pixel in the photo. normals,
-    detail: (h, w, 3). inside, core: (h, w) the mask, and the mask eroded. outline, across: (N, 2) points of the mask's
-    outline and their outward normals.
-    """
+    """The photo on one scale, cropped to the object and a margin."""
 
     factor: int
-    place: tuple[int, int]
+    """Size of its pixels, in the photo's pixels."""
+    origin: tuple[int, int]
+    """(row, column) of its first pixel in the photo."""
     normals: Floats
+    """(h, w, 3). The photo's normals."""
     detail: Floats
+    """(h, w, 3). The normals minus their Gaussian mean."""
     inside: NDArray[np.bool_]
-    core: NDArray[np.bool_]
+    """(h, w). The mask."""
+    eroded_mask: NDArray[np.bool_]
+    """(h, w). The mask, eroded."""
     outline: Floats
+    """(N, 2). Points of the mask's outline."""
     across: Floats = field(repr=False)
+    """(N, 2). Outward normals of the outline at these points."""
 
 
 def refine_camera(
@@ -184,7 +179,7 @@ def _scale(estimate: NormalMap, longest: int) -> _Scale:
 def _image(scale: _Scale, local: Poses, faces: MeshFaces) -> SeenFaces:
     """What the camera sees of the mesh on a scale."""
     height, width = scale.inside.shape
-    top, left = scale.place
+    top, left = scale.origin
     x = left + (np.arange(width) + 0.5) * scale.factor
     y = top + (np.arange(height) + 0.5) * scale.factor
     camera = _world(local, faces.scene).camera(width * scale.factor + left, height * scale.factor + top)
@@ -252,7 +247,7 @@ def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[
 
 def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
     """Weighted residuals of normals and of their detail, and their derivatives."""
-    both = scale.core & eroded(image.mask, 2)
+    both = scale.eroded_mask & eroded(image.mask, 2)
     rows, columns = np.nonzero(both)
     if not len(rows):
         return []

@@ -83,20 +83,22 @@ def _distinct_fits(fits: list[Fit]) -> list[Fit]:
     """Fits without those that are close to a better one."""
     kept: list[Fit] = []
     for fit in fits:
-        if all(_apart(fit.camera.rotation, other.camera.rotation) > SAME for other in kept):
+        if all(_angle_between(fit.camera.rotation, other.camera.rotation) > SAME for other in kept):
             kept.append(fit)
     return kept
 
 
 @dataclass(frozen=True)
-class _Frame:
-    """Place and size of an object in an image. middle: (2,) x, y in pixels. spread: root of its second moment."""
+class _ObjectExtent:
+    """Place and size of an object in an image."""
 
     middle: Floats
+    """(2,). x and y of its centre, in pixels."""
     spread: float
+    """Root of its second moment, in pixels."""
 
     @classmethod
-    def of(cls, mask: NDArray[np.bool_]) -> "_Frame":
+    def of(cls, mask: NDArray[np.bool_]) -> "_ObjectExtent":
         rows, columns = np.nonzero(mask)
         middle = np.array([columns.mean() + 0.5, rows.mean() + 0.5])
         moments = (columns + 0.5 - middle[0]) ** 2 + (rows + 0.5 - middle[1]) ** 2
@@ -105,7 +107,7 @@ class _Frame:
 
 def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progress) -> list[Camera]:
     """The TRIED views that are most similar to the photo."""
-    frame, focal = _Frame.of(estimate.mask), float(lens.focal[0])
+    frame, focal = _ObjectExtent.of(estimate.mask), float(lens.focal[0])
     photo = np.stack([_standardised_picture(estimate.vectors, estimate.mask, frame, roll) for roll in _rolls()])
     small = _small(faces, frame, focal)
     scores, frames = np.empty((DIRECTIONS, ROLLS)), []
@@ -114,13 +116,13 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
         if number % 16 == 0:
             progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
         normals, mask = _picture(faces, rotation, *small)
-        frames.append(_Frame.of(mask))
+        frames.append(_ObjectExtent.of(mask))
         scores[number] = _similarity(photo, _standardised_picture(normals, mask, frames[-1], 0.0))
     cameras: list[Camera] = []
     for choice in np.argsort(-scores, axis=None):
         number, roll = divmod(int(choice), ROLLS)
         angle = float(_rolls()[roll])
-        if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
+        if any(_angle_between((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
         cameras.append(_place_camera(estimate.mask, faces, looks[number], focal, lens.centre, frames[number], angle))
         if len(cameras) == TRIED:
@@ -134,14 +136,14 @@ def move_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Cam
     A rough start, such as a viewport's view, shows the object elsewhere in the image.
     """
     focal, rotation = float(camera.focal[0]), camera.rotation.T
-    _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(estimate.mask), focal))
+    _, mask = _picture(faces, rotation, *_small(faces, _ObjectExtent.of(estimate.mask), focal))
     if not mask.any():  # a flat sheet seen edge-on
         return camera
-    placed = _place_camera(estimate.mask, faces, rotation, focal, camera.centre, _Frame.of(mask), 0.0)
+    placed = _place_camera(estimate.mask, faces, rotation, focal, camera.centre, _ObjectExtent.of(mask), 0.0)
     return max(camera, placed, key=lambda one: measure_fit(estimate, faces, one).overlap)
 
 
-def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]:
+def _small(faces: MeshFaces, frame: _ObjectExtent, focal: float) -> tuple[float, float]:
     """Focal length and distance of small images, with about the perspective of the photo."""
     return focal / frame.spread * SIDE / SPREAD, faces.scene.size * focal / max(4 * frame.spread, 1.0)
 
@@ -152,11 +154,11 @@ def _place_camera(
     rotation: Floats,
     focal: float,
     centre: Floats,
-    view: _Frame,
+    view: _ObjectExtent,
     angle: float,
 ) -> Camera:
     """The camera that sees the mesh in the mask's place and size. view: of its small image, rolled by `angle`."""
-    (height, width), frame = photo.shape, _Frame.of(photo)
+    (height, width), frame = photo.shape, _ObjectExtent.of(photo)
     small_focal, distance = _small(faces, frame, focal)
     rotation = _turn(angle).T @ rotation
     scale = frame.spread / view.spread
@@ -177,7 +179,7 @@ def _similarity(photo: Floats, view: Floats) -> Floats:
     return likeness
 
 
-def _apart(rotation: Floats, other: Floats) -> float:
+def _angle_between(rotation: Floats, other: Floats) -> float:
     """Degrees between two rotations."""
     return float(np.degrees(np.arccos(np.clip((np.trace(rotation.T @ other) - 1) / 2, -1, 1))))
 
@@ -219,7 +221,9 @@ def _picture(
     return seen.normals.astype(np.float32), seen.mask
 
 
-def _standardised_picture(normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _Frame, roll: float) -> Floats:
+def _standardised_picture(
+    normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _ObjectExtent, roll: float
+) -> Floats:
     """(SIDE, SIDE, 4) normals and mask, normalised in size and position, and rolled by `roll`."""
     steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)

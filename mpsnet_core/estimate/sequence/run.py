@@ -14,7 +14,7 @@ from typing import TypeVar
 from mpsnet_core.batch import Batch
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError, NoObject
-from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
+from mpsnet_core.estimate.sequence.smoothing import EstimatedFrame, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import check_own, ensure_folder, remove_abandoned
 from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
@@ -32,27 +32,18 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Outcome:
-    """The result of a run.
-
-    Attributes
-    ----------
-    made
-        Number of normal maps written.
-    there
-        Number of normal maps that existed and were up to date.
-    pixels
-        Number of pixels inside the masks of those that were written.
-    left_out
-        Numbers of the frames without an object, which have no normal map.
-    failed
-        Why frames failed, by their numbers, although the others were made.
-    """
+    """The result of a run."""
 
     made: int = 0
+    """Number of normal maps written."""
     there: int = 0
+    """Number of normal maps that existed and were up to date."""
     pixels: int = 0
+    """Number of pixels inside the masks of those that were written."""
     left_out: list[int] = field(default_factory=list)
+    """Numbers of the frames without an object, which have no normal map."""
     failed: dict[int, str] = field(default_factory=dict)
+    """Why frames failed, by their numbers, although the others were made."""
 
 
 def estimate_sequence(
@@ -122,17 +113,29 @@ class _Run:
     """Arguments of :func:`estimate_sequence`, and its progress."""
 
     take: Callable[[Frame], Capture]
+    """Reads a frame."""
     estimator: Callable[[Capture, Progress], NormalMap]
+    """Estimates a frame's normals."""
     recipe: str
+    """Text that changes with anything that the normals depend on, except the frames."""
     continue_on_error: bool
+    """Whether other frames are estimated if one fails."""
     convention: Convention
+    """Which way the green channel points."""
     count: int
+    """Number of frames, 0 if unknown."""
     progress: Progress
+    """Progress of the whole run."""
     outcome: Outcome = field(default_factory=Outcome)
+    """The result so far."""
     batch: Batch[int] = field(default_factory=Batch)
-    no_object: NoObject | None = None  # error of the first frame without an object
-    stale: list[Path] = field(default_factory=list)  # outputs of such frames, which may exist from earlier runs
+    """The frames that were tried so far."""
+    no_object: NoObject | None = None
+    """Error of the first frame without an object."""
+    stale: list[Path] = field(default_factory=list)
+    """Outputs of such frames, which may exist from earlier runs."""
     unwritten: dict[int, Frame] = field(default_factory=dict)
+    """Frames that were read and whose normals are not yet written, by number."""
 
     def run(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
         outcome = self.outcome
@@ -174,7 +177,7 @@ class _Run:
         except InputError as error:
             return error
 
-    def _estimates(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[Shot]:
+    def _estimates(self, captures: Iterable[tuple["_Step", Capture | InputError | None]]) -> Iterator[EstimatedFrame]:
         for number, (step, capture) in enumerate(captures):
             total = max(self.count, number + 1)
             share = part(self.progress, number / total, (number + 1) / total)
@@ -193,7 +196,7 @@ class _Run:
                 continue
             if step.stale:
                 self.unwritten[step.frame.number] = step.frame
-            yield Shot(step.frame.number, capture.image, normals, step.stale)
+            yield EstimatedFrame(step.frame.number, capture.image, normals, step.stale)
 
     def _write(self, frame: Frame, normals: NormalMap) -> None:
         if not self.outcome.made:
@@ -212,11 +215,14 @@ def _line(frame: Frame, recipe: str) -> str:
 
 @dataclass
 class _Step:
-    """A frame. stale: whether to write its output. needed: whether to read it, for its own output or for another's."""
+    """A frame and what is to do about it."""
 
     frame: Frame
+    """The frame."""
     stale: bool
+    """Whether to write its output."""
     needed: bool
+    """Whether to read it, for its own output or for another's."""
 
 
 def _after_cleanup(frames: Iterable[Frame]) -> Iterator[Frame]:

@@ -39,19 +39,23 @@ KERNEL_GAIN = 6.0
 
 
 @dataclass(frozen=True)
-class Shot:
-    """A frame's linear photo (H, W, 3) and its normals. wanted: whether its smoothed normals are needed."""
+class EstimatedFrame:
+    """A frame of which the normals are estimated."""
 
     number: int
+    """Frame number."""
     photo: NDArray[np.floating[Any]]
+    """(H, W, 3). Linear photo."""
     normals: NormalMap
+    """Its estimated normals."""
     wanted: bool = True
+    """Whether its smoothed normals are needed."""
 
 
-def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple[int, NormalMap]]:
-    """Number and smoothed normals of every wanted shot, in order, delayed by at most `reach` shots.
+def smoothed(frames: Iterable[EstimatedFrame], reach: int, step: int = 1) -> Iterator[tuple[int, NormalMap]]:
+    """Number and smoothed normals of every wanted frame, in order, delayed by at most `reach` frames.
 
-    shots: in increasing order of their numbers. reach: number of frames before and after a frame to average it with;
+    frames: in increasing order of their numbers. reach: number of frames before and after a frame to average it with;
     fewer at the ends and where frames are missing. 0 does not smooth. step: least difference between the numbers of
     successive frames.
 
@@ -60,53 +64,56 @@ def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple
     if not 0 <= reach <= MAX_SMOOTHING:
         raise SettingsError(f"smoothing over {reach} frames each way is out of range; choose 0 to {MAX_SMOOTHING}")
     span = reach * step
-    recent: deque[Shot] = deque()
-    waiting: deque[Shot] = deque()
+    recent: deque[EstimatedFrame] = deque()
+    waiting: deque[EstimatedFrame] = deque()
     similarities: dict[tuple[int, int], NDArray[np.float32]] = {}
-    for shot in shots:
-        while waiting and waiting[0].number + span < shot.number:
+    for frame in frames:
+        while waiting and waiting[0].number + span < frame.number:
             yield from _answer(waiting.popleft(), recent, similarities, span)
-        while recent and recent[0].number < shot.number - 2 * span:
+        while recent and recent[0].number < frame.number - 2 * span:
             gone = recent.popleft().number
             similarities = {pair: similarity for pair, similarity in similarities.items() if gone not in pair}
         for earlier in recent:
-            if shot.number - earlier.number <= span and (shot.wanted or earlier.wanted):
-                similarities[earlier.number, shot.number] = _similarity(earlier, shot)
-        recent.append(shot)
-        waiting.append(shot)
-        while waiting and waiting[0].number + span <= shot.number:
+            if frame.number - earlier.number <= span and (frame.wanted or earlier.wanted):
+                similarities[earlier.number, frame.number] = _similarity(earlier, frame)
+        recent.append(frame)
+        waiting.append(frame)
+        while waiting and waiting[0].number + span <= frame.number:
             yield from _answer(waiting.popleft(), recent, similarities, span)
-    for shot in waiting:
-        yield from _answer(shot, recent, similarities, span)
+    for frame in waiting:
+        yield from _answer(frame, recent, similarities, span)
 
 
 def _answer(
-    shot: Shot, recent: Iterable[Shot], similarities: dict[tuple[int, int], NDArray[np.float32]], span: int
+    frame: EstimatedFrame,
+    recent: Iterable[EstimatedFrame],
+    similarities: dict[tuple[int, int], NDArray[np.float32]],
+    span: int,
 ) -> Iterator[tuple[int, NormalMap]]:
-    if not shot.wanted:
+    if not frame.wanted:
         return
-    near = [other for other in recent if abs(other.number - shot.number) <= span]
+    near = [other for other in recent if abs(other.number - frame.number) <= span]
     if len(near) == 1:
-        yield shot.number, shot.normals
+        yield frame.number, frame.normals
         return
-    total = np.zeros_like(shot.normals.vectors)
+    total = np.zeros_like(frame.normals.vectors)
     for other in near:
         weight = other.normals.confidence + np.float32(MIN_CONFIDENCE)
-        if other is not shot:
-            weight = weight * similarities[min(shot.number, other.number), max(shot.number, other.number)]
+        if other is not frame:
+            weight = weight * similarities[min(frame.number, other.number), max(frame.number, other.number)]
         total += weight[..., None] * other.normals.vectors  # normals are zero outside their mask
-    yield shot.number, NormalMap(total, shot.normals.mask, shot.normals.confidence)
+    yield frame.number, NormalMap(total, frame.normals.mask, frame.normals.confidence)
 
 
-def _similarity(a: Shot, b: Shot) -> NDArray[np.float32]:
+def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> NDArray[np.float32]:
     """(H, W) weights, 0 to 1, of how certainly two photos are equal around a pixel, up to noise; 0 outside a mask."""
     if a.photo.shape != b.photo.shape:
-        sizes = " and ".join(f"{shot.photo.shape[1]} x {shot.photo.shape[0]}" for shot in (a, b))
+        sizes = " and ".join(f"{frame.photo.shape[1]} x {frame.photo.shape[0]}" for frame in (a, b))
         raise GeometryError(f"frames {a.number} and {b.number} are {sizes}; smoothing needs frames of one size")
     both = a.normals.mask & b.normals.mask
     squares = np.zeros(both.shape, np.float32)
     for channel in range(3):
-        first, second = (shot.photo[..., channel].astype(np.float32, copy=False) for shot in (a, b))
+        first, second = (frame.photo[..., channel].astype(np.float32, copy=False) for frame in (a, b))
         difference = np.where(both, second - first, np.float32(0))
         squares += np.square(difference / _noise(difference, (first + second) / np.float32(2), both))
     count = box_sums(both.astype(np.float32), PATCH // 2)

@@ -16,10 +16,12 @@ from mpsnet_core.io.provenance import fingerprint
 
 @dataclass(frozen=True)
 class Masks:
-    """The masks of a sequence: `given` for all frames, as in `read_capture`, or one file per frame `by_number`."""
+    """The masks of a sequence: one choice for all frames, or a file for each."""
 
     given: str = MASK
+    """Mask of all frames, as in :func:`mpsnet_core.read_capture`."""
     by_number: Mapping[int, Path] = field(default_factory=dict)
+    """Mask file of each frame, by frame number; empty if one mask is for all."""
 
     def of(self, number: int) -> str | os.PathLike[str]:
         """The mask of a frame. Raises FileError if masks are per frame and this one is missing."""
@@ -39,16 +41,16 @@ class Masks:
 
 @dataclass(frozen=True)
 class Frame:
-    """A photo of a sequence.
-
-    number: position in time. source: the photo; opened in the frames' order, and a video's at most once. output: file
-    for its normals. made_from: text that changes with any file that its normals depend on.
-    """
+    """A photo of a sequence."""
 
     number: int
+    """Position in time."""
     source: Source
+    """The photo. It is opened in the frames' order, and a video's at most once."""
     output: Path
+    """File for its normals."""
     made_from: str
+    """Text that changes with any file that its normals depend on."""
 
 
 def photo_frames(

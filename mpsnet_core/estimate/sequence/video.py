@@ -53,15 +53,20 @@ _SHORT = 0.02
 
 @dataclass(frozen=True)
 class Video:
-    """A video's header. width, height: as stored, before rotation. frame_rate: average frames per second. count:
-    approximate number of frames, 0 if unknown. decoder: the program that decodes it, None for PyAV."""
+    """A video's header."""
 
     path: Path
+    """The file."""
     width: int
+    """Width as stored, before rotation."""
     height: int
+    """Height as stored, before rotation."""
     frame_rate: float
+    """Average number of frames per second."""
     count: int
+    """Approximate number of frames, 0 if unknown."""
     decoder: VideoDecoder | None = None
+    """The program that decodes it; None for PyAV."""
 
 
 def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:
@@ -72,7 +77,7 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
     """
     path = existing_file(path, "video")
     check_choice("encoding", encoding, ENCODINGS)
-    if not _pyav_there() and VIDEO_DECODER in os.environ:
+    if not _has_pyav() and VIDEO_DECODER in os.environ:
         decoder = VideoDecoder(path)
         _check_size(path, decoder.width, decoder.height)
         curve = _curve(path, UNKNOWN_TRANSFER, encoding)
@@ -96,8 +101,8 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         aspect = stream.sample_aspect_ratio
         if aspect and aspect != 1:
             log.warning(
-                "the video's pixels are not square (%s:%s), and its normals are of the stored picture; convert it to "
-                "square pixels",
+                "the video's pixels are not square (%s:%s), and the normals are those of the stored picture; convert "
+                "it to square pixels",
                 aspect.numerator,
                 aspect.denominator,
             )
@@ -187,7 +192,7 @@ def _image(picture: "VideoFrame", linear: bool, name: str) -> Image:
         values: NDArray[Any] = picture.to_ndarray(format=kind[deep, alpha], src_colorspace=matrix, interpolation=_EXACT)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FormatError(f"{name}: its colours cannot be brought to RGB ({reason}); convert the video") from None
+        raise FormatError(f"{name}: its colours cannot be converted to RGB ({reason}); convert the video") from None
     values = np.rot90(values, round(picture.rotation / 90))
     steps = np.linspace(0, 1, 65536 if deep else 256)
     curve = (steps if linear else srgb_to_linear(steps)).astype(np.float32)
@@ -210,7 +215,7 @@ def _check_size(path: Path, width: int, height: int) -> None:
         )
 
 
-def _pyav_there() -> bool:
+def _has_pyav() -> bool:
     try:
         import av  # noqa: F401
     except ImportError:
@@ -220,7 +225,7 @@ def _pyav_there() -> bool:
 
 def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
-    if not _pyav_there():
+    if not _has_pyav():
         raise FileError(
             f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository, or give frames"
         )

@@ -40,27 +40,18 @@ MIN_SHARE = 0.1
 
 @dataclass(frozen=True)
 class UniformAlbedo:
-    """The colour of a uniform surface.
-
-    Attributes
-    ----------
-    gains : (3,) float64 array
-        Gains times unmixed light is each light's cosine on the surface.
-    spread : float
-        Relative standard deviation of the lengths of inliers.
-    determined : float
-        Least eigenvalue of the fit's normal equations, per pixel.
-    density : float
-        Share of all pixels, per unit of length, that are near this length by chance.
-    share : float
-        Share of all pixels that have this length.
-    """
+    """The colour of a uniform surface."""
 
     gains: NDArray[np.float64]
+    """(3,) float64. Gains times unmixed light is each light's cosine on the surface."""
     spread: float
+    """Relative standard deviation of the lengths of inliers."""
     determined: float
+    """Least eigenvalue of the fit's normal equations, per pixel."""
     density: float
+    """Share of all pixels, per unit of length, that are near this length by chance."""
     share: float
+    """Share of all pixels that have this length."""
 
     def sharp(self, peak: float) -> bool:
         """Whether the lengths have one narrow peak, of density `peak`, that determines the gains."""

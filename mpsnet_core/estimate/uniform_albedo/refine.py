@@ -63,13 +63,16 @@ PAIRS = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 
 
 class _Pixels(NamedTuple):
-    """Pixels (...). light: (..., 3) unmixed image. lights: (..., 3, 3), or (3, 3) for all: directions times brightness,
-    one light per row. normals: (..., 3) the network's. error: (...) their expected error in radians."""
+    """Pixels (...) of a photo."""
 
     light: Floats
+    """(..., 3). Unmixed image."""
     lights: NDArray[np.float64]
+    """(..., 3, 3), or (3, 3) for all. Light directions times brightness, one light per row."""
     normals: Floats
+    """(..., 3). The network's normals."""
     error: Floats
+    """(...). Their expected error, in radians."""
 
     def at(self, chosen: NDArray[np.bool_], columns: slice = slice(None)) -> "_Pixels":
         """The chosen pixels of some columns of an image."""
@@ -80,14 +83,18 @@ class _Pixels(NamedTuple):
 
 
 class _Hypothesis(NamedTuple):
-    """normals: (N, 3) unit vectors. likelihood: (N,). error: (N,) of the normals, in radians. own: (N,) error of the
-    network's normals. left: lower limit of the resulting error, as a share of the network's expected error."""
+    """Normals of N pixels if certain lights reach them."""
 
     normals: Floats
+    """(N, 3). Unit vectors."""
     likelihood: Floats
+    """(N,). Likelihood of the hypothesis."""
     error: Floats
-    own: Floats
-    left: float = 0.0
+    """(N,). Error of the normals, in radians."""
+    network_error: Floats
+    """(N,). Error of the network's normals, in radians."""
+    least_error: float = 0.0
+    """Lower limit of the resulting error, as a share of the network's expected error."""
 
 
 def refine_normals(capture: Capture, estimate: NormalMap, progress: Progress = silent) -> NormalMap:
@@ -115,8 +122,8 @@ def _refine_normals(
 
     If noise hides the albedo, or makes the lengths differ, the normals are first corrected at half the resolution.
     """
-    exact = albedo is not None and albedo.spread <= MIN_SPREAD
-    if not exact and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
+    well_fitted = albedo is not None and albedo.spread <= MIN_SPREAD
+    if not well_fitted and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
         small, before = halve(capture, estimate)
         found = find_uniform_albedo(*_sample(small, before, SAMPLED_HALVED))
         if albedo is None or (found is not None and found.spread < QUIETER * albedo.spread):
@@ -232,9 +239,11 @@ def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, 
     total = pixels.normals * probability[:, -1:]
     expected = pixels.error * probability[:, -1]
     for one, share in zip(found, probability.T, strict=False):
-        weight = one.own**2 / (one.own**2 + one.error**2)
+        weight = one.network_error**2 / (one.network_error**2 + one.error**2)
         total += share[:, None] * normalised(pixels.normals + (one.normals - pixels.normals) * weight[:, None])
-        expected += share * np.minimum(pixels.error, np.maximum(np.sqrt(weight) * one.error, one.left * pixels.error))
+        expected += share * np.minimum(
+            pixels.error, np.maximum(np.sqrt(weight) * one.error, one.least_error * pixels.error)
+        )
     return normalised(total), expected
 
 
@@ -253,25 +262,27 @@ def _hypotheses(pixels: _Pixels, albedo: UniformAlbedo) -> Iterator[_Hypothesis]
     lights = (pixels.lights / strength[..., None]).astype(np.float32)
     light = (pixels.light * albedo.gains / strength).astype(np.float32)
     error = ERROR_OF_SPREAD * max(albedo.spread, MIN_SPREAD) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
-    own = np.maximum(SPREAD_OF_ERROR * pixels.error, 0.01)
-    yield _all_three(light, lights, pixels, albedo, error, own)
+    network_error = np.maximum(SPREAD_OF_ERROR * pixels.error, 0.01)
+    yield _all_three(light, lights, pixels, albedo, error, network_error)
     for order in PAIRS:
-        yield _two(light, lights, order, pixels.normals, albedo, error, own)
+        yield _two(light, lights, order, pixels.normals, albedo, error, network_error)
     for number in range(3):
-        yield _one(light, lights, number, pixels.normals, error, own)
+        yield _one(light, lights, number, pixels.normals, error, network_error)
 
 
 def _all_three(
-    light: Floats, lights: Floats, pixels: _Pixels, albedo: UniformAlbedo, error: float, own: Floats
+    light: Floats, lights: Floats, pixels: _Pixels, albedo: UniformAlbedo, error: float, network_error: Floats
 ) -> _Hypothesis:
     vectors = pseudo_normals(light, lights)
     length = np.linalg.norm(vectors, axis=-1)
     vectors /= np.maximum(length, 1e-6)[:, None]
     spread = max(albedo.spread, MIN_SPREAD)
     volume = np.abs(np.linalg.det(lights))
-    likelihood = _density_of_direction(_angle(vectors, pixels.normals), np.hypot(own, error))
+    likelihood = _density_of_direction(_angle(vectors, pixels.normals), np.hypot(network_error, error))
     likelihood *= _gaussian(length - 1, spread) / volume * (light > 0).all(axis=-1)
-    return _Hypothesis(vectors, likelihood, np.full_like(own, error), np.maximum(ERROR_WHERE_LIT * pixels.error, 1e-3))
+    return _Hypothesis(
+        vectors, likelihood, np.full_like(network_error, error), np.maximum(ERROR_WHERE_LIT * pixels.error, 1e-3)
+    )
 
 
 def _two(
@@ -281,7 +292,7 @@ def _two(
     normals: Floats,
     albedo: UniformAlbedo,
     error: float,
-    own: Floats,
+    network_error: Floats,
 ) -> _Hypothesis:
     """The first two lights of `order` reach; the third is blocked."""
     one, two, blocked = (lights[..., number, :] for number in order)
@@ -297,14 +308,16 @@ def _two(
     vectors = normalised(plane + side[:, None] * across)
     steep = np.maximum(height, MIN_SINE)
     off = np.hypot(error, BOUNCED) / steep
-    likelihood = _density_of_direction(_angle(vectors, normals), np.hypot(own, off)) / (sine * steep)
+    likelihood = _density_of_direction(_angle(vectors, normals), np.hypot(network_error, off)) / (sine * steep)
     likelihood *= _density_of_blocked(light[:, order[2]], dot(vectors, blocked))
     likelihood *= np.exp(-0.5 * (np.maximum(length - 1, 0) / max(2 * albedo.spread, FULL - 1)) ** 2)
     likelihood *= (a > ARRIVING) & (b > ARRIVING) & (vectors[:, 2] > FACING)
-    return _Hypothesis(vectors, likelihood, off, own)
+    return _Hypothesis(vectors, likelihood, off, network_error)
 
 
-def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: float, own: Floats) -> _Hypothesis:
+def _one(
+    light: Floats, lights: Floats, number: int, normals: Floats, error: float, network_error: Floats
+) -> _Hypothesis:
     """One light reaches; the others are blocked."""
     towards, cosine = lights[..., number, :], np.clip(light[:, number], 0, 1)
     away = normals - dot(normals, towards)[:, None] * towards
@@ -313,12 +326,12 @@ def _one(light: Floats, lights: Floats, number: int, normals: Floats, error: flo
     vectors = normalised(cosine[:, None] * towards + sine[:, None] * away)
     steep = np.maximum(sine, MIN_SINE)
     off = np.hypot(error, BOUNCED) / steep
-    likelihood = _gaussian(_angle(vectors, normals), np.hypot(own, off)) / steep
+    likelihood = _gaussian(_angle(vectors, normals), np.hypot(network_error, off)) / steep
     for other in (number + 1) % 3, (number + 2) % 3:
         full = dot(vectors, lights[..., other, :])
         likelihood *= _density_of_blocked(light[:, other], full)
     likelihood *= (light[:, number] > ARRIVING) & (light[:, number] < FULL)
-    return _Hypothesis(vectors, likelihood, off, own, ERROR_LEFT_BY_ONE)
+    return _Hypothesis(vectors, likelihood, off, network_error, ERROR_LEFT_BY_ONE)
 
 
 def _angle(vectors: Floats, normals: Floats) -> Floats:

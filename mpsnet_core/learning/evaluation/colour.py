@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
+from mpsnet_core.learning.evaluation.operations import EvaluateColour
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.scene_description import Colour, Material, Pattern, SceneDescription
@@ -48,14 +49,14 @@ class ColourChanges(Evaluation):
 
     title = "A blob, many colours"
 
-    def __init__(self, white: bool, blobs: int, protocols: Sequence[str], size: int) -> None:
+    def __init__(self, options: EvaluateColour) -> None:
         self._white: dict[tuple[str, str, int, str], NDArray[np.float32]] = {}
         self.cases = [
-            partial(painted_blob, name, protocol, size, white=beside, blob=blob)
-            for blob in range(blobs)
+            partial(painted_blob, name, protocol, options.size, white=beside, blob=blob)
+            for blob in range(options.blobs)
             for name in COLOURINGS
-            for protocol in protocols
-            for beside in white_choices(white)
+            for protocol in options.protocol
+            for beside in white_choices(options.white)
         ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:

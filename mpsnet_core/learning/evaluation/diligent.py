@@ -20,7 +20,14 @@ from mpsnet_core.io.image_reading import read_data, read_mask
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
-from mpsnet_core.learning.evaluation.published import DiligentFigure, Lights, diligent_figures
+from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
+from mpsnet_core.learning.evaluation.published import (
+    OBJECTS,
+    PUBLISHED_LIGHTS,
+    DiligentFigure,
+    Lights,
+    diligent_figures,
+)
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
@@ -96,30 +103,21 @@ class Diligent(Evaluation):
 
     title = "DiLiGenT, one photo each"
 
-    def __init__(
-        self,
-        root: str,
-        *,
-        objects: Sequence[str],
-        lights: Sequence[Lights],
-        protocols: Sequence[str],
-        magnify: Sequence[int],
-        white: bool,
-    ) -> None:
-        folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
+    def __init__(self, options: EvaluateDiligent) -> None:
+        folders = {name: object_folder(options.folder, name) for name in dict.fromkeys(options.object or OBJECTS)}
         if not any(folders.values()):
             wanted = ", ".join(f"{name}PNG" for name in list(folders)[:2])
-            raise FileError(f"{root} has none of DiLiGenT's folders ({wanted}, ...); give its pmsData folder")
-        self.lights = list(lights)
+            raise FileError(f"{options.folder} has none of DiLiGenT's folders ({wanted}, ...); give its pmsData folder")
+        self.lights = [_triple(text) for text in options.lights] or list(PUBLISHED_LIGHTS)
         self.absent = [name for name, folder in folders.items() if folder is None]
         self.cases = [
             partial(_case, name, folder, triple, protocol, times, beside)
             for name, folder in folders.items()
             if folder is not None
-            for triple in lights
-            for protocol in protocols
-            for times in magnify
-            for beside in white_choices(white)
+            for triple in self.lights
+            for protocol in options.protocol or PROTOCOLS
+            for times in options.magnify
+            for beside in white_choices(options.white)
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
@@ -167,6 +165,14 @@ class Diligent(Evaluation):
     def skipped(self) -> list[str]:
         """The absent objects."""
         return [f"absent, skipped: {', '.join(self.absent)}"] if self.absent else []
+
+
+def _triple(text: str) -> Lights:
+    try:
+        first, second, third = (int(number) for number in text.split(","))
+    except ValueError:
+        raise SettingsError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
+    return first, second, third
 
 
 def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int, white: bool) -> Case:

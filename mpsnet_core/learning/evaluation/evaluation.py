@@ -11,14 +11,13 @@ from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
-from mpsnet_core.learning.evaluation.magnify import magnified_name
-from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, measure
+from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, magnified_name, measure
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.progress import Progress
 
 
 class Evaluation(ABC):
-    """A test: its photos, and the report of its results. Constructor arguments are the options of its operation, see
+    """A test: its photos, and the report of its results. Its constructor takes the operation, of
     :mod:`mpsnet_core.learning.evaluation.operations`.
 
     title: of the report. cases: functions that each make one photo. always: models that are always measured.

@@ -11,6 +11,7 @@ from mpsnet_core.io.text_table import mean_cell, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case, Row
+from mpsnet_core.learning.evaluation.operations import EvaluateMaterials
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
 from mpsnet_core.synthesis.sample import Sample
@@ -28,15 +29,15 @@ class Materials(Evaluation):
     title = "A blob, each measured material"
     always = (LAMBERTIAN,)  # materials are sorted by its error
 
-    def __init__(self, merl: str, blobs: int, protocols: Sequence[str], size: int) -> None:
-        materials = material_names(merl)
+    def __init__(self, options: EvaluateMaterials) -> None:
+        materials = material_names(options.merl)
         self._are_fits = materials[0][0] == "fit"
         self._held_out = {_title(name) for _, name in materials[::HELD_OUT]}
         self.cases = [
-            partial(_case, merl, kind, name, protocol, size, blob)
-            for blob in range(blobs)
+            partial(_case, options.merl, kind, name, protocol, options.size, blob)
+            for blob in range(options.blobs)
             for kind, name in materials
-            for protocol in protocols
+            for protocol in options.protocol
         ]
 
     def table(self, rows: Sequence[Row]) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import unpacked_limit
+from mpsnet_core.io.opening import DAMAGED
 
 # "MAT-File Format", MathWorks, tables 1-1 and 1-3.
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -44,7 +45,7 @@ def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float6
                     return found
     except FormatError:
         raise
-    except (zlib.error, struct.error, ValueError, StopIteration, KeyError, IndexError) as error:
+    except (*DAMAGED, StopIteration) as error:
         raise FormatError(f"{path} is damaged ({error or 'it ends early'}); copy it again") from None
     raise FormatError(f"{path} holds no numeric array called {name!r}")
 

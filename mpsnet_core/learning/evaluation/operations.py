@@ -1,13 +1,12 @@
 """Operations evaluate: one for each test of the models."""
 
 from dataclasses import dataclass
-from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
-from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS
+from mpsnet_core.learning.evaluation.published import OBJECTS
 from mpsnet_core.operation import Operation, option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import MAX_BOUNCES
@@ -15,6 +14,9 @@ from mpsnet_core.synthesis.job import MAX_BOUNCES
 if TYPE_CHECKING:
     from mpsnet_core.learning.evaluation.evaluation import Evaluation
 
+
+# The work is imported when it is done, and takes the operation.
+_HERE = "mpsnet_core.learning.evaluation"
 
 # Weights of a light's red, green and blue in a channel of the photo.
 PROTOCOLS = {"separated": "its own alone", "published": "5/9 its own, 2/9 each of the others", "white": "all alike"}
@@ -54,9 +56,12 @@ class MeasuresModels(Operation):
         default=None, metavar="REPORT", help="write an HTML report with pictures", provenance="none"
     )
 
+    # Module and class of the test, which takes the operation.
+    test: ClassVar[str]
+
     def evaluation(self) -> "Evaluation":
         """The test. Raises InputError if its data is missing or an option is unusable."""
-        raise NotImplementedError
+        return resolve_name(f"{_HERE}.{self.test}")(self)
 
     def run(self, progress: Progress = silent) -> Measured:
         """Run the test, and write rows and report if requested."""
@@ -101,6 +106,7 @@ class EvaluateDiligent(Magnifies):
     """The DiLiGenT photographs, multiplexed."""
 
     command: ClassVar[str] = "evaluate diligent"
+    test: ClassVar[str] = "diligent:Diligent"
 
     folder: str = option(positional=True, help="DiLiGenT's pmsData folder; missing objects are reported and skipped")
     object: tuple[str, ...] = option(
@@ -114,40 +120,16 @@ class EvaluateDiligent(Magnifies):
     )
     white: bool = white_option()
 
-    def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.diligent import Diligent
-
-        return Diligent(
-            self.folder,
-            objects=self.object or OBJECTS,
-            lights=[_triple(text) for text in self.lights] or PUBLISHED_LIGHTS,
-            protocols=self.protocol or tuple(PROTOCOLS),
-            magnify=self.magnify,
-            white=self.white,
-        )
-
-
-def _triple(text: str) -> tuple[int, int, int]:
-    try:
-        first, second, third = (int(number) for number in text.split(","))
-    except ValueError:
-        raise SettingsError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
-    return first, second, third
-
 
 @dataclass(frozen=True)
 class EvaluateMaterials(PhotographsSynthetic):
     """Blobs under each measured material."""
 
     command: ClassVar[str] = "evaluate materials"
+    test: ClassVar[str] = "materials:Materials"
 
     merl: str = option(metavar="PATH", help="a folder of MERL .binary files, or .npz of fits")
     blobs: int = blobs_option()
-
-    def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.materials import Materials
-
-        return Materials(self.merl, self.blobs, self.protocol, self.size)
 
 
 @dataclass(frozen=True)
@@ -155,15 +137,11 @@ class EvaluateRendered(PhotographsSynthetic):
     """Rendered mesh files with one and with several materials."""
 
     command: ClassVar[str] = "evaluate rendered"
+    test: ClassVar[str] = "rendered:Rendered"
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     merl: str = option(default="", metavar="PATH", help="measured materials in place of principled ones")
     views: int = views_option()
-
-    def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.rendered import Rendered
-
-        return Rendered(self.mesh, self.merl, self.views, self.protocol, self.size)
 
 
 @dataclass(frozen=True)
@@ -171,6 +149,7 @@ class EvaluateStatues(Magnifies):
     """Matt grey meshes: errors in shadow, and how much fine relief is kept."""
 
     command: ClassVar[str] = "evaluate statues"
+    test: ClassVar[str] = "statues:Statues"
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     views: int = views_option()
@@ -183,33 +162,16 @@ class EvaluateStatues(Magnifies):
     bounces: int = option(default=0, low=0, high=MAX_BOUNCES, help="number of light bounces between surfaces: 0 to 3")
     size: int = size_option(640)
 
-    def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.statues import Statues
-
-        return Statues(
-            self.mesh,
-            views=self.views,
-            slant=self.slant,
-            tilts=self.tilt,
-            bounces=self.bounces,
-            magnify=self.magnify,
-            size=self.size,
-        )
-
 
 @dataclass(frozen=True)
 class EvaluateColour(PhotographsSynthetic):
     """Blobs in many colours: errors at colour edges, and the effect of colour alone."""
 
     command: ClassVar[str] = "evaluate colour"
+    test: ClassVar[str] = "colour:ColourChanges"
 
     white: bool = white_option()
     blobs: int = blobs_option()
-
-    def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.colour import ColourChanges
-
-        return ColourChanges(self.white, self.blobs, self.protocol, self.size)
 
 
 @dataclass(frozen=True)
@@ -217,15 +179,11 @@ class EvaluateSamples(Magnifies):
     """Held-out samples, photographed (needs PyTorch)."""
 
     command: ClassVar[str] = "evaluate samples"
+    test: ClassVar[str] = "samples:Samples"
 
     folder: tuple[str, ...] = option(positional=True, help="folders of held-out samples")
     count: int = option(default=0, low=0, help="how many samples to use, evenly spread; 0 for all")
     white: bool = white_option()
-
-    def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.samples import Samples
-
-        return Samples(self.folder, self.count, self.magnify, self.white)
 
 
 @dataclass(frozen=True)
@@ -249,16 +207,4 @@ class EvaluatePatchSizes(Operation):
 
     def run(self, progress: Progress = silent) -> Measured:
         """Train and measure the ten networks, and write rows and report if requested."""
-        from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
-
-        return evaluate_patch_sizes(
-            [Path(folder) for folder in self.samples],
-            [Path(folder) for folder in self.validation],
-            self.runs,
-            width=self.width,
-            steps=self.steps,
-            patches=self.patches,
-            json=self.json,
-            report=self.output,
-            progress=progress,
-        )
+        return resolve_name(f"{_HERE}.patch_sizes:evaluate_patch_sizes")(self, progress)

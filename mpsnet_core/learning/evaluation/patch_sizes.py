@@ -5,7 +5,6 @@ same patches of held-out samples.
 """
 
 import math
-import os
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -15,11 +14,12 @@ from mpsnet_core.io.files import ensure_folder, writable_path, write_json, write
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
+from mpsnet_core.learning.evaluation.operations import EvaluatePatchSizes
 from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photo_simulation import PhotoSimulator
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, views_of
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model, read_recipe
 from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, part, silent
@@ -62,38 +62,26 @@ def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> Tra
 PACKED = "packed"
 
 
-def evaluate_patch_sizes(
-    samples: Sequence[Path],
-    validation: Sequence[Path],
-    runs: str | os.PathLike[str],
-    *,
-    width: float,
-    steps: int,
-    patches: int,
-    json: str | os.PathLike[str] | None = None,
-    report: str | os.PathLike[str] | None = None,
-    progress: Progress = silent,
-) -> Measured:
+def evaluate_patch_sizes(options: EvaluatePatchSizes, progress: Progress = silent) -> Measured:
     """Train and measure the ten networks.
 
-    runs: folder for their checkpoints, from which a cancelled run resumes. width: factor of the published numbers of
-    maps. steps: of each training, with batches of 512 patches. patches: number of patches to measure on, rounded up to
-    the same number per held-out sample. json: file for all results but the text. report: HTML file.
+    The number of patches to measure on is rounded up to the same number per held-out sample.
 
     Raises InputError if samples, validation or runs are unusable, and Cancelled if `progress` does.
     """
-    if json:
-        writable_path(json)
-    runs = ensure_folder(runs, "runs")
-    held_out = PackedSamples(validation, cache=runs / PACKED)  # fail before hours of training
-    a_picture = math.ceil(patches / len(held_out))
+    if options.json:
+        writable_path(options.json)
+    runs = ensure_folder(options.runs, "runs")
+    samples, width, steps = list(map(Path, options.samples)), options.width, options.steps
+    held_out = PackedSamples(options.validation, cache=runs / PACKED)  # fail before hours of training
+    a_picture = math.ceil(options.patches / len(held_out))
     rows = []
     variants = [(name, normals, side) for name, normals in INPUTS.items() for side in SIDES]
-    with open_report(report) if report else nullcontext() as page:
+    with open_report(options.output) if options.output else nullcontext() as page:
         for number, (name, normals, side) in enumerate(variants):
             recipe = patch_size_recipe(side, normals, width, steps)
             share = part(progress, number / len(variants), (number + 1) / len(variants))
-            found, seconds = _validated(recipe, list(samples), held_out, runs, a_picture, share)
+            found, seconds = _validated(recipe, samples, held_out, runs, a_picture, share)
             errors = round(found.mae_deg, 4), round(found.highest_deg, 2)
             patches_measured = a_picture * len(held_out)
             rows.append(PatchRow(name, side, *errors, round(seconds / 60, 1), width, steps, patches_measured))
@@ -105,8 +93,8 @@ def evaluate_patch_sizes(
         table = _table(rows)
         measured = Measured(rows=[asdict(row) for row in rows], published=published, text=table)
         with write_transaction():
-            if json:
-                write_json(json, measured.metrics())
+            if options.json:
+                write_json(options.json, measured.metrics())
             if page:
                 page.write("Patch sizes", table, [], [_chart(rows)])
     return measured
@@ -120,15 +108,8 @@ def _validated(
     progress(0.0, recipe.title)
     paths = TrainingPaths(checkpoint, checkpoint if checkpoint.exists() else None, cache=runs / PACKED)
     trained = train(recipe, samples, [], paths=paths, progress=progress)
-    simulator = PhotoSimulator.of(
-        trained.network,
-        held_out,
-        capture_model(recipe.capture),
-        seed=VALIDATION_SEED,
-        window=0,
-        augment=recipe.augment,
-        shuffled=False,
-    )
+    model, views = capture_model(recipe.capture), views_of(trained.network, recipe.augment)
+    simulator = PhotoSimulator(held_out, model, seed=VALIDATION_SEED, window=0, shuffled=False, **views)
     return validate(trained.network, simulator, a_picture), trained.seconds
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.measure import Case, Row
-from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
+from mpsnet_core.learning.evaluation.operations import EvaluateRendered
 from mpsnet_core.learning.evaluation.published import FIGURE_6
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, ideal_photograph
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, MeshView, ideal_photograph, mesh_views
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import material_names
@@ -31,13 +31,13 @@ class Rendered(Evaluation):
 
     title = "Rendered meshes"
 
-    def __init__(self, meshes: Sequence[str], merl: str, views: int, protocols: Sequence[str], size: int) -> None:
-        self.measured = bool(merl)
+    def __init__(self, options: EvaluateRendered) -> None:
+        self.measured = bool(options.merl)
         self.cases = [
-            partial(_case, view, count, number, merl, protocol, size)
-            for number, view in enumerate(mesh_views(meshes, views))
+            partial(_case, view, count, number, options.merl, protocol, options.size)
+            for number, view in enumerate(mesh_views(options.mesh, options.views))
             for count in (1, SEVERAL)
-            for protocol in protocols
+            for protocol in options.protocol
         ]
 
     def table(self, rows: Sequence[Row]) -> str:

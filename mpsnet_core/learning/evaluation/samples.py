@@ -9,6 +9,7 @@ from functools import partial
 
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
+from mpsnet_core.learning.evaluation.operations import EvaluateSamples
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import simulate_photo
 from mpsnet_core.synthesis.capture_model import CaptureModel
@@ -26,15 +27,15 @@ class Samples(Evaluation):
 
     title = "Held-out samples, photographed"
 
-    def __init__(self, folders: Sequence[str], count: int, magnify: Sequence[int], white: bool) -> None:
-        self._samples = PackedSamples(folders, skip_damaged=True)
+    def __init__(self, options: EvaluateSamples) -> None:
+        self._samples = PackedSamples(options.folder, skip_damaged=True)
         total = len(self._samples)
-        count = min(count or total, total)
+        count = min(options.count or total, total)
         self.cases = [
             partial(_case, self._samples, index * total // count, times, beside)
             for index in range(count)
-            for times in magnify
-            for beside in white_choices(white)
+            for times in options.magnify
+            for beside in white_choices(options.white)
         ]
 
     def table(self, rows: Sequence[Row]) -> str:

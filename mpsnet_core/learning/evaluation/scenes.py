@@ -4,21 +4,30 @@ Jobs draw the seeds of their shapes below 2^62 (:func:`mpsnet_core.synthesis.ran
 job's seed. The seeds here are above that: no training data contains these shapes.
 """
 
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import GeometryError
+from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
+from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material, Pattern, SceneDescription
+from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape, build_shape
+from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
+from mpsnet_core.synthesis.shapes.shape import turn_about
 
+ELEVATION, FIRST_TURN = 15.0, 20.0  # degrees, of views of meshes
 HELD_OUT_SEED = 1 << 62
 NO_PATTERN = Pattern()
 DISTANCE = 10.0
@@ -81,6 +90,54 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
         raise GeometryError("no pixel shows the object completely, or no light reaches it; take another sample")
-    rig = LightRig(sample.recipe.light_directions, exact=True)
+    rig = LightRig(sample.recipe.light_directions, is_ground_truth=True)
     beside = np.stack([channel(k, sample.lights.sum(axis=0)) for k in range(3)], axis=-1) if white else None
     return Capture(image * np.float32(1 / bright), sample.mask, rig, white=beside)
+
+
+@dataclass(frozen=True)
+class MeshView:
+    """A view of a mesh file. number: of the view, from 1. turn: rotation about the vertical axis in degrees."""
+
+    file: Path
+    number: int
+    turn: float
+
+    @property
+    def labels(self) -> dict[str, str | int]:
+        """Mesh and view, for rows."""
+        return {"object": self.file.stem, "view": self.number}
+
+    def recipe(
+        self, materials: tuple[Material, ...], size: int, *, pattern: Pattern = NO_PATTERN, bounces: int = 0
+    ) -> SceneDescription:
+        """Scene of the view: the mesh's z is up, and the camera looks slightly down. See :func:`published_view`."""
+        standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
+        shape = {
+            "kind": "meshes",
+            "seed": HELD_OUT_SEED,
+            "pose": "upright",
+            "files": [self.file.name],
+            "deformed": False,
+        }
+        return published_view(shape, materials, size, standing, pattern=pattern, bounces=bounces)
+
+    def sample(self, recipe: SceneDescription, merl: str = "") -> Sample:
+        """The recipe's sample. merl: path of measured materials. Raises InputError if the mesh is damaged."""
+        return synthesise(
+            recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]
+        )
+
+
+def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[MeshView]:
+    """`views` views of each mesh. paths: mesh files, or folders of them.
+
+    Raises FileError if a file is missing or a folder has no meshes.
+    """
+    files: list[Path] = []
+    for path in map(Path, paths):
+        files += [path / name for name in mesh_files(path)] if path.is_dir() else [path]
+    for file in files:
+        if not file.is_file():
+            raise FileError(f"the mesh file or folder {file} does not exist; check the path")
+    return [MeshView(file, view + 1, FIRST_TURN + 360 * view / views) for file in files for view in range(views)]

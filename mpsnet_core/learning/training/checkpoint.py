@@ -1,11 +1,8 @@
 """Checkpoints: everything a run needs to resume as if it had never stopped."""
 
 import os
-import pickle
-import struct
 import warnings
 import zipfile
-import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, get_origin, get_type_hints
@@ -15,27 +12,13 @@ from torch import Tensor
 
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import atomic_write, existing_file
+from mpsnet_core.io.opening import DAMAGED
 from mpsnet_core.learning.training.recipe import TrainingConfig, recipe_from_data
 
 FORMAT = "mpsnet-checkpoint"
 MAX_BYTES = 4 << 30
 # Limit of steps, and of seconds.
 MAX_STEPS = 10**9
-# Exceptions that PyTorch raises on files that are damaged or no checkpoints.
-_DAMAGED = (
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    pickle.UnpicklingError,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 class Checkpoint(NamedTuple):
@@ -82,7 +65,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about damaged files
             data = torch.load(path, map_location="cpu", weights_only=True) if whole else None
-    except _DAMAGED:
+    except DAMAGED:
         data = None
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT or set(data) != set(_TYPES):
         raise FormatError(f"checkpoint {path} is damaged, or is not a checkpoint of this program; resume from another")

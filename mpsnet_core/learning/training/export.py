@@ -21,9 +21,6 @@ from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.io.files import atomic_write, writable_path
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
-from mpsnet_core.learning.training.networks.fast_patches import FastPatches, folded_to_half_floats
-from mpsnet_core.learning.training.networks.mps_net import MpsNet
-from mpsnet_core.learning.training.networks.patch_convolutions import SIDE
 
 onnxruntime.disable_telemetry_events()  # as in mpsnet_core/estimate/onnx_model.py
 
@@ -38,8 +35,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
 
     The file has opset 17, dynamic batch, height and width, and inferred shapes. Its outputs are "normals" and, if the
     network predicts its error e, "confidence", 1 - e / 90°. It is written only if the outputs of onnxruntime equal
-    PyTorch's to 1e-4, on images of two sizes. MPS-Net's file holds half floats and the form that multiplies least
-    (:class:`.networks.fast_patches.FastPatches`); its outputs are compared with those of its layers as they stand.
+    PyTorch's to 1e-4, on images of two sizes.
 
     Raises FileError if `path` cannot be written, SettingsError if weights are not finite, InputError if the outputs
     differ.
@@ -51,11 +47,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
                 f"weights of the network are not finite ({name}); train again with a lower learning rate"
             )
     network = trained.network.eval()
-    stored = network
-    if isinstance(network, MpsNet) and network.patch == SIDE:
-        network = folded_to_half_floats(network)
-        stored = FastPatches(network)
-    model = onnx_of(stored)
+    model = onnx_of(network)
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
     model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
     _check_equal_outputs(network, model)
@@ -108,7 +100,7 @@ class _ExportedNetwork(nn.Module):
 
 
 def onnx_of(network: Network) -> onnx.ModelProto:
-    """The network's graph, without metadata. :class:`FastPatches` is another form of one."""
+    """The network's graph, without metadata."""
     answer = _ExportedNetwork(network)
     inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
     outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
@@ -126,8 +118,6 @@ def onnx_of(network: Network) -> onnx.ModelProto:
             output_names=outputs,
             dynamic_axes=axes,
             opset_version=OPSET,
-            # The weights of the fast form's products take six times as much room as the layers'.
-            do_constant_folding=not isinstance(network, FastPatches),
             dynamo=False,
         )
     return onnx.shape_inference.infer_shapes(onnx.load_from_string(content.getvalue()), strict_mode=True)

@@ -66,7 +66,8 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
 
 
 def _filters(graph: onnx.GraphProto, values: dict[str, NDArray[Any]]) -> list[tuple[NDArray[Any], NDArray[Any] | None]]:
-    """Weights and biases in execution order. Those of the fast form of patches are half floats, cast where used."""
+    """Weights and biases in execution order. Those of the shipped MPS-Net are half floats, cast where
+    they are used."""
     casts = [node.input[0] for node in graph.node if node.op_type == "Cast" and node.input[0] in values]
     if casts:
         return [(values[name].astype(np.float32), values[name.replace("weight", "bias")]) for name in casts]

@@ -1,16 +1,11 @@
-"""The training loop: learning rate schedule, running mean of the weights, checkpoints that resume bit-exactly.
-
-Under ``torchrun``, the processes share the batch of each step.
-"""
+"""The training loop: learning rate schedule, running mean of the weights, checkpoints that resume bit-exactly."""
 
 import hashlib
 import logging
 import math
-import os
 import platform
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +13,6 @@ from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
-from torch.nn.parallel import DistributedDataParallel
 from torch.utils.tensorboard import SummaryWriter
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
@@ -30,12 +24,12 @@ from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale
+from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale, views_of
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
-from mpsnet_core.learning.training.signals import delay_signals
 from mpsnet_core.learning.training.validation import Metrics, validate
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
+from mpsnet_core.uninterrupted import uninterrupted
 
 log = logging.getLogger(__name__)
 
@@ -55,8 +49,7 @@ NORM_EXAMPLES = 64  # photographs to restore batch norms and the layer `lit` fro
 class Trained:
     """The result of a run. network: with the running mean of its weights, on the CPU. metrics: of the last validation.
     samples: number of training samples. fingerprint: of their names and jobs. continues: training record of the
-    exported network that it started from, None for random initial weights. rank: of this process under torchrun; only
-    rank 0 writes the network."""
+    exported network that it started from, None for random initial weights."""
 
     network: Network
     recipe: TrainingConfig
@@ -68,7 +61,6 @@ class Trained:
     hardware: str
     precision: str
     continues: dict[str, Any] | None = None
-    rank: int = 0
 
 
 @dataclass(frozen=True)
@@ -130,42 +122,38 @@ def train(
     Notes
     -----
     A resumed run ends with the same weights, bit for bit, as an uninterrupted one, on the same machine with the same
-    number of threads. If one of several processes is stopped, the others end too, and the last checkpoint remains.
+    number of threads.
     """
     paths = paths or TrainingPaths()
     if anneal and (stop_after or minutes):
         raise SettingsError("an anneal runs to its end; leave out --stop-after and --minutes, or --anneal")
-    with _processes() as processes:
-        _check_paths(paths, anneal)
-        run = _Run(recipe, samples, validation, paths, processes, precision, progress)
-        run.begin(paths.resume)
-        end = run.begin_anneal(anneal, paths) if anneal else run.end(stop_after, paths)
-        if anneal or processes.rank:  # only rank 0 writes
-            paths = TrainingPaths(logs=None if processes.rank else paths.logs)
-        metrics = _learn(run, paths, end, 60 * minutes, progress)
-        return run.trained(metrics)
+    _check_paths(paths, anneal)
+    run = _Run(recipe, samples, validation, paths, precision, progress)
+    run.begin(paths.resume)
+    end = run.begin_anneal(anneal, paths) if anneal else run.end(stop_after, paths)
+    metrics = _learn(run, replace(paths, checkpoint=None) if anneal else paths, end, 60 * minutes, progress)
+    return run.trained(metrics)
 
 
 def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress: Progress) -> Metrics | None:
-    """Train until step `end`, or for `seconds`. Returns the metrics of the last validation, on rank 0."""
-    processes, first = run.processes, run.processes.rank == 0
+    """Train until step `end`, or for `seconds`. Returns the metrics of the last validation."""
     writer = None if paths.logs is None else SummaryWriter(str(paths.logs))
-    model = run.network if processes.count == 1 else DistributedDataParallel(run.network)
     between = run.recipe.steps // VALIDATIONS or 1
     metrics, begun, before, started = None, run.step, run.seconds, time.monotonic()
     saved = started
     try:
         while run.step < end:
-            loss = _uninterrupted_step(run, model)
+            scales = run.simulator.batch(run.step, run.recipe.batch)
+            loss = run.advance(scales)
             run.seconds = before + time.monotonic() - started
-            if run.step % LOGGED_EVERY == 0 and first:
+            if run.step % LOGGED_EVERY == 0:
                 angle = math.degrees(float(loss.angle))
                 progress((run.step - begun) / (end - begun), f"step {run.step}, {angle:.1f}°")
                 if writer is not None:
                     writer.add_scalar("training/angle_deg", angle, run.step)
                     writer.add_scalar("training/expected_error", float(loss.expected), run.step)
                     writer.add_scalar("training/learning_rate", run.rate(run.step - 1), run.step)
-            if run.held_out and first and (run.step % between == 0 or run.step == end):
+            if run.held_out and (run.step % between == 0 or run.step == end):
                 metrics = validate(run.mean(), run.held_out)
                 log.info("step %d: %s on held-out samples", run.step, metrics)
                 if writer is not None:
@@ -173,31 +161,15 @@ def _learn(run: "_Run", paths: TrainingPaths, end: int, seconds: float, progress
             if time.monotonic() - saved > SAVED_EVERY:
                 run.save(paths.checkpoint)
                 saved = time.monotonic()
-            if seconds and processes.broadcast_stop(time.monotonic() - started > seconds):
+            if 0 < seconds < time.monotonic() - started:
                 break
     finally:
         run.save(paths.checkpoint)
         if writer is not None:
             writer.close()
-    if metrics is None and run.held_out and first:  # resumed at the recipe's end, for example
+    if metrics is None and run.held_out:  # resumed at the recipe's end, for example
         metrics = validate(run.mean(), run.held_out)
     return metrics
-
-
-def _uninterrupted_step(run: "_Run", model: nn.Module) -> Loss:
-    """One step on this process's share of the batch. Signals are held back until it is done."""
-    rank, count = run.processes.rank, run.processes.count
-    scales = run.simulator.batch(run.step * count + rank, run.recipe.batch // count)
-    with delay_signals():
-        try:
-            return run.advance(model, scales)
-        except RuntimeError as error:
-            if count == 1:
-                raise
-            reason = " ".join(str(error).split())[:200]
-            raise InputError(
-                f"another of the {count} processes ended ({reason}); resume from the last checkpoint"
-            ) from None
 
 
 def _check_paths(paths: TrainingPaths, anneal: int) -> None:
@@ -251,22 +223,17 @@ class _Run:
         samples: list[Path],
         validation: list[Path],
         paths: TrainingPaths,
-        processes: "_Processes",
         precision: Precision,
         progress: Progress,
     ) -> None:
-        if recipe.batch % processes.count:
-            raise SettingsError(
-                f"a batch of {recipe.batch} cannot be shared by {processes.count} processes; correct the recipe"
-            )
-        device, self.recipe, self.processes = processes.device, recipe, processes
+        self.recipe = recipe
+        self.device = device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         torch.manual_seed(recipe.seed)
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        simulator = partial(
-            PhotoSimulator.of, network, model=capture_model(recipe.capture), augment=recipe.augment, device=device
-        )
+        model, views = capture_model(recipe.capture), views_of(network, recipe.augment)
+        simulator: Callable[..., PhotoSimulator] = partial(PhotoSimulator, model=model, device=device, **views)
         read = partial(PackedSamples, progress=progress, cache=paths.cache, skip_damaged=paths.skip_damaged)
         packed = read(samples)
         self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
@@ -307,10 +274,11 @@ class _Run:
         begun, over = self.anneal
         return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
 
-    def advance(self, model: nn.Module, scales: list[Scale]) -> Loss:
+    @uninterrupted  # half a step cannot be resumed
+    def advance(self, scales: list[Scale]) -> Loss:
         """Take one step of the optimisers. Raises FormatError if their states in the resumed checkpoint do not fit."""
         try:
-            loss = self._advanced(model, scales)
+            loss = self._advanced(scales)
         except _MISFIT as error:
             if self.unproven is None or isinstance(error, InputError):
                 raise
@@ -318,12 +286,12 @@ class _Run:
         self.unproven = None
         return loss
 
-    def _advanced(self, model: nn.Module, scales: list[Scale]) -> Loss:
-        recipe, seed = self.recipe, _hashed_seed(self.recipe.seed, self.step, self.processes.rank)
+    def _advanced(self, scales: list[Scale]) -> Loss:
+        recipe, seed = self.recipe, _hashed_seed(self.recipe.seed, self.step, 0)
         self.whole = False
         # Dropout depends on the step alone: a resumed run draws the same.
         torch.manual_seed(seed)
-        autocast = torch.autocast(self.processes.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
+        autocast = torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
         self.network.eval()
         with autocast:
             batch = self._batch(scales, seed)
@@ -331,10 +299,16 @@ class _Run:
             for group in optimiser.param_groups:
                 group["lr"] = self.rate(self.step)
             optimiser.zero_grad(set_to_none=True)
-        self._training_mode(model)
+        self.network.train()
+        if recipe.frozen_norms:
+            for layer in self.network.modules():
+                if isinstance(layer, nn.BatchNorm2d):
+                    layer.eval()
         with autocast:
             # Convolutions with few channels are faster in this memory layout.
-            prediction = model(*(values.contiguous(memory_format=torch.channels_last) for values in batch.inputs))
+            prediction = self.network(
+                *(values.contiguous(memory_format=torch.channels_last) for values in batch.inputs)
+            )
         loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, batch.lit)
         torch.autograd.backward(loss.total)
         gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
@@ -350,13 +324,6 @@ class _Run:
         self._update_mean_weights()
         self.whole = True
         return loss
-
-    def _training_mode(self, model: nn.Module) -> None:
-        model.train()
-        if self.recipe.frozen_norms:
-            for layer in self.network.modules():
-                if isinstance(layer, nn.BatchNorm2d):
-                    layer.eval()
 
     @torch.no_grad()
     def _batch(self, scales: list[Scale], seed: int) -> Batch:
@@ -381,7 +348,7 @@ class _Run:
 
     def mean(self) -> Network:
         """A new network with the running mean of the weights."""
-        network = build_network(self.recipe.network, dict(self.recipe.options)).to(self.processes.device)
+        network = build_network(self.recipe.network, dict(self.recipe.options)).to(self.device)
         network.load_state_dict(self.mean_weights)
         return network.eval()
 
@@ -412,10 +379,9 @@ class _Run:
             metrics,
             len(self.simulator.samples),
             self.fingerprint,
-            self.processes.hardware,
+            _hardware(self.device),
             self.precision,
             self.continues,
-            self.processes.rank,
         )
 
     def begin(self, path: Path | None) -> None:
@@ -440,7 +406,7 @@ class _Run:
             )
         try:
             self.network.load_state_dict(found.weights)
-            self.mean_weights = {name: value.to(self.processes.device) for name, value in found.mean_weights.items()}
+            self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
             self.mean()
             for optimiser, state in zip(self.optimisers, found.optimisers, strict=True):
                 optimiser.load_state_dict(state)
@@ -508,47 +474,9 @@ def _resolved_precision(precision: Precision, device: torch.device) -> str:
     return "bfloat16" if quick else "float32"
 
 
-@dataclass(frozen=True)
-class _Processes:
-    """Rank of this process, and number of processes."""
-
-    rank: int = 0
-    count: int = 1
-
-    @property
-    def device(self) -> torch.device:
-        if not torch.cuda.is_available():
-            return torch.device("cpu")
-        return torch.device("cuda", self.rank % torch.cuda.device_count())
-
-    @property
-    def hardware(self) -> str:
-        """Hardware of all processes, for the training record."""
-        if self.device.type == "cuda":
-            name = torch.cuda.get_device_name(self.device)
-        else:
-            threads, instructions = torch.get_num_threads(), torch.backends.cpu.get_cpu_capability()
-            name = f"{threads} CPU thread{'s' * (threads > 1)}, {platform.machine()} with {instructions}"
-        return name if self.count == 1 else f"{self.count} x {name}"
-
-    def broadcast_stop(self, stop: bool) -> bool:
-        """Rank 0's `stop`: all processes must stop after the same step, or the others would wait forever."""
-        if self.count == 1:
-            return stop
-        shared = torch.tensor(float(stop), device=self.device)
-        torch.distributed.broadcast(shared, 0)
-        return bool(shared)
-
-
-@contextmanager
-def _processes() -> Iterator[_Processes]:
-    """The processes that torchrun started."""
-    count = int(os.environ.get("WORLD_SIZE", "1"))
-    if count == 1:
-        yield _Processes()
-        return
-    torch.distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
-    try:
-        yield _Processes(int(os.environ["RANK"]), count)
-    finally:
-        torch.distributed.destroy_process_group()
+def _hardware(device: torch.device) -> str:
+    """The hardware, for the training record."""
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    threads, instructions = torch.get_num_threads(), torch.backends.cpu.get_cpu_capability()
+    return f"{threads} CPU thread{'s' * (threads > 1)}, {platform.machine()} with {instructions}"

@@ -22,6 +22,7 @@ from torch import Tensor
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.errors import FileError, FormatError, NoObject
 from mpsnet_core.io.files import atomic_write, ensure_folder, existing_file, resolved, temporary_folder
+from mpsnet_core.io.opening import DAMAGED
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
@@ -125,7 +126,7 @@ class PackedSamples:
             record = np.load(existing_file(packed, "packed sample"), allow_pickle=False)
             lights, normals, mask, lit = (torch.from_numpy(record[name]) for name in Packed._fields[:4])
             return Packed(lights, normals, mask, lit, record["directions"])
-        except (EOFError, LookupError, MemoryError, OSError, SyntaxError, TypeError, ValueError):
+        except DAMAGED:
             raise FormatError(f"{packed} is damaged; delete it, and the sample is packed again") from None
 
     def _packed_path(self, path: Path) -> Path:

@@ -18,7 +18,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import MIN_MEAN
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
@@ -113,29 +112,6 @@ class PhotoSimulator:
         self.device = device or torch.device("cpu")
         self._order: tuple[int, NDArray[np.int64]] = (-1, np.empty(0, np.int64))
 
-    @classmethod
-    def of(
-        cls,
-        network: Network | ModelCard,
-        samples: PackedSamples,
-        model: CaptureModel | None = None,
-        *,
-        seed: int,
-        window: int,
-        augment: bool = True,
-        shuffled: bool = True,
-        device: torch.device | None = None,
-    ) -> "PhotoSimulator":
-        """For the photographs that a network, or the one of a card, sees.
-
-        augment: whether in any frame where the network's is the camera's.
-        """
-        finer = FINER_SHARES if network.kind == "pyramid" else ()
-        frames: Frames = "canonical" if network.frame == "canonical" else "any" if augment else "camera"
-        return cls(
-            samples, model, seed=seed, window=window, finer=finer, frames=frames, shuffled=shuffled, device=device
-        )
-
     def batch(self, step: int, size: int) -> list[Scale]:
         """The scales of step `step`'s examples, coarse to fine."""
         rng = generator(self.seed, 3, step)
@@ -174,6 +150,15 @@ class PhotoSimulator:
         return example
 
 
+def views_of(network: Network, augment: bool) -> dict[str, Any]:
+    """How a network sees photographs: `finer` and `frames` of :class:`PhotoSimulator`.
+
+    augment: whether in any frame where the network's is the camera's.
+    """
+    frames: Frames = "canonical" if network.frame == "canonical" else "any" if augment else "camera"
+    return {"finer": FINER_SHARES if network.kind == "pyramid" else (), "frames": frames}
+
+
 def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
     """Photograph a sample's own pixels in camera space, under three lights at once.
 
@@ -193,7 +178,7 @@ def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[
     capture = Capture(
         whole(shot[0]),
         whole(_known(mask, draws.mask_error[:1], finer[:1])[0])[..., 0],
-        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing, exact=draw.exact),
+        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing, is_ground_truth=draw.exact),
         clip=1.0 if draw.bits else np.inf,
         white=whole(shot[1]) if draw.white else None,
         white_clipped=np.repeat(~whole(_unclipped(shot[1:], draws.bits[1:])[0]), 3, axis=2)
@@ -382,35 +367,19 @@ def _cut(whole: Scale, size: int, rng: np.random.Generator) -> Scale:
 # --- the camera -------------------------------------------------------------------------------------------------------
 
 
-class _Draws(NamedTuple):
-    """Capture draws of N examples, as tensors (N, ...)."""
-
-    known_mixing: Tensor
-    exposure: Tensor
-    highlights: Tensor
-    full_well: Tensor
-    read_noise: Tensor
-    bits: Tensor
-    srgb: Tensor
-    jpeg_quality: Tensor
-    halved_chroma: Tensor
-    blur: Tensor
-    mosaic: Tensor
-    mask_error: Tensor
-    white: Tensor
-    exact: Tensor
+class _Draws(dict[str, Tensor]):
+    """Capture draws of N examples, as tensors (N, ...), by the names of :class:`CaptureDraw`."""
 
     @classmethod
     def of(cls, draws: Sequence[CaptureDraw], device: torch.device) -> "_Draws":
-        return cls(
-            *(
-                torch.tensor(np.array([getattr(draw, name) for draw in draws]).astype(np.float32), device=device)
-                for name in cls._fields
-            )
-        )
+        columns = {name: np.array([vars(draw)[name] for draw in draws], np.float32) for name in vars(draws[0])}
+        return cls({name: torch.tensor(values, device=device) for name, values in columns.items()})
+
+    def __getattr__(self, name: str) -> Tensor:
+        return self[name]
 
     def subset(self, which: Tensor | Sequence[int]) -> "_Draws":
-        return _Draws(*(values[which] for values in self))
+        return _Draws({name: values[which] for name, values in self.items()})
 
 
 def _photos(draw: CaptureDraw) -> tuple[slice, ...]:
@@ -496,8 +465,7 @@ def _normalise_by_white_photo(
         torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
     )
     factors = torch.where(valid, albedo.mean(dim=0) / albedo, mean_factors[:, None, None])
-    grey: Tensor = torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
-    return grey
+    return torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
 
 
 def _known(mask: Tensor, error: Tensor, finer: Tensor) -> Tensor:

@@ -4,67 +4,23 @@ import os
 import reprlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import FormatError, InputError, SettingsError
+from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.synthesis.capture_model import CaptureModel
+from mpsnet_core.synthesis.capture_model import CaptureModel, limited, limits_of
 
 RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
 MAX_RECIPE_BYTES = 1 << 13
 OPTIMISERS = ("adamw", "muon")
-
-# Smallest and largest value of each number of a recipe.
-_RANGES: dict[str, tuple[float, float]] = {
-    "steps": (1, 100_000_000),
-    "batch": (1, 65536),
-    "crop": (0, 8192),
-    "patches": (0, 65536),
-    "seed": (0, 2**31 - 1),
-    "learning_rate": (1e-8, 1.0),
-    "weight_decay": (0.0, 1.0),
-    "warm_up": (0, 1_000_000),
-    "decay": (0, 100_000_000),
-    "ema": (0.0, 0.99999),
-    "error_weight": (0.0, 100.0),
-    "gradient_weight": (0.0, 100.0),
-}
-# The same of its capture. What is drawn log-uniformly stays above 0; a crosstalk of 1 leaves no inverse of the mixing.
-_CAPTURE_RANGES: dict[str, tuple[float, float]] = {
-    "crosstalk": (0.0, 0.9),
-    "colour_overlap": (0.0, 1.0),
-    "overlap_shares": (0.0, 1.0),
-    "light_strengths": (0.001, 1000.0),
-    "channel_gains": (0.001, 1000.0),
-    "exact": (0.0, 1.0),
-    "rendered": (0.0, 1.0),
-    "measured": (0.0, 1.0),
-    "mixing_error": (0.0, 1.0),
-    "direction_error": (0.0, 90.0),
-    "bad_mixing_error": (0.0, 1.0),
-    "bad_direction_error": (0.0, 90.0),
-    "unknown": (0.0, 1.0),
-    "exposure": (0.001, 1000.0),
-    "highlights": (1e-6, 1.0),
-    "full_well": (1.0, 1e9),
-    "read_noise": (1e-6, 1e6),
-    "bits": (0, 16),
-    "srgb": (0.0, 1.0),
-    "jpeg": (0.0, 1.0),
-    "jpeg_quality": (1, 100),
-    "halved_chroma": (0.0, 1.0),
-    "blur": (0.0, 16.0),
-    "mosaic": (0.0, 1.0),
-    "white": (0.0, 1.0),
-    "white_strengths": (0.001, 1000.0),
-    "mask_error": (-32, 32),
-    "grain": (0.0, 1.0),
-    "grain_amount": (0.001, 1.0),
-    "grain_size": (1.0, 64.0),
-    "grain_tinted": (0.0, 1.0),
+# The kinds of what is no number.
+_KINDS: dict[str, tuple[type, str]] = {
+    **dict.fromkeys(("name", "title", "network", "optimiser"), (str, "a text")),
+    **dict.fromkeys(("augment", "frozen_norms"), (bool, "true or false")),
+    "options": (Mapping, "a table"),
 }
 
 
@@ -95,44 +51,35 @@ class TrainingConfig:
     name: str
     title: str
     network: str
-    steps: int
+    steps: int = limited(MISSING, 1, 100_000_000)
     options: Mapping[str, Any] = field(default_factory=dict)
     samples: tuple[str, ...] = ()
-    batch: int = 16
-    crop: int = 128
-    patches: int = 0
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-2
-    warm_up: int = 200
-    decay: int = 0
-    ema: float = 0.999
-    error_weight: float = 1.0
-    gradient_weight: float = 0.0
+    batch: int = limited(16, 1, 65536)
+    crop: int = limited(128, 0, 8192)
+    patches: int = limited(0, 0, 65536)
+    learning_rate: float = limited(1e-3, 1e-8, 1.0)
+    weight_decay: float = limited(1e-2, 0.0, 1.0)
+    warm_up: int = limited(200, 0, 1_000_000)
+    decay: int = limited(0, 0, 100_000_000)
+    ema: float = limited(0.999, 0.0, 0.99999)
+    error_weight: float = limited(1.0, 0.0, 100.0)
+    gradient_weight: float = limited(0.0, 0.0, 100.0)
     optimiser: str = "adamw"
     augment: bool = True
     frozen_norms: bool = False
     capture: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
+    seed: int = limited(0, 0, 2**31 - 1)
 
     def __post_init__(self) -> None:
-        for name in ("name", "title", "network"):
+        for name, (kind, words) in _KINDS.items():
             value = getattr(self, name)
-            if not isinstance(value, str) or not value:
-                raise SettingsError(f"the recipe's {name} must be a text, not {reprlib.repr(value)}")
+            if not isinstance(value, kind) or value == "":
+                raise SettingsError(f"the recipe's {name} must be {words}, not {reprlib.repr(value)}")
         capture_model(self.capture)
-        if not isinstance(self.options, Mapping):
-            raise SettingsError(f"the recipe's options must be a table, not {reprlib.repr(self.options)}")
         if not all(isinstance(line, str) for line in self.samples):
             raise SettingsError("the recipe's samples must be a list of texts")
-        if self.optimiser not in OPTIMISERS:
-            raise SettingsError(
-                f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {reprlib.repr(self.optimiser)}"
-            )
-        for name in ("augment", "frozen_norms"):
-            value = getattr(self, name)
-            if not isinstance(value, bool):
-                raise SettingsError(f"the recipe's {name} must be true or false, not {reprlib.repr(value)}")
-        for name, (low, high) in _RANGES.items():
+        check_choice("the recipe's optimiser", self.optimiser[:99], OPTIMISERS)
+        for name, (low, high) in limits_of(TrainingConfig).items():
             value = getattr(self, name)
             if not _within(value, low, high):
                 raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {reprlib.repr(value)}")
@@ -161,7 +108,7 @@ def capture_model(changes: Any) -> CaptureModel:
         default = vars(own).get(name)
         if default is None:
             raise SettingsError(f"the recipe's capture has no {name!r}; choose {', '.join(vars(own))}")
-        low, high = _CAPTURE_RANGES[name]
+        low, high = limits_of(CaptureModel)[name]
         entries = value if isinstance(default, tuple) else [value]
         if not isinstance(entries, list | tuple) or not all(_within(entry, low, high) for entry in entries):
             wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"

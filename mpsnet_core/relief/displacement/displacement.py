@@ -18,8 +18,6 @@ from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
 from mpsnet_core.arrays.unit_vectors import dot
-from mpsnet_core.bake.settings import check_texture
-from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
@@ -29,6 +27,7 @@ from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture import Space, check_texture
 
 # Number of solves. Changes of height along a curved surface, and the trust in gradients, depend on the heights, which
 # are known from the second solve on. After the third, little changes.
@@ -183,8 +182,7 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
         return np.zeros(len(areas), np.float32)
     broadest = float(scale * np.linalg.norm(np.ptp(own.mesh.world_vertices, axis=0)) / (2 * np.pi))
     width = np.where(seen > 0, broadest, min(_fade(own, areas), broadest))
-    hold_weights: NDArray[np.float32] = (areas / width**2).astype(np.float32)
-    return hold_weights
+    return (areas / width**2).astype(np.float32)
 
 
 def _solved(
@@ -251,8 +249,7 @@ def _trust(
     are trusted, however steep they are. steps: (N,) distance between texels in world units.
     """
     apart = (heights[graph.neighbours[:2]] - heights - np.stack([right, below])) * (graph.weights[:2] > 0) / steps
-    trust: NDArray[np.float32] = np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
-    return trust
+    return np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
 
 
 def _gradient(
@@ -278,8 +275,7 @@ def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]
     of_island = connected(count, *graph.islands[graph.ties].T.astype(np.int64))
     surface = of_island[graph.islands]
     sums = np.bincount(surface, values * areas, count) / np.maximum(np.bincount(surface, areas, count), 1e-300)
-    means: NDArray[np.float32] = sums[surface].astype(np.float32)
-    return means
+    return sums[surface].astype(np.float32)
 
 
 def _with_margin(

@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
-from mpsnet_core.bake.texture import Space
-from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
-from mpsnet_core.bake.texture_sets import TextureSet, texture_sets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
 from mpsnet_core.io.image_reading import read_size
@@ -21,43 +18,18 @@ from mpsnet_core.relief.displacement.displacement import Displacement, displacem
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.udim import tiles_of
 from mpsnet_core.relief.height_files import HeightFacts, HeightScale, height_files, write_height
+from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.mesh import Mesh, read_mesh
-from mpsnet_core.scene.normal_encoding import Convention, write_vectors
+from mpsnet_core.scene.normal_encoding import write_vectors
 from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.texture_names import check_one_texture, split_by, texture_files
+from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 log = logging.getLogger(__name__)
 
 # If normals contradict one another on a larger fraction of the surface, texture and mesh do not fit. In photos, around
 # eyes and nostrils, it is a few hundredths.
 DOUBTFUL = 0.3
-
-
-@dataclass(frozen=True)
-class BakedNormals:
-    """A normal texture, and the mesh that it was baked onto.
-
-    file: with ``<UDIM>`` for UDIM tiles. mesh: the mesh's file. space, convention: of the normals.
-    """
-
-    file: str
-    mesh: str
-    space: Space
-    convention: Convention
-
-
-@dataclass(frozen=True)
-class HeightTarget:
-    """Where and how heights on UVs are written.
-
-    file: with ``<UDIM>`` if the normals' file has it. object_space: file for the normals in object space, which shade
-    the displaced surface as the texture shades the mesh; None for none. bits: see :func:`write_height`. unit: name of
-    the mesh's unit.
-    """
-
-    file: str
-    object_space: str | None
-    bits: int | None
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -75,73 +47,64 @@ class HeightsOnUVs(Result):
     height: HeightFacts
 
 
-def write_displacement(
-    texture: BakedNormals,
-    target: HeightTarget,
-    *,
-    base: str | None,
-    scale: float,
-    mean: float | None,
-    margin: int,
-    progress: Progress,
-) -> HeightsOnUVs:
+def write_displacement(options: Integrate, progress: Progress) -> HeightsOnUVs:
     """Integrate a normal texture to heights on the mesh that it was baked onto, and write them.
-
-    base: file of the mesh to be displaced, if that is the same mesh subdivided. scale, mean, margin: see
-    :func:`displacement`.
 
     Raises InputError if a file cannot be read or written, a value is out of range, or texture and mesh do not fit.
     """
-    tiled = _checked_names(texture, target)
+    assert options.uvs and options.height
+    unit = options.unit or "unit"
+    tiled = _checked_names(options, options.height)
     progress(0.0, "reading the mesh")
-    mesh, base_mesh = read_mesh(texture.mesh), read_mesh(base) if base else None
+    mesh, base_mesh = read_mesh(options.uvs), read_mesh(options.base) if options.base else None
     chosen = texture_sets([mesh], tiles=tiled)
     if tiled:
-        chosen = _with_texels(chosen, texture.file, mesh)
+        chosen = _with_texels(chosen, options.normals, mesh)
     normals, outputs, turned = (
-        _files(name, chosen, tiled) for name in (texture.file, target.file, target.object_space)
+        _files(name, chosen, tiled) for name in (options.normals, options.height, options.object_space)
     )
-    taken = [*normals, Path(texture.mesh), *([Path(base)] if base else [])]
-    files = _checked_outputs(outputs, turned, target.bits, taken)
+    taken = [*normals, Path(options.uvs), *([Path(options.base)] if options.base else [])]
+    files = _checked_outputs(outputs, turned, options.height_bits, taken)
     tiles = tiles_of(chosen)
-    progress(0.05, f"reading {Path(texture.file).name}")
-    vectors = tiles.joined(read_normals(file, convention=texture.convention).vectors for file in normals)
+    progress(0.05, f"reading {Path(options.normals).name}")
+    vectors = tiles.joined(read_normals(file, convention=options.convention).vectors for file in normals)
     laid = tiles.mesh(mesh) if tiled else mesh
     found = displacement(
         vectors,
         laid,
-        space=texture.space,
+        space=options.space,
         base=tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh,
-        scale=scale,
-        mean=mean,
-        margin=margin,
+        scale=options.scale,
+        mean=options.mean,
+        margin=options.margin,
         progress=part(progress, 0.1, 0.9),
     )
-    progress(0.9, f"writing {Path(target.file).name}")
+    progress(0.9, f"writing {Path(options.height).name}")
     with write_transaction():
-        means = _write_heights(dict(zip(outputs, tiles.parted(found.values), strict=True)), found, target)
+        means = _write_heights(
+            dict(zip(outputs, tiles.parted(found.values), strict=True)), found, options.height_bits, unit
+        )
         if turned:
-            _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True)))
+            _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, options.margin)), strict=True)))
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
-    baked = f"in {texture.space} space and {texture.convention}"
-    _warn_of_misfit(found, highest - lowest, mesh, target.unit, baked)
+    baked = f"in {options.space} space and {options.convention}"
+    _warn_of_misfit(found, highest - lowest, mesh, unit, baked)
     return HeightsOnUVs(
         [str(file) for file in files],
         [texture_set.tile for texture_set in chosen if texture_set.tile],
-        target.unit,
+        unit,
         means.facts(lowest, highest, found.seam_step),
-        text=f"{target.file}: heights from {lowest:.4g} to {highest:.4g} {target.unit}; {means}; "
-        f"{means.displace_words}",
+        text=f"{options.height}: heights from {lowest:.4g} to {highest:.4g} {unit}; {means}; {means.displace_words}",
     )
 
 
-def _checked_names(texture: BakedNormals, target: HeightTarget) -> bool:
+def _checked_names(options: Integrate, height: str) -> bool:
     """Whether the files are of UDIM tiles. Raises SettingsError if only some are, or `object_space` is not needed."""
-    if target.object_space and texture.space == "object":
-        raise SettingsError(f"{texture.file} is in object space already; leave --object-space out")
-    tiled = _tiled(texture.file, target.file)
-    return _tiled(texture.file, target.object_space) if target.object_space else tiled
+    if options.object_space and options.space == "object":
+        raise SettingsError(f"{options.normals} is in object space already; leave --object-space out")
+    tiled = _tiled(options.normals, height)
+    return _tiled(options.normals, options.object_space) if options.object_space else tiled
 
 
 def _tiled(normals: str, height: str) -> bool:
@@ -184,12 +147,14 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
     ]
 
 
-def _write_heights(parts: Mapping[Path, NDArray[np.float32]], found: Displacement, target: HeightTarget) -> HeightScale:
+def _write_heights(
+    parts: Mapping[Path, NDArray[np.float32]], found: Displacement, bits: int | None, unit: str
+) -> HeightScale:
     """Write each file's part of the heights, all with one scale. Returns the scale."""
     ends = float(found.values.min()), float(found.values.max())
     for file, values in parts.items():
         heights = replace(found, values=values).as_height_map()
-        means = write_height(file, heights, bits=target.bits, unit=target.unit, on_uvs=True, ends=ends)
+        means = write_height(file, heights, bits=bits, unit=unit, on_uvs=True, ends=ends)
     return means
 
 

@@ -11,13 +11,13 @@ from mpsnet_core.arrays.mask_regions import box_sums, eroded
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot, normalised
-from mpsnet_core.bake.texture import Space
-from mpsnet_core.bake.uv_islands import welded
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
 from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
+from mpsnet_core.scene.texture import Space
+from mpsnet_core.scene.uv_islands import welded
 
 # Gradients steeper than this (cosine of the angle between the surface and the mesh; 80°) are limited to it: a normal
 # perpendicular to the mesh's would require an infinite height. The limit is lower than that of integration over a
@@ -171,8 +171,7 @@ def _from_tangent_space(
 ) -> NDArray[np.float64]:
     """(h, S, 3) tangent-space `vectors` in object space, not normalised."""
     x, y, z = np.moveaxis(vectors, -1, 0)[..., None]
-    found: NDArray[np.float64] = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
-    return found
+    return x * tangent + y * sign * np.cross(normal, tangent) + z * normal
 
 
 def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDArray[np.float32]:

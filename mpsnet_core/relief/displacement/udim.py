@@ -7,10 +7,10 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.texture_sets import TextureSet
 
 
 @dataclass(frozen=True)
@@ -73,5 +73,5 @@ class Tiles:
 
 
 def tiles_of(texture_sets: Sequence[TextureSet]) -> Tiles:
-    """The tiles of :func:`mpsnet_core.bake.texture_sets.texture_sets`."""
+    """The tiles of :func:`mpsnet_core.scene.texture_sets.texture_sets`."""
     return Tiles(np.array([texture_set.corner for texture_set in texture_sets], np.int64))

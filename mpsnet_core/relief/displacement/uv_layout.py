@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
-from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.uv_islands import Islands, islands_of
 
 # Triangles below this fraction of the largest area are degenerate, apart from rounding.
 MIN_AREA = 1e-12
@@ -54,8 +54,7 @@ class Layout:
 
     def areas(self) -> NDArray[np.float64]:
         """(T,) area of a texel on each triangle, in world units."""
-        areas: NDArray[np.float64] = self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
-        return areas
+        return self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
 
     def seams(self) -> "Seams":
         """Sample points along the seams, about a texel apart, where one of a seam's sides is in the texture.
@@ -124,8 +123,7 @@ class Seams:
     @property
     def met(self) -> NDArray[np.bool_]:
         """(M,) whether both sides cover a texel, and not the same one."""
-        met: NDArray[np.bool_] = (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
-        return met
+        return (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
 
 
 def layout_of(mesh: Mesh, size: int) -> Layout:

@@ -127,8 +127,7 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
 def _agreement(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N - 1, M) agreement, from 0 to 1, of the pixels (N, M) at both ends of links along the first axis."""
     apart = (gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1])
-    alike: NDArray[np.float32] = np.reciprocal(1 + np.square(apart / APART))
-    return alike
+    return np.reciprocal(1 + np.square(apart / APART))
 
 
 def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF) -> tuple[Links, Links]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.relief.height_map import pixels_per_unit
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -30,11 +31,6 @@ class Gradients:
     right: NDArray[np.float32]
     down: NDArray[np.float32]
     mask: NDArray[np.bool_]
-
-
-def pixels_per_unit(camera: Camera) -> float:
-    """The factor on depth or its logarithm in :class:`Gradients`: a single one, even if pixels are not square."""
-    return float(np.sqrt(camera.focal.prod()))
 
 
 def gradients(normals: NormalMap, camera: Camera, box: tuple[slice, slice] | None = None) -> Gradients:

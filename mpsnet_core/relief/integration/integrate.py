@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import bounding_box, labelled
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_map import HeightMap, pixels_per_unit
 from mpsnet_core.relief.integration.bilateral import bilateral
 from mpsnet_core.relief.integration.fast import fast
-from mpsnet_core.relief.integration.gradients import gradients, pixels_per_unit
+from mpsnet_core.relief.integration.gradients import gradients
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera, pixel_camera
 from mpsnet_core.scene.normal_map import NormalMap

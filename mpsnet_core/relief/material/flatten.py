@@ -34,8 +34,7 @@ def flatten_albedo(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32
     """The albedo (H, W, 3) without low-frequency changes across the image. Each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)
-    even: NDArray[np.float32] = np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
-    return even
+    return np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
 
 
 def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
@@ -85,5 +84,4 @@ def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     """(3, 3) the shortest rotation of a unit vector with z above 0 to +z (Rodrigues' formula)."""
     x, y, z = unit
     across = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])
-    turn: NDArray[np.float64] = np.eye(3) + across + across @ across / (1 + z)
-    return turn
+    return np.eye(3) + across + across @ across / (1 + z)

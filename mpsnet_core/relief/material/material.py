@@ -21,8 +21,7 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.material.albedo import estimated_albedo
 from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
-from mpsnet_core.relief.material.gradients import normals_of
-from mpsnet_core.relief.material.periodic_heights import periodic_height, remove_low_frequencies
+from mpsnet_core.relief.material.gradients import normals_of, periodic_height, remove_low_frequencies
 from mpsnet_core.relief.material.resampling import sampled
 from mpsnet_core.relief.material.seam import MIN_JOINED, Seam, make_seamless, measure_seam
 from mpsnet_core.relief.material.tiling import Tiling, find_tiling
@@ -256,5 +255,4 @@ def _camera(shape: tuple[int, ...], pitch: tuple[float, float]) -> Camera:
 def _within_range(albedo: NDArray[np.float32]) -> NDArray[np.float32]:
     """Albedos of at most 1. All are darkened if one in a hundred exceeds BRIGHTEST."""
     bright = float(np.percentile(albedo[::4, ::4], 99))
-    darkened: NDArray[np.float32] = np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)
-    return darkened
+    return np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)

@@ -1,20 +1,37 @@
 """A material as files: its textures, a JSON file with their scales, and a preview of it repeated."""
 
 import os
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.io.files import check_own, ensure_folder, write_json, write_transaction
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.masks import ALPHA_OR_NONE
+from mpsnet_core.capture.open import open_captures
+from mpsnet_core.errors import SettingsError
+from mpsnet_core.io.files import (
+    IMAGE_SUFFIXES,
+    check_no_overwrite,
+    check_own,
+    creatable_folder,
+    ensure_folder,
+    prefix_errors,
+    write_json,
+    write_transaction,
+)
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
+from mpsnet_core.operation import Result
+from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
-from mpsnet_core.relief.material.material import Material
+from mpsnet_core.relief.material.material import Material, check_material, crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.resampling import resampled
+from mpsnet_core.relief.material.scale import Ruler, millimetres, parse_crop, parse_ruler
+from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.relief.relight import relit
 from mpsnet_core.scene.normal_encoding import Convention, write_vectors
 from mpsnet_core.scene.normal_map import NormalMap
@@ -33,6 +50,97 @@ REPEATS = 3
 PREVIEW_SIDE = 1536
 # From the upper left at a low angle, which shows the relief and any seam.
 PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
+
+
+@dataclass(frozen=True)
+class MaterialMade(Result):
+    """The textures of a flat material.
+
+    files: by content. width_mm, height_mm: size of the tile. relief_mm: depth of its relief. seam: the step of the
+    normals across the tile's border, divided by that between other neighbours.
+    """
+
+    files: dict[str, str]
+    width_mm: float
+    height_mm: float
+    relief_mm: float
+    seam: float
+
+
+def make_material(options: MakeMaterial, progress: Progress) -> MaterialMade:
+    """Make a material from a photo, and write its textures. Raises InputError if that is not possible."""
+    check_material(options.size, options.overlap, options.bend)
+    crop = parse_crop(options.crop) if options.crop else None
+    length, pixels, ruler = _scale(options)
+    name = _checked_name(options)
+    folder = creatable_folder(options.output, "material")
+    inputs = options.inputs(options.image, options.rig, options.camera, options.mesh)
+    check_no_overwrite(inputs, material_files(folder, name).values())
+    estimator = options.estimator()
+    progress(0.0, f"reading {Path(options.image).name}")
+    capture, width = _capture(options, ruler, crop)
+    material = flat_material(
+        capture,
+        estimator(capture, part(progress, 0.05, 0.5)),
+        length / (pixels or width),
+        size=options.size,
+        overlap=options.overlap,
+        bend=options.bend,
+        grey=options.grey,
+        progress=part(progress, 0.5, 0.85),
+    )
+    progress(0.85, f"writing {folder.name}")
+    files = write_material(folder, name, material, convention=options.convention)
+    progress(1.0, "done")
+    rows, columns = material.height.shape
+    deep, seam = float(material.height.max()) - float(material.height.min()), material.seam.border[0]
+    size = f"{material.width_mm:.4g} x {material.height_mm:.4g} mm"
+    return MaterialMade(
+        {what: str(file) for what, file in files.items()},
+        material.width_mm,
+        material.height_mm,
+        deep,
+        seam,
+        text=f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {deep:.3g} mm deep; "
+        f"{_repeats(material.tiling.correlation)}; seam {seam:.2f}, where 1 is none",
+    )
+
+
+def _scale(options: MakeMaterial) -> tuple[float, float | None, Ruler | None]:
+    """A length in millimetres, its pixels in the photo, None for the photo's width; and the ruler, if one is given."""
+    given = [name for name in ("width", "pixel_size", "ruler") if getattr(options, name) is not None]
+    if len(given) != 1:
+        count = "several options state" if given else "no option states"
+        raise SettingsError(f"{count} the material's size; give one of --width, --pixel-size or --ruler")
+    if options.ruler is not None:
+        ruler = parse_ruler(options.ruler)
+        return ruler.length_mm, ruler.pixels, ruler
+    return millimetres(options.width or options.pixel_size or ""), None if options.width else 1.0, None
+
+
+def _checked_name(options: MakeMaterial) -> str:
+    """The prefix of the file names. Raises SettingsError if name or folder is invalid."""
+    name = Path(options.image).stem if options.name is None else options.name
+    if Path(name).name != name:
+        raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
+    if Path(options.output).suffix.lower() in IMAGE_SUFFIXES:
+        raise SettingsError(f"--output {options.output} looks like an image file; give a folder for all of them")
+    return name
+
+
+def _capture(options: MakeMaterial, ruler: Ruler | None, crop: tuple[int, int, int, int] | None) -> tuple[Capture, int]:
+    """The part of the photo to use, and the whole photo's width in pixels."""
+    [capture] = open_captures([options.source(options.image, options.rig, ALPHA_OR_NONE)], options.read_options())
+    height, width = capture.mask.shape
+    with prefix_errors(options.image):
+        if ruler:
+            ruler.check_within(height, width)
+        return crop_to_filled_part(capture, crop), width
+
+
+def _repeats(correlation: tuple[float | None, float | None]) -> str:
+    repeats = [f"{share:.0%} alike {way}" for share, way in zip(correlation, ("across", "down"), strict=True) if share]
+    return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"
 
 
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:

@@ -105,8 +105,7 @@ def _coarse(apart: NDArray[np.float32], reach: int, closed: bool) -> NDArray[np.
 def _eased(share: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     """Smoothstep from 0 to 1."""
     share = np.clip(share, 0, 1)
-    eased: NDArray[np.float32] = (share * share * (3 - 2 * share)).astype(np.float32)
-    return eased
+    return (share * share * (3 - 2 * share)).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -90,8 +90,7 @@ def _box(table: NDArray[np.float64], sideways: NDArray[np.int64], along: NDArray
     height, width = table.shape[0] - 1, table.shape[1] - 1
     top, bottom = np.maximum(-sideways, 0), height - np.maximum(sideways, 0)
     left, right = np.maximum(-along, 0), width - np.maximum(along, 0)
-    sums: NDArray[np.float64] = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
-    return sums
+    return table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
 
 
 @dataclass(frozen=True)
@@ -198,5 +197,4 @@ def _across(
     """The longest step along `square`, mostly along the axis, for which there is room next to the other step."""
     square = square / square[axis]
     lengths = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
-    step_across: NDArray[np.float64] = square * np.floor(lengths.min())
-    return step_across
+    return square * np.floor(lengths.min())

@@ -116,8 +116,8 @@ def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray
 def _lens(intrinsic: dict[str, Any]) -> Lens:
     kind = str(intrinsic.get("type")).lower()
     bend = _OLD_TYPES.get(kind) or str(intrinsic.get("distortionType", "none")).lower()
-    straightened = str(intrinsic.get("undistortionType", "none")).lower()
-    for name, read in ((kind, ("pinhole", *_OLD_TYPES)), (bend, _DISTORTIONS), (straightened, ("none",))):
+    undistortion = str(intrinsic.get("undistortionType", "none")).lower()
+    for name, read in ((kind, ("pinhole", *_OLD_TYPES)), (bend, _DISTORTIONS), (undistortion, ("none",))):
         if name not in read:
             raise FormatError(
                 f"camera type {name!r} is not supported (pinhole, radial1, radial3 and brown are); choose one "

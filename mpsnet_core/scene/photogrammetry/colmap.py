@@ -66,11 +66,18 @@ MAX_NAME = 4096
 
 @dataclass(frozen=True)
 class _Intrinsics:
+    """A camera of COLMAP."""
+
     width: int
+    """Width of the image, in pixels."""
     height: int
+    """Height of the image, in pixels."""
     focal: tuple[float, float]
+    """Focal lengths along x and y, in pixels."""
     centre: tuple[float, float]
+    """Principal point, in pixels."""
     lens: Lens
+    """The distortion."""
 
 
 def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
@@ -88,7 +95,7 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     cameras, images = _model_files(Path(path))
     for file in (cameras, images):
         if existing_file(file, "COLMAP file").stat().st_size > MAX_FILE_BYTES:
-            raise FormatError(f"{file} is larger than 1 GiB; save the model as binary, with the photos you need alone")
+            raise FormatError(f"{file} is larger than 1 GiB; save the model as binary, with only the photos you need")
     if cameras.suffix == ".bin":
         with cameras.open("rb") as source, prefix_errors(cameras):
             intrinsics = _binary_cameras(_Binary(source))
@@ -252,7 +259,7 @@ class _Binary:
         start = self._source.tell()
         text, zero, _ = self._source.read(MAX_NAME).partition(b"\0")
         if not zero:
-            raise FormatError("it holds a photo's name without an end; copy or export it again")
+            raise FormatError("it holds a photo's name that does not end; copy or export it again")
         self._source.seek(start)
         self.skip(len(text) + 1)
         return text.decode("utf-8", errors="replace")

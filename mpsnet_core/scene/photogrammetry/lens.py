@@ -27,15 +27,6 @@ _REACH_STEPS = 4096
 class Lens:
     """Brown's distortion model, as COLMAP, OpenCV, Metashape and AliceVision fit it to lenses.
 
-    Parameters
-    ----------
-    radial, divisor : tuple of float, optional
-        Any number of coefficients (k1, k2, k3, k4 and, in OpenCV's full model, k4, k5, k6).
-    tangential : (float, float), optional
-        OpenCV's (p2, p1), which are Metashape's (p1, p2).
-    affinity : 2 x 2 tuple of float, optional
-        Rows of the matrix A, for pixels that are not square or not at right angles; the identity by default.
-
     Raises
     ------
     GeometryError
@@ -57,9 +48,13 @@ class Lens:
     """
 
     radial: tuple[float, ...] = ()
+    """Any number of coefficients: k1, k2, k3, k4."""
     divisor: tuple[float, ...] = ()
+    """Any number of coefficients of the divisor: k4, k5, k6 of OpenCV's full model."""
     tangential: tuple[float, float] = (0.0, 0.0)
+    """OpenCV's (p2, p1), which are Metashape's (p1, p2)."""
     affinity: Matrix = ((1.0, 0.0), (0.0, 1.0))
+    """2 x 2. Rows of the matrix A, for pixels that are not square or not at right angles; the identity by default."""
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.radial, *self.divisor, *self.tangential, *chain(*self.affinity)]).all():

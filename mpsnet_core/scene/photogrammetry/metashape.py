@@ -37,8 +37,11 @@ class _Similarity:
     """The map of p to turn · scale · p + shift, from chunk to world."""
 
     turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3). Rotation."""
     shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """(3,). Translation, in the world's unit."""
     scale: float = 1.0
+    """Scale."""
 
 
 def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
@@ -81,7 +84,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
     system = (chunk.findtext("reference") or "LOCAL_CS").strip()
     if not system.startswith("LOCAL_CS"):
         log.warning(
-            "the chunk has geographic coordinates, in which Metashape writes its meshes otherwise than its cameras; "
+            "the chunk has geographic coordinates, in which Metashape writes meshes differently from cameras; "
             "export both in local coordinates"
         )
     photos = []

@@ -32,21 +32,14 @@ _TURNS: dict[int, NDArray[np.int64]] = {
 
 @dataclass(frozen=True, eq=False)
 class PosedPhoto:
-    """A photo's camera and lens.
-
-    Attributes
-    ----------
-    photo : str
-        Its name or path in the camera file.
-    camera : Camera
-        The pinhole camera, in the world space of that file's own mesh.
-    lens : Lens
-        The distortion from that camera's image to the photo.
-    """
+    """A photo's camera and lens."""
 
     photo: str
+    """Its name or path in the camera file."""
     camera: Camera
+    """The pinhole camera, in the world space of that file's own mesh."""
     lens: Lens
+    """The distortion from that camera's image to the photo."""
 
 
 def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:

@@ -3,12 +3,8 @@
 import asyncio
 import contextlib
 import logging
-import queue
-import threading
-import time
 import uuid
 import warnings
-from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -18,7 +14,7 @@ from typing import Any
 from mpsnet_core import __version__
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.synthesis.farm.address import check_address
-from mpsnet_core.synthesis.farm.work import SampleResult, SampleResults, Worker
+from mpsnet_core.synthesis.farm.work import SampleResult, SampleResults, Worker, gathered
 from mpsnet_core.synthesis.job import JOB_FILE, read_job
 
 try:
@@ -29,18 +25,14 @@ except ImportError as error:
     raise InputError(f"a cluster needs Dask ({error}); install it with: pip install distributed") from None
 
 CONNECT_SECONDS = 10
-LISTEN_SECONDS = 0.2
-RETRY_SECONDS = 0.5
-# The scheduler keeps submitted tasks in memory; this many keep all workers busy.
-TASKS_AHEAD = 2000
-# Worker processes end after this time without a request, because the client may disappear without notice.
-IDLE_SECONDS = 60.0
+# Of samples, which one process of ours makes.
+LONGEST_BATCH = 50
 
 
 def results_from_cluster(
     address: str, command: Sequence[str], folder: Path, numbers: Sequence[int], *, trusted: bool = False
 ) -> SampleResults:
-    """Results of the Dask workers at the scheduler `address` for the samples `numbers`, one task per sample.
+    """Results of the Dask workers at the scheduler `address` for the samples `numbers`, a few to a task.
 
     trusted: whether the whole network is trusted. If not, a remote address must be tls://, see :func:`check_address`.
     Certificates are from Dask's configuration (``distributed.comm.tls``).
@@ -51,44 +43,23 @@ def results_from_cluster(
     check_address(address, trusted=trusted)
     if not numbers:
         return
-    waiting, claimed_elsewhere = deque(numbers), deque[tuple[float, int]]()
-    pending: dict[int, Future] = {}
-    finished = queue.SimpleQueue[tuple[int, Future]]()
+    pending: dict[Any, Sequence[int]] = {}
     with _client(address) as client, _sample_workers(client, command, folder) as plugin:
+        longest = min(LONGEST_BATCH, len(numbers) // (4 * (sum(client.nthreads().values()) or 1))) or 1
+        batches = [numbers[start : start + longest] for start in range(0, len(numbers), longest)]
+
+        def submit(batch: Sequence[int]) -> Future:
+            key = f"{plugin}-{batch[0]}-{uuid.uuid4()}"
+            return client.submit(_make, plugin, batch, key=key, pure=False, priority=-batch[0])
+
         try:
-            while waiting or claimed_elsewhere or pending:
-                while claimed_elsewhere and claimed_elsewhere[0][0] <= time.monotonic():
-                    waiting.append(claimed_elsewhere.popleft()[1])
-                while waiting and len(pending) < TASKS_AHEAD:
-                    number = waiting.popleft()
-                    task = client.submit(
-                        _make, plugin, number, key=f"{plugin}-{number}-{uuid.uuid4()}", pure=False, priority=-number
-                    )
-                    pending[number] = task
-                    task.add_done_callback(partial(_put, finished, number))
-                try:
-                    number, task = finished.get(timeout=LISTEN_SECONDS)
-                except queue.Empty:
-                    yield None
-                    continue
-                del pending[number]
-                result = _task_result(task, number, address)
-                if result is None:
-                    waiting.append(number)
-                elif result.state == "held":
-                    claimed_elsewhere.append((time.monotonic() + RETRY_SECONDS, number))
-                else:
-                    yield result
+            yield from gathered(submit, batches, partial(_task_results, address), pending)
         finally:
             with contextlib.suppress(OSError):  # the scheduler has gone
-                client.cancel(list(pending.values()), force=True)
+                client.cancel(list(pending), force=True)
 
 
-def _put(finished: "queue.SimpleQueue[tuple[int, Future]]", number: int, task: Future) -> None:
-    finished.put((number, task))
-
-
-def _task_result(task: Future, number: int, address: str) -> SampleResult | None:
+def _task_results(address: str, task: Future, batch: Sequence[int]) -> list[SampleResult] | None:
     """The answer of a task; None if it was lost with its worker while the scheduler is still there."""
     try:
         if task.status == "finished":
@@ -99,7 +70,7 @@ def _task_result(task: Future, number: int, address: str) -> SampleResult | None
     if error is None and task.client.status == "running":
         return None
     if isinstance(error, KilledWorker):
-        return SampleResult(number, "failed", "the cluster's workers died of it again and again")
+        return [SampleResult(number, "failed", "the cluster's workers died of it again and again") for number in batch]
     if isinstance(error, InputError):
         raise error
     reason = f" ({error})" if error is not None else ""
@@ -187,24 +158,23 @@ def _sample_workers(client: Client, command: Sequence[str], folder: Path) -> Ite
             client.unregister_worker_plugin(name)
 
 
-def _make(plugin: str, number: int) -> SampleResult:
+def _make(plugin: str, batch: Sequence[int]) -> list[SampleResult]:
     own: Any = get_worker().plugins[plugin]
-    return own.make(number)
+    return own.make(batch)
 
 
 class _SampleWorkers(WorkerPlugin):
-    """Plugin of each Dask worker that starts sample processes on demand, one per concurrent task."""
+    """Plugin of each Dask worker that starts a process of ours for each task."""
 
     def __init__(self, command: Sequence[str], folder: Path) -> None:
         # Not a Path: the worker's operating system may have other paths.
         self.command, self.folder, self.version = tuple(command), str(folder), __version__
 
     def setup(self, worker: object) -> None:
-        self.all: set[Worker] = set()
-        self.idle: deque[tuple[Worker, threading.Timer]] = deque()
+        self.running: set[Worker] = set()
 
-    def make(self, number: int) -> SampleResult:
-        """Make a sample. Raises InputError if this machine cannot make samples of the job."""
+    def make(self, batch: Sequence[int]) -> list[SampleResult]:
+        """Make samples. Raises InputError if this machine cannot make samples of the job."""
         where = get_worker().address
         if self.version != __version__:
             raise InputError(f"the cluster's worker {where} has mpsnet {__version__}, not {self.version}; update it")
@@ -214,31 +184,14 @@ class _SampleWorkers(WorkerPlugin):
                 f"the cluster's worker {where} does not see {job}; choose a folder that all its machines reach by the "
                 "same path"
             )
+        worker = Worker(self.command, self.folder, seconds=read_job(self.folder).sample_seconds)
+        self.running.add(worker)
         try:
-            worker, timer = self.idle.pop()
-            timer.cancel()
-        except IndexError:
-            worker = Worker(self.command, self.folder, seconds=read_job(self.folder).sample_seconds)
-            self.all.add(worker)
-        result = worker.make(number)
-        timer = threading.Timer(IDLE_SECONDS, self._retire, (worker,))
-        timer.daemon = True
-        timer.start()
-        self.idle.append((worker, timer))
-        return result
-
-    def _retire(self, worker: Worker) -> None:
-        for entry in list(self.idle):
-            if entry[0] is worker:
-                try:
-                    self.idle.remove(entry)
-                except ValueError:  # it has just got a request
-                    return
-                worker.close()
-                self.all.discard(worker)
+            return [worker.make(number) for number in batch]
+        finally:
+            worker.close()
+            self.running.discard(worker)
 
     def teardown(self, worker: object) -> None:
-        for own in list(self.all):
+        for own in list(self.running):
             own.end()
-        for _, timer in list(self.idle):
-            timer.cancel()

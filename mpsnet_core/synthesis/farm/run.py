@@ -3,26 +3,31 @@
 import itertools
 import logging
 import os
-import queue
 import shutil
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.arrays.row_bands import usable_cores
 from mpsnet_core.errors import InputError, SettingsError
-from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
 from mpsnet_core.io.image_writing import is_complete_image, write_picture
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
-from mpsnet_core.synthesis.farm.work import THIS_PYTHON, SampleResult, SampleResults, Worker, clear_unfinished
+from mpsnet_core.synthesis.farm.work import (
+    THIS_PYTHON,
+    SampleResult,
+    SampleResults,
+    Worker,
+    clear_unfinished,
+    gathered,
+)
 from mpsnet_core.synthesis.job import (
     CONTACT_SHEET,
     FOLDER_CLAIM,
@@ -40,8 +45,6 @@ SYNTHESIS_COMMAND = (THIS_PYTHON, "-m", "mpsnet_core", "work")
 # After this many consecutive failures, stop: the rest would fail, too.
 FAILURES_IN_A_ROW = 20
 
-LISTEN_SECONDS = 0.2
-RETRY_SECONDS = 0.3
 SHEET_SECONDS = 5.0
 # Largest share of the time to spend on updating the contact sheet.
 SHEET_SHARE = 0.05
@@ -153,65 +156,27 @@ def _results_from_processes(
     # Consecutive samples with the same shape go to one worker, which builds it once. Limit their number to balance the
     # load at the end.
     longest = max(1, len(numbers) // (4 * processes))
-    runs = itertools.groupby(numbers, lambda number: (number // job.views, number % job.views // longest))
-    waiting = deque(tuple(run) for _, run in runs)
-    results, stop = queue.SimpleQueue[SampleResult | Exception](), threading.Event()
+    batches = itertools.groupby(numbers, lambda number: (number // job.views, number % job.views // longest))
     threads_each = max(1, usable_cores() // processes)
     workers = [Worker(command, folder, threads_each, seconds=job.sample_seconds) for _ in range(processes)]
-    threads = [
-        threading.Thread(target=_drive, args=(worker, waiting, results.put, stop), daemon=True) for worker in workers
-    ]
-    try:
-        for thread in threads:
-            thread.start()
-        while any(thread.is_alive() for thread in threads) or not results.empty():
-            try:
-                result = results.get(timeout=LISTEN_SECONDS)
-            except queue.Empty:
-                yield None
-                continue
-            if isinstance(result, Exception):
-                raise result
-            yield result
-    finally:
-        stop.set()
-        for worker in workers:
-            worker.end()
-        for thread in threads:
-            if thread.ident is not None:
-                thread.join()
+    own, spare = threading.local(), list(workers)
 
+    def make(batch: Sequence[int]) -> list[SampleResult]:
+        return [own.worker.make(number) for number in batch]
 
-def _drive(
-    worker: Worker,
-    waiting: "deque[Sequence[int]]",
-    put: Callable[[SampleResult | Exception], None],
-    stop: threading.Event,
-) -> None:
-    """Let one worker make batch after batch, and at the end retry samples that other processes held."""
-    claimed_elsewhere: deque[tuple[float, int]] = deque()
-    try:
-        while not stop.is_set():
-            try:
-                run: Sequence[int] = waiting.popleft()
-            except IndexError:
-                if not claimed_elsewhere:
-                    break
-                due, number = claimed_elsewhere.popleft()
-                stop.wait(max(0.0, due - time.monotonic()))
-                run = (number,)
-            for number in run:
-                result = worker.make(number)
-                if result.state == "held":
-                    claimed_elsewhere.append((time.monotonic() + RETRY_SECONDS, number))
-                else:
-                    put(result)
-    except ChildEnded:  # `end` ended it during work
-        return
-    except Exception as error:  # noqa: BLE001 - raised again where the answers are read
-        put(error)
-    finally:
-        worker.close()
+    with ThreadPoolExecutor(processes, initializer=lambda: setattr(own, "worker", spare.pop())) as pool:
+        try:
+            yield from gathered(
+                lambda batch: pool.submit(make, batch),
+                [tuple(batch) for _, batch in batches],
+                lambda task, _: task.result(),
+                {},
+            )
+            list(pool.map(Worker.close, workers))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.end()
 
 
 # --- what is reported on the way --------------------------------------------------------------------------------------

@@ -15,9 +15,12 @@ ends with the process, and :func:`clear_unfinished` removes the unfinished file.
 
 import contextlib
 import os
+import queue
 import sys
 import threading
-from collections.abc import Callable, Generator, Mapping, Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -50,6 +53,49 @@ class SampleResult:
 
 # Results of workers as they arrive, and None if nothing arrives for a moment. Closing the generator ends the workers.
 SampleResults = Generator[SampleResult | None, None, None]
+
+LISTEN_SECONDS = 0.2
+# Until a sample that another process holds is asked for again.
+RETRY_SECONDS = 0.5
+# The submitted tasks are kept in memory; this many keep all workers busy.
+TASKS_AHEAD = 2000
+
+
+def gathered(
+    submit: Callable[[Sequence[int]], Any],
+    batches: Iterable[Sequence[int]],
+    answer: Callable[[Any, Sequence[int]], list[SampleResult] | None],
+    pending: dict[Any, Sequence[int]],
+) -> SampleResults:
+    """Results of the samples of `batches`, each of which is a task of a pool. Samples that are held are asked again.
+
+    submit: gives a batch to the pool, and returns its future. answer: the results of a future that is done and of its
+    batch, None to submit it again. pending: filled with the futures that are not done.
+    """
+    waiting, held = deque(batches), deque[tuple[float, int]]()
+    done = queue.SimpleQueue[Any]()
+    while waiting or held or pending:
+        while held and held[0][0] <= time.monotonic():
+            waiting.append((held.popleft()[1],))
+        while waiting and len(pending) < TASKS_AHEAD:
+            batch = waiting.popleft()
+            task = submit(batch)
+            pending[task] = batch
+            task.add_done_callback(done.put)
+        try:
+            task = done.get(timeout=LISTEN_SECONDS)
+        except queue.Empty:
+            yield None
+            continue
+        batch = pending.pop(task)
+        results = answer(task, batch)
+        if results is None:
+            waiting.append(batch)
+        for result in results or ():
+            if result.state == "held":
+                held.append((time.monotonic() + RETRY_SECONDS, result.number))
+            else:
+                yield result
 
 
 # --- from within ------------------------------------------------------------------------------------------------------

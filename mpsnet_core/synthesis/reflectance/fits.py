@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import read_arrays
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
-from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats, rusinkiewicz_angles
 
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
 _LAYERS = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}

@@ -39,8 +39,7 @@ def ggx(
     slope = sine_squared + squared * (1 - sine_squared)
     masking = cos_light * np.sqrt(squared + (1 - squared) * cos_view * cos_view)
     masking += cos_view * np.sqrt(squared + (1 - squared) * cos_light * cos_light)
-    reflected: NDArray[np.float32] = squared / (np.float32(2 * np.pi) * slope * slope * masking)
-    return reflected
+    return squared / (np.float32(2 * np.pi) * slope * slope * masking)
 
 
 def fresnel_dielectric(
@@ -101,8 +100,7 @@ def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]
     # Interpolates the table at a position from 0 to 1 along its first axis.
     place = min(max(position, 0.0), 1.0) * (len(table) - 1)
     below = min(int(place), len(table) - 2)
-    value: NDArray[np.float64] = table[below] + (place - below) * (table[below + 1] - table[below])
-    return value
+    return table[below] + (place - below) * (table[below + 1] - table[below])
 
 
 @lru_cache(maxsize=1)

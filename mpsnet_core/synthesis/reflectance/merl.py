@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
-from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats, rusinkiewicz_angles
 
 # Half angle (spaced by its square root, dense near the highlight), difference angle, difference azimuth (0 to pi).
 BINS = (90, 90, 180)

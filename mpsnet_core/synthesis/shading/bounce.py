@@ -96,8 +96,7 @@ def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> N
     """(N, 3) cosine-distributed directions above the points, from points (N, 2) on the unit disc (Malley's method)."""
     first, second = frames(points.smooth)
     x, y = places.T[..., None]
-    heading: NDArray[np.float32] = x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
-    return heading
+    return x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
 
 
 class _Grid:

@@ -134,8 +134,7 @@ def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.int
     def weights(places: NDArray[np.float32]) -> NDArray[np.float32]:
         square = ((places - mirror) ** 2).sum(axis=1)
         density = spread**2 / (square + spread**2) ** 2 / within
-        heuristic: NDArray[np.float32] = ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)
-        return heuristic
+        return ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)
 
     farthest = np.hypot(*mirror.T) + 1
     within = farthest**2 / (farthest**2 + spread**2)  # share of the lobe within reach of the disc's farthest point

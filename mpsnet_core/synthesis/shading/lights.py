@@ -142,8 +142,7 @@ def _cast(
 
     def cosines(normals: NDArray[np.float32]) -> NDArray[np.float32]:
         a, b, c = normals.take(chosen, axis=0).T[..., None]
-        cosine: NDArray[np.float32] = a * x + b * y + c * z
-        return cosine
+        return a * x + b * y + c * z
 
     share = cosines(points.normal)
     up = (share > 0) & (cosines(points.smooth) > 0)

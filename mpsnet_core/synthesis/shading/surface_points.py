@@ -107,8 +107,7 @@ class Surface:
 
 def _blend(weights: tuple[NDArray[np.float32], ...], values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
     a, b, c = (weight * value for weight, value in zip(weights, values, strict=True))
-    blend: NDArray[np.float32] = a + b + c
-    return blend
+    return a + b + c
 
 
 def _facing(normals: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -135,7 +135,6 @@ def _deformed(shape: Shape, rng: np.random.Generator) -> Shape:
 
     def bend(points: NDArray[np.float64]) -> NDArray[np.float64]:
         swells = np.stack([gradient_noise(points * scale, seed + k) for k in range(3)], axis=1)
-        moved: NDArray[np.float64] = (points + amount / scale * swells) * stretch
-        return moved
+        return (points + amount / scale * swells) * stretch
 
     return bent(shape, bend)

@@ -60,8 +60,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
 
     def form(points: Array) -> Array:
         out = 1 + swell * fractal_noise(points * scale, seed, 2)
-        moved: Array = (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
-        return moved
+        return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
 
     return bent(_ball(cells), form)
 
@@ -99,8 +98,7 @@ def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
         bulge = np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         fine = 0.35 * np.sqrt(gradient_noise(places * 2.1, seed + 4) ** 2 + sharp)
         out = 0.7 + depth * (bulge + fine)
-        moved: Array = points * out[:, None] + push * _vectors(points * 0.9, seed + 5)
-        return moved
+        return points * out[:, None] + push * _vectors(points * 0.9, seed + 5)
 
     return form
 
@@ -114,8 +112,7 @@ def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
         places = (points + warp * _vectors(points * 1.3, seed)) * scale
         crest = 0.5 - np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         finer = 0.5 - np.sqrt(gradient_noise(places * 2.2, seed + 4) ** 2 + sharp)
-        raised: Array = amount * (2 * crest + 1.2 * crest * finer - 0.6)
-        return raised
+        return amount * (2 * crest + 1.2 * crest * finer - 0.6)
 
     return height
 

@@ -155,8 +155,7 @@ def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
         total: Array = places[2]
         for solid in solids:
             total = blended(total, solid.signed_distance(places), 0.05)
-        apart: Array = total - 0.03
-        return apart
+        return total - 0.03
 
     inside = np.flatnonzero(distance(points) < 0)
     places = points[:, inside]
@@ -189,8 +188,7 @@ def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
 
 
 def _grid_normals(grid: Array) -> Array:
-    normals: Array = normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
-    return normals
+    return normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
 
 
 def _pleated(rng: np.random.Generator) -> Shape:

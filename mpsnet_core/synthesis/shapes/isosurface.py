@@ -48,8 +48,7 @@ def _normals(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np
     """(3, N) unit gradients of the distance at points (3, N), by central differences."""
     steps = _STEP * np.eye(3)[..., None]
     rises = [_distances(solids, points + step) - _distances(solids, points - step) for step in steps]
-    normals: NDArray[np.float64] = normalised(np.stack(rises, axis=1)).T
-    return normals
+    return normalised(np.stack(rises, axis=1)).T
 
 
 def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -126,5 +125,4 @@ def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.
     short = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
     one = np.where(short[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
     two = np.where(short[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
-    triangles: NDArray[np.int32] = np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
-    return triangles
+    return np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)

@@ -49,8 +49,7 @@ def limb(start: ArrayLike, end: ArrayLike, r1: float, r2: float, *, blend: float
 
     def distance(p: Array) -> Array:
         t: Array = np.clip((p[0] * along[0] + p[1] * along[1] + p[2] * along[2]) / square + 0.5, 0, 1)
-        distance: Array = lengths(p - (t - 0.5) * along[:, None]) - (r1 + (r2 - r1) * t)
-        return distance
+        return lengths(p - (t - 0.5) * along[:, None]) - (r1 + (r2 - r1) * t)
 
     half = np.abs(along) / 2 + max(r1, r2)
     return Solid(distance, (a + b) / 2, WORLD, half, blend, carve)
@@ -64,8 +63,7 @@ def ellipsoid(
 
     def distance(p: Array) -> Array:
         scaled = lengths(p / r)
-        distance: Array = scaled * (scaled - 1) / np.maximum(lengths(p / r / r), 1e-9)
-        return distance
+        return scaled * (scaled - 1) / np.maximum(lengths(p / r / r), 1e-9)
 
     return Solid(distance, np.asarray(centre, np.float64), np.asarray(axes, np.float64), r[:, 0], blend, carve)
 
@@ -92,8 +90,7 @@ def cylinder(centre: ArrayLike, radius: float, half_height: float, rounding: flo
 
 def _rounded(outside: Array, rounding: float) -> Array:
     """(N,) distances from a rounded form. outside: (D, N) distances of points beyond its core along each axis."""
-    distance: Array = lengths(np.maximum(outside, 0)) + np.minimum(outside.max(axis=0), 0) - rounding
-    return distance
+    return lengths(np.maximum(outside, 0)) + np.minimum(outside.max(axis=0), 0) - rounding
 
 
 def blended(a: Array, b: Array, width: float) -> Array:
@@ -107,5 +104,4 @@ def blended(a: Array, b: Array, width: float) -> Array:
 
 def lengths(vectors: Array) -> Array:
     """(...) lengths of vectors (D, ...)."""
-    length: Array = np.sqrt(np.einsum("i...,i...->...", vectors, vectors))
-    return length
+    return np.sqrt(np.einsum("i...,i...->...", vectors, vectors))

@@ -113,8 +113,7 @@ def catmull_rom(knots: Array, nodes: int) -> Array:
     t = (place - start).reshape(-1, *[1] * (knots.ndim - 1))
     padded = np.concatenate([2 * knots[:1] - knots[1:2], knots, 2 * knots[-1:] - knots[-2:-1]])
     a, b, c, d = (padded[start + k] for k in range(4))
-    curve: Array = 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
-    return curve
+    return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
 
 
 @lru_cache(maxsize=4)

@@ -16,16 +16,13 @@ In the patch-wise form, SAME padding sees zeros beyond each patch, where overlap
 overlapping patches share only the 1 x 1 layers (conv1, conv2, conv8) and conv3, which has nine variants, one for each
 way in which the patch's edge cuts its 3 x 3 window. From conv4 on, the values at all 25 places differ. Sharing those
 values would save 0.03 of 0.72 × 10⁹ multiply-adds per patch (4%), and sharing conv4's products with conv3's nine
-variants, too, another 6%. So patches are computed one by one, but exported in a form that multiplies a quarter as often
-(:mod:`.fast_patches`).
+variants, too, another 6%. So patches are computed one by one.
 """
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, scaled, unit
-from mpsnet_core.learning.training.networks.patch_convolutions import SIDE, convolve_patches
 
 DROPOUT = 0.1
 
@@ -63,8 +60,6 @@ class MpsNet(Network):
 
     def forward(self, *inputs: Tensor) -> Prediction:
         photo, initial_normals = inputs
-        if self.training and self.patch == SIDE and not torch.is_autocast_enabled("cpu") and photo.device.type == "cpu":
-            return self._predict_quickly(photo, initial_normals)
         image = self.elu(self.conv2(self.elu(self.conv1(photo))))
         maps = image if self.conv8 is None else torch.cat([image, initial_normals.to(image.dtype)], dim=1)
         maps = self.conv4(self.dropout(self.conv3(maps)))
@@ -72,37 +67,6 @@ class MpsNet(Network):
         maps = maps if self.conv8 is None else maps + self.conv8(initial_normals)
         return Prediction(unit(self.conv10(self.conv9(maps)).flatten(1)))
 
-    def _predict_quickly(self, *inputs: Tensor) -> Prediction:
-        """The same with values stored place by place, (25, N, C): a step of training takes half of the time."""
-        photo, initial_normals = (values.permute(2, 3, 0, 1).flatten(0, 1) for values in inputs)
-        maps = self.elu(_pixelwise(self.conv2, self.elu(_pixelwise(self.conv1, photo))))
-        if self.conv8 is not None:
-            maps = torch.cat([maps, initial_normals], dim=-1)
-        maps = _normed_patches(self.conv4, self.dropout(_normed_patches(self.conv3, maps)))
-        maps = self.dropout(_normed_patches(self.conv5, maps))
-        maps = _normed_patches(self.conv7, _normed_patches(self.conv6, maps))
-        if self.conv8 is not None:
-            maps = maps + _pixelwise(self.conv8, initial_normals)
-        maps = _normed_patches(self.conv9, maps)
-        # What conv10 sees has the size of its weights, so it is a product.
-        places = maps.permute(1, 2, 0).flatten(1)
-        return Prediction(unit(functional.linear(places, self.conv10.weight.flatten(1), self.conv10.bias)))
-
 
 def _normed(channels: int, maps: int, stride: int = 1) -> nn.Sequential:
     return nn.Sequential(convolution(channels, maps, bias=False, stride=stride), nn.BatchNorm2d(maps), nn.ELU())
-
-
-def _pixelwise(layer: nn.Conv2d, values: Tensor) -> Tensor:
-    """A convolution of side 1 of values (..., C)."""
-    return functional.linear(values, layer.weight.flatten(1), layer.bias)
-
-
-def _normed_patches(layers: nn.Sequential, values: Tensor) -> Tensor:
-    """The layers of :func:`_normed` for patches (25, N, C)."""
-    layer, norm, elu = layers
-    assert isinstance(layer, nn.Conv2d)
-    result = convolve_patches(values, layer.weight, layer.stride[0])
-    # The norm wants (N, C, side, side); the view has the values of each channel, which is all that counts.
-    normed: Tensor = elu(norm(result.flatten(0, 1)[..., None, None]))
-    return normed.view(result.shape)

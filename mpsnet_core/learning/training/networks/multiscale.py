@@ -177,8 +177,7 @@ class _Down(nn.Module):
 
     def forward(self, maps: Tensor, rig: Tensor) -> Tensor:
         scale, shift = self.told(rig).chunk(2, dim=1)
-        result: Tensor = self.residual(functional.relu(self.shrink(maps) * (1 + scale) + shift))
-        return result
+        return self.residual(functional.relu(self.shrink(maps) * (1 + scale) + shift))
 
 
 class _Up(nn.Module):
@@ -190,5 +189,4 @@ class _Up(nn.Module):
         self.residual = _Residual(maps)
 
     def forward(self, maps: Tensor, beside: Tensor) -> Tensor:
-        result: Tensor = self.residual(functional.relu(self.grow(maps) + beside))
-        return result
+        return self.residual(functional.relu(self.grow(maps) + beside))

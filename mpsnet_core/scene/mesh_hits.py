@@ -13,21 +13,23 @@ from mpsnet_core.scene.rays import RayScene
 
 
 @dataclass(frozen=True)
-class MeshSeen:
-    """The hits of a camera's rays through N pixels on a mesh.
-
-    hit: (M,) indices of the pixels whose rays hit the mesh. triangle: (M,) triangles that they hit. weights: (M, 3, 1)
-    barycentric coordinates. points: (M, 3) in world space, relative to the scene's centre. directions: (M, 3) unit
-    directions of the rays in camera space.
-    """
+class MeshHits:
+    """The hits of a camera's rays through N pixels on a mesh."""
 
     mesh: Mesh
+    """The mesh."""
     camera: Camera
+    """The camera."""
     hit: NDArray[np.int64]
+    """(M,). Indices of the pixels whose rays hit the mesh."""
     triangle: NDArray[np.int32]
+    """(M,). Triangles that they hit."""
     weights: NDArray[np.float32]
+    """(M, 3, 1). Barycentric coordinates of the hits."""
     points: NDArray[np.float64]
+    """(M, 3). The hits in world space, relative to the scene's centre."""
     directions: NDArray[np.float64]
+    """(M, 3). Unit directions of the rays, in camera space."""
 
     def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
         """(M, K) values at the hits, interpolated from those at the triangles' corners, (T, 3, K)."""
@@ -47,11 +49,11 @@ class MeshSeen:
         return facing
 
 
-def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshSeen:
+def mesh_hits(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshHits:
     """Cast a camera's rays through pixels (N, 2) onto the mesh. scene: of the same mesh."""
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
     hit = np.flatnonzero(hits.triangle >= 0)
     hits = hits.subset(hit)
     points = origins[hit] - scene.middle + directions[hit] * hits.distance[:, None]
-    return MeshSeen(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)
+    return MeshHits(mesh, camera, hit, hits.triangle, hits.weights, points, directions[hit] @ camera.rotation)

@@ -7,6 +7,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
+from mpsnet_core.defaults import MAX_TEXTURE_SIZE
+from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.scene.normal_encoding import Convention, write_vectors
 
 Space = Literal["tangent", "object"]
@@ -15,37 +18,25 @@ SPACES: tuple[Space, ...] = ("tangent", "object")
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """Baked normals for every texel.
-
-    Attributes
-    ----------
-    vectors : (H, W, 3) float32 array
-        Unit vectors in `space`, row 0 at v = 1; +z where there is no surface.
-    seen : (H, W) bool array
-        Texels that at least one view sees.
-    covered : (H, W) bool array
-        Texels with surface under them.
-    space : {"tangent", "object"}
-        "tangent" is MikkTSpace.
-    views : (H, W) uint16 array, optional
-        Number of views that see each texel.
-    spread : (H, W) float32 array, optional
-        Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine between each and
-        their mean; 0 where fewer than two views see the texel.
-    colours : (H, W, 4) float32 array, optional
-        If the views have colours: linear RGB, and 1 where some view has a colour, else 0.
-    filled : (H, W) bool array, optional
-        Unseen texels that were filled from the seen ones around them; None without filling.
-    """
+    """Baked normals for every texel."""
 
     vectors: NDArray[np.float32]
+    """(H, W, 3) float32. Unit vectors in `space`, row 0 at v = 1; +z where there is no surface."""
     seen: NDArray[np.bool_]
+    """(H, W) bool. Texels that at least one view sees."""
     covered: NDArray[np.bool_]
+    """(H, W) bool. Texels with surface under them."""
     space: Space
+    """What the normals are relative to: "tangent" is MikkTSpace, "object" the mesh's own axes."""
     views: NDArray[np.uint16] | None = None
+    """(H, W) uint16. Number of views that see each texel."""
     spread: NDArray[np.float32] | None = None
+    """(H, W) float32. Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine
+    between each and their mean; 0 where fewer than two views see the texel."""
     colours: NDArray[np.float32] | None = None
+    """(H, W, 4) float32. If the views have colours: linear RGB, and 1 where some view has a colour, else 0."""
     filled: NDArray[np.bool_] | None = None
+    """(H, W) bool. Unseen texels that were filled from the seen ones around them; None without filling."""
 
     def rows(self, rows: slice) -> "Texture":
         """A view of some of its rows, which shares memory with it."""
@@ -94,3 +85,15 @@ def write_texture(
         If the file cannot be written.
     """
     write_vectors(path, texture.vectors, convention=convention, bits=bits, description=description)
+
+
+def check_texture(size: TextureSize, space: str, margin: int) -> None:
+    """Raise SettingsError if the size, space or margin of a texture is invalid."""
+    for side in width_and_height(size):
+        if not 1 <= side <= MAX_TEXTURE_SIZE:
+            raise SettingsError(
+                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
+            )
+    if not 0 <= margin <= MAX_TEXTURE_SIZE:
+        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
+    check_choice("space", space, SPACES)

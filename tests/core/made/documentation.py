@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).parents[2]
+PROJECT = Path(__file__).parents[3]
 # The pages that docs/generated_pages.py writes.
 GENERATED = {PROJECT / "docs" / "reference" / name for name in ("command_line.md", "python.md", "blender.md")}
 PAGES = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").rglob("*.md"))]
@@ -41,7 +41,7 @@ def commands(page: Path, program: str) -> list[list[str]]:
 LEFT_OUT = {
     r"\bpip install\b|\bsudo\b|^python3 -m venv|\.venv/bin/": "installs or builds, by the network; .ci/run does it",
     r"--command extension install-file": "needs a Blender; tests/blender/test_install.py does it",
-    r"mpsnet train|torchrun|evaluate patch-sizes": "takes hours; tests/core/test_train_cli.py trains small ones",
+    r"mpsnet train|evaluate patch-sizes": "takes hours; tests/core/test_train_cli.py trains small ones",
     r"evaluate diligent": "needs DiLiGenT's photographs; tests/core/test_diligent.py makes its own",
     r"tensorboard|http\.server": "serves until it is stopped",
 }

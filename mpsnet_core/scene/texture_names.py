@@ -46,7 +46,7 @@ def split_by(pattern: str | os.PathLike[str]) -> set[str]:
             raise SettingsError(f"{pattern}: {token} stands for nothing; use {known}, in capital letters")
     for token in re.findall("<[^<>]*>", str(path.parent)):
         if token.upper() in TOKENS:
-            raise SettingsError(f"{pattern}: {token} stands in a folder's name; put it into the file's name")
+            raise SettingsError(f"{pattern}: {token} is in a folder's name; put it into the file's name")
     return {TOKENS[token] for token in found}
 
 
@@ -62,7 +62,8 @@ def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
     for file, name in zip(files, folded, strict=True):
         if folded.count(name) > 1:
             raise SettingsError(
-                f"several textures would be called {file}; put {', '.join(TOKENS)} into the name as needed, apart"
+                f"several textures would be called {file}; put {', '.join(TOKENS)} into the name as needed, with "
+                "a separator between"
             )
     return files
 
@@ -97,7 +98,7 @@ def map_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTextu
 def _named(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
     if not path.name:
-        raise SettingsError(f"{path} names no file; give one")
+        raise SettingsError(f"{path} is not a file name; give one")
     parted = split_by(pattern)
     names = {
         what: _file_names([getattr(texture_set, what) for texture_set in texture_sets])

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_areas
-from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
+from mpsnet_core.scene.uv_islands import islands_of
 
 log = logging.getLogger(__name__)
 
@@ -32,15 +32,6 @@ NAMELESS = {"material": "no_material", "object": "object"}
 class TextureSet:
     """Parts of meshes that share one texture. Compared by identity.
 
-    Attributes
-    ----------
-    parts : tuple of (K,) int64 arrays or None
-        For each mesh, the indices of its triangles in the set; None for all of them.
-    tile : int, optional
-        Number of the UDIM tile; None for the unit square from 0 to 1.
-    material, object : str, optional
-        Names of the material and the object, if textures are split by them.
-
     Examples
     --------
     >>> TextureSet((None,), tile=1012).corner
@@ -48,9 +39,13 @@ class TextureSet:
     """
 
     parts: tuple[NDArray[np.int64] | None, ...]
+    """For each mesh, (K,) int64 indices of its triangles in the set; None for all of them."""
     tile: int | None = None
+    """Number of the UDIM tile; None for the unit square from 0 to 1."""
     material: str | None = None
+    """Name of the material, if textures are split by materials."""
     object: str | None = None
+    """Name of the object, if textures are split by objects."""
 
     @property
     def corner(self) -> tuple[int, int]:

@@ -18,17 +18,16 @@ ASKEW = np.array([0.62, 0.55, 0.56])
 
 @dataclass(frozen=True)
 class Islands:
-    """UV islands: triangles that are connected in UV space, and the seams that separate them on the surface.
-
-    of_triangle: (T,) number of each triangle's island, from 0. Islands are ordered by their position in space, which
-    does not change when the mesh is subdivided.
-    seam_uvs: (E, 2 sides, 2 ends, 2) UVs of the surface's edges that lie at two places in the texture; the ends are in
-    the same order on both sides. seam_islands: (E, 2) the island on either side.
-    """
+    """UV islands: triangles that are connected in UV space, and the seams that separate them on the surface."""
 
     of_triangle: NDArray[np.int32]
+    """(T,). Number of each triangle's island, from 0. Islands are ordered by their position in space, which does not
+    change when the mesh is subdivided."""
     seam_uvs: NDArray[np.float64]
+    """(E, 2 sides, 2 ends, 2). UVs of the surface's edges that lie at two places in the texture. The ends are in the
+    same order on both sides."""
     seam_islands: NDArray[np.int32]
+    """(E, 2). The island on either side."""
 
 
 def islands_of(mesh: Mesh) -> Islands:
