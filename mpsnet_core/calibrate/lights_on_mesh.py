@@ -20,7 +20,7 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera, camera_for
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_seen import mesh_seen
+from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.rays import RayScene
 
 # Maps light directions (3, 3) to (P, 3) which lights reach each point, shadows of the mesh included.
@@ -106,7 +106,7 @@ def lights_of_photo(image: Image, mask: NDArray[np.bool_], camera: Camera, mesh:
     middles = (np.stack([columns, rows], axis=-1) + 0.5) * size
     normals, points = np.zeros((len(rows), 3)), np.full((len(rows), 3), np.nan)
     for shift in SUBPIXELS:
-        seen = mesh_seen(mesh, fitted, scene, middles + shift * size)
+        seen = mesh_hits(mesh, fitted, scene, middles + shift * size)
         normals[seen.hit] += seen.in_camera(seen.at(mesh.corner_normals)) * seen.from_front[:, None]
         points[seen.hit] = seen.points
     normals /= len(SUBPIXELS)

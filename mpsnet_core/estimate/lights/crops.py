@@ -1,4 +1,4 @@
-"""The object of a photo as the networks of lights see it: small, centred, scaled to fit, at several angles."""
+"""The object of a photo as the network of lights sees it: small, centred, scaled to fit, at several angles."""
 
 from typing import Any
 
@@ -10,19 +10,41 @@ from mpsnet_core.arrays.mask_regions import bounding_box
 
 SIDE = 64  # pixels a side of a crop
 ROOM = 1.06  # from a crop's centre to its border, in radii of the object
-# The object's longer side is reduced to at most this many pixels, on which its normals are estimated, too.
-MAX_PIXELS = 136
+MAX_PIXELS = 136  # The object's longer side is reduced to at most this many before it is resampled.
 # Lower limit of a channel's mean, as a share of the largest: an all-black channel must not divide by zero.
 MIN_MEAN = 1e-4
-# A crop's angle counter-clockwise, and whether it is mirrored left to right before.
-VIEWS = [(angle, mirrored) for angle in np.arange(6) * np.pi / 3 for mirrored in (False, True)]
+# Each view is mirrored left to right or not, and then turned counter-clockwise by an angle in radians.
+MIRRORED = np.tile([1.0, -1.0], 6)
+ANGLES = np.repeat(np.arange(6) * np.pi / 3, 2)
 
 
-def reduced_object(
-    pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """A photo (H, W, 3) and the object's mask (H, W), cut out and reduced; each channel is divided by its mean."""
-    box = bounding_box(mask, 2)
+def crops(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(V, SIDE, SIDE, 4) the object in each view: linear channels divided by their means, and the mask, 0 to 1.
+
+    pixels: (H, W, 3). mask: (H, W), not empty.
+    """
+    values = _reduced(pixels, mask)
+    rows, columns = np.nonzero(values[..., 3])
+    y, x = rows.mean(), columns.mean()
+    reach = max(float(np.hypot(rows - y, columns - x).max()), 1.0) * ROOM
+    steps = np.linspace(-reach, reach, SIDE)
+    across, down = np.meshgrid(steps, steps)
+    cosine, sine, sign = (one[:, None, None] for one in (np.cos(ANGLES), np.sin(ANGLES), MIRRORED))
+    # What a crop that was turned counter-clockwise shows at a place was clockwise of there.
+    right = sign * (cosine * across - sine * down)
+    return _bilinear(values, y + sine * across + cosine * down, x + right)
+
+
+def out_of_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    """Vectors (V, N, 3), as each view shows them, in camera space."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    cosine, sine = np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
+    return np.stack([MIRRORED[:, None] * (cosine * x + sine * y), cosine * y - sine * x, z], axis=-1)
+
+
+def _reduced(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(h, w, 4) the object's bounding box in blocks: channels divided by their means, and whether it covers a block."""
+    box = bounding_box(mask)
     inside = mask[box][..., None]
     factor = -(-max(inside.shape) // MAX_PIXELS)
     means = block_means(np.concatenate([np.where(inside, pixels[box], 0), inside], axis=-1, dtype=np.float32), factor)
@@ -30,49 +52,8 @@ def reduced_object(
     known = covered > min(0.5, float(covered.max()) / 2)
     colour = np.where(known[..., None], means[..., :3] / np.maximum(covered, 1e-6)[..., None], 0)
     overall = colour[known].mean(axis=0)
-    return colour / np.maximum(overall, max(MIN_MEAN * float(overall.max()), 1e-30)), known
-
-
-def crops(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(V, SIDE, SIDE, C) an object's values (H, W, C) in each of the :data:`VIEWS`, about its centroid.
-
-    Values are moved, not turned: those that are vectors have yet to be, see :func:`into_views`.
-    """
-    rows, columns = np.nonzero(mask)
-    y, x = rows.mean(), columns.mean()
-    reach = max(float(np.hypot(rows - y, columns - x).max()), 1.0) * ROOM
-    steps = np.linspace(-reach, reach, SIDE)
-    across, down = np.meshgrid(steps, steps)
-    angles, signs = _angles_and_signs()
-    cosine, sine = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
-    # What a crop that was turned counter-clockwise shows at a place was clockwise of there.
-    right = (cosine * across - sine * down) * signs[:, None, None]
-    return _bilinear(values * mask[..., None], y + sine * across + cosine * down, x + right)
-
-
-def into_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """Vectors (V, ..., 3) in camera space, as the crop of each view shows them."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    cosine, sine, signs = _shaped(x.ndim)
-    x = x * signs
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
-
-
-def out_of_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """The inverse of :func:`into_views`."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    cosine, sine, signs = _shaped(x.ndim)
-    return np.stack([(cosine * x + sine * y) * signs, cosine * y - sine * x, z], axis=-1)
-
-
-def _angles_and_signs() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return np.array([angle for angle, _ in VIEWS]), np.array([-1.0 if mirrored else 1.0 for _, mirrored in VIEWS])
-
-
-def _shaped(dimensions: int) -> tuple[NDArray[np.float64], ...]:
-    angles, signs = _angles_and_signs()
-    shape = (-1, *(1,) * (dimensions - 1))
-    return np.cos(angles).reshape(shape), np.sin(angles).reshape(shape), signs.reshape(shape)
+    colour /= np.maximum(overall, max(MIN_MEAN * float(overall.max()), 1e-30))
+    return np.concatenate([colour, known[..., None]], axis=-1, dtype=np.float32)
 
 
 def _bilinear(values: NDArray[np.float32], y: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float32]:

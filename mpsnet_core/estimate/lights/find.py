@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.capture import finite_inside
 from mpsnet_core.capture.decode import PhotoReadOptions
 from mpsnet_core.capture.open import PhotoSet
 from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import GeometryError, InputError, NoObject
-from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.estimate.lights.crops import reduced_object
-from mpsnet_core.estimate.lights.networks import LightsGuess, lights_by_normals, lights_by_photo
+from mpsnet_core.estimate.lights.network import guess_lights
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig, angles_of
 
@@ -25,8 +23,6 @@ from mpsnet_core.scene.rig import LightRig, angles_of
 MAX_PHOTOS = 6
 # Of the variance of a light's error in one photo, the share that photos of one object have in common.
 SHARED = 0.5
-ROUNDS = 2  # estimates of the normals, each of which improves the lights
-MIN_HEIGHT = 0.1  # of a light above the plane of the image: the cosine of its slant
 SMALLEST = 16  # pixels of an object's longer side: a smaller one tells nothing of the lights
 # Where a light comes from at every 45 degrees of its tilt.
 SIDES = ("right", "top right", "top", "top left", "left", "bottom left", "bottom", "bottom right")
@@ -91,8 +87,13 @@ def find_lights(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.boo
     GeometryError
         If the object is too small, or the channels show lights from one side, as in a photo under white light.
     """
-    estimator = Estimator(passes=1)
-    guesses = [_lights_of(*photo, estimator) for photo in photos]
+    guesses = []
+    for pixels, mask in photos:
+        if np.ptp(np.nonzero(mask), axis=1).max() < SMALLEST:
+            raise GeometryError(
+                "the object is too small in the photo to find its lights; give the rig, or another mask"
+            )
+        guesses.append(guess_lights(finite_inside(pixels, mask, "photo"), mask))
     directions = np.array([one.directions for one in guesses])
     errors = np.array([one.errors for one in guesses])
     together = normalised((directions / errors[..., None] ** 2).sum(axis=0))
@@ -142,19 +143,3 @@ def _opened(
     if not found and failure:
         raise failure
     return found, photos.options
-
-
-def _lights_of(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], estimator: Estimator) -> LightsGuess:
-    image, inside = reduced_object(pixels, mask)
-    if max(inside.shape) < SMALLEST:
-        raise GeometryError("the object is too small in the photo to find its lights; give the rig, or another mask")
-    guess = lights_by_photo(image, inside)
-    for _ in range(ROUNDS):
-        lights = _in_front(guess.directions)
-        normals = estimator(Capture(image, inside, LightRig(lights)))
-        guess = lights_by_normals(image, inside, normals, lights)
-    return guess
-
-
-def _in_front(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    return normalised(np.concatenate([directions[:, :2], np.maximum(directions[:, 2:], MIN_HEIGHT)], axis=1))
