@@ -280,7 +280,7 @@ test_a_bad_command_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("two hyphens for a value", lambda b: b.run("integrate", "n.png", "--open=--"), "--open: expected a value"),
         ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
-        ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
+        ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "give the rig"),
         ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet estimate --help"),
         (
             "unknown option of a verb of two words",
