@@ -35,8 +35,16 @@ def crops(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray
     return _bilinear(values, y + sine * across + cosine * down, x + right)
 
 
+def into_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    """Vectors (V, N, 3) in camera space, as each view shows them."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    x = MIRRORED[:, None] * x
+    cosine, sine = np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
+
+
 def out_of_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """Vectors (V, N, 3), as each view shows them, in camera space."""
+    """The inverse of :func:`into_views`."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     cosine, sine = np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
     return np.stack([MIRRORED[:, None] * (cosine * x + sine * y), cosine * y - sine * x, z], axis=-1)
