@@ -304,7 +304,7 @@ def test_what_a_camera_sees_of_a_card_does_not_depend_on_its_shading_normals(tow
     if towards > 0:
         assert bake_normals(mesh, [view], size=16, margin=0).seen.all()
     else:
-        with pytest.raises(InputError, match="in tangent space, it may not point away"):
+        with pytest.raises(InputError, match="in tangent space, normals must not point away"):
             bake_normals(mesh, [view], size=16, margin=0)
 
 

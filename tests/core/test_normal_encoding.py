@@ -143,7 +143,7 @@ def test_an_alpha_of_other_data_hides_no_normals(
     y, x = np.mgrid[: len(colours), : len(colours)].astype(float)
     written(tmp_path / "n.png", np.dstack([colours, np.rint(255 * other(x, y))]))
     assert read_normals(tmp_path / "n.png").mask.all()
-    assert "alpha is no mask" in caplog.text
+    assert "alpha is not a mask" in caplog.text
     disc = np.clip(30 - np.hypot(x - 30, y - 30), 0, 1)
     written(tmp_path / "n.png", np.dstack([colours, np.rint(255 * disc)]))
     assert (read_normals(tmp_path / "n.png").mask == (np.rint(255 * disc) > 127)).all()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mpsnet_core.cli.command import _nobody_reads
+from mpsnet_core.cli.command import _is_closed_pipe
 from mpsnet_core.errors import FileError
 from mpsnet_core.io import files
 from mpsnet_core.io.crash_log import describe_unexpected_error
@@ -87,9 +87,9 @@ def test_windows_calls_a_closed_pipe_an_invalid_argument(
     monkeypatch: pytest.MonkeyPatch, system: str, gone: bool
 ) -> None:
     monkeypatch.setattr(sys, "platform", system)
-    assert _nobody_reads(OSError(22, "Invalid argument")) == gone
-    assert not _nobody_reads(OSError(22, "Invalid argument", "photo.png"))
-    assert _nobody_reads(BrokenPipeError(32, "Broken pipe"))
+    assert _is_closed_pipe(OSError(22, "Invalid argument")) == gone
+    assert not _is_closed_pipe(OSError(22, "Invalid argument", "photo.png"))
+    assert _is_closed_pipe(BrokenPipeError(32, "Broken pipe"))
 
 
 def test_a_library_without_its_runtime_says_what_to_install() -> None:
