@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from mpsnet_core.capture.decode import PhotoReadOptions
-    from mpsnet_core.capture.sources import Source
     from mpsnet_core.estimate.estimator import Estimator
     from mpsnet_core.estimate.lights.find import LightFound
     from mpsnet_core.estimate.sequence.run import Outcome
@@ -232,6 +230,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.capture.open import open_captures
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
+        from mpsnet_core.estimate.lights.find import with_lights
         from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.io.marks import made
@@ -241,7 +240,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         source = replace(self.source(photo, self.rig, self.mask), white=self.white, white_light=white_light)
         options = self.read_options()
         progress(0.0, f"reading {photo.name}")
-        source, lights = self._lit(source, [source], options)
+        source, lights = with_lights(source, [source], options)
         [capture] = open_captures([source], options)
 
         progress(0.1, f"normals by {self.model}")
@@ -259,18 +258,6 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         progress(1.0, "done")
         text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, lights, text=text)
-
-    def _lit(
-        self, source: "Source", photos: "Iterable[Source]", options: "PhotoReadOptions"
-    ) -> "tuple[Source, list[LightFound] | None]":
-        """A source with a rig: if it has none, with the lights that are found in photos, which are returned, too."""
-        if source.rig is not None:
-            return source, None
-        from mpsnet_core.estimate.lights.find import find_lights_of
-
-        found = find_lights_of(list(photos), options)
-        log.warning("lights found in the photo: %s; calibrate to gain about 1.5° [lights-found]", found)
-        return replace(source, rig=found.rig), found.facts()
 
     def _white_light(self) -> "NDArray[np.float64] | None":
         """(3,) direction of the one lamp that lit the white photo; None if the rig's lights did."""
@@ -300,6 +287,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return self._video(photos[0], inputs, progress)
 
     def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
+        from mpsnet_core.estimate.lights.find import with_lights
         from mpsnet_core.estimate.sequence.source import frame_masks, photo_frames
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.frames import numbering, output_files
@@ -318,7 +306,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         like, lights = self.source(photos[0], self.rig), None
         if like.rig is None:
             unlit = photo_frames(photos, outputs, masks=masks, like=like)
-            like, lights = self._lit(like, (frame.source for frame in unlit), self.read_options())
+            like, lights = with_lights(like, [frame.source for frame in unlit], self.read_options())
         frames = photo_frames(photos, outputs, masks=masks, like=like, reach=self.smooth)
         step = numbered.step if numbered else None
         outcome = self._sequence(frames, len(photos), progress, step, continue_on_error=not self.smooth)
@@ -333,6 +321,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return self._made_of_sequence(outcome, made[min(made)], (min(made), max(made)), padded, None, lights)
 
     def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
+        from mpsnet_core.estimate.lights.find import with_lights
         from mpsnet_core.estimate.sequence.source import frame_masks
         from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
         from mpsnet_core.io.files import check_no_overwrite, resolved
@@ -350,7 +339,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if like.rig is None:
             unlit = video_frames(video, outputs, masks=masks, like=like, encoding=self.encoding)
             first = islice(unlit, 0, LIGHTS_FRAMES, LIGHTS_FRAMES // 5)
-            like, lights = self._lit(like, (frame.source for frame in first), self.read_options())
+            like, lights = with_lights(like, [frame.source for frame in first], self.read_options())
         frames = video_frames(video, outputs, masks=masks, like=like, reach=self.smooth, encoding=self.encoding)
         outcome = self._sequence(frames, video.count, progress, 1)
         total = outcome.made + outcome.there + len(outcome.left_out)

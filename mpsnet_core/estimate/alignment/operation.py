@@ -75,7 +75,13 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         path="file",
         provenance="content",
     )
-    rig: str = option(help="rig file (.json, or .lp with three lights)", path="file", provenance="content")
+    rig: str | None = option(
+        default=None,
+        help="rig file (.json, or .lp with three lights)",
+        unset="the lights are found in the photo",
+        path="file",
+        provenance="content",
+    )
     mask: str = option(default=MASK, help="mask of the photo, as `mpsnet estimate` takes it")
     points: str | None = option(
         default=None,
@@ -157,12 +163,14 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
     def _capture(self) -> "Capture":
         from mpsnet_core.capture.open import open_captures
         from mpsnet_core.capture.sources import Source
+        from mpsnet_core.estimate.lights.find import with_lights
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import read_rig
 
         lens = read_camera(self.lens) if self.lens else None
         focal = self.focal if lens is None else lens.focal_35mm  # provisional, until the photo's size is known
-        source = Source(Path(self.image), read_rig(self.rig), self.mask, camera=focal)
+        source = Source(Path(self.image), read_rig(self.rig) if self.rig else None, self.mask, camera=focal)
+        source, _ = with_lights(source, [source], self.read_options())
         [capture] = open_captures([source], self.read_options())
         if lens is None:
             return capture

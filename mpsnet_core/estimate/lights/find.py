@@ -1,5 +1,6 @@
 """The lights of photos without a rig: found in the photos themselves, by their shading and outlines."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -18,6 +19,8 @@ from mpsnet_core.errors import GeometryError, InputError, NoObject
 from mpsnet_core.estimate.lights.network import guess_lights
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig, angles_of
+
+log = logging.getLogger(__name__)
 
 # Lights are found in at most this many photos of a set, evenly spread.
 MAX_PHOTOS = 6
@@ -119,6 +122,20 @@ def find_lights_of(sources: Sequence[Source], options: PhotoReadOptions) -> Foun
     photos, decided = _opened([replace(source, rig=found.rig) for source in chosen], options)
     # Under these lights, their shading may show another encoding.
     return found if decided == options else find_lights(photos)
+
+
+def with_lights(
+    source: Source, photos: Sequence[Source], options: PhotoReadOptions
+) -> tuple[Source, list[LightFound] | None]:
+    """A source with a rig: if it has none, with the lights that are found in photos, which are returned, too.
+
+    Raises as :func:`find_lights_of`.
+    """
+    if source.rig is not None:
+        return source, None
+    found = find_lights_of(photos, options)
+    log.warning("lights found in the photo: %s; calibrate to gain about 1.5° [lights-found]", found)
+    return replace(source, rig=found.rig), found.facts()
 
 
 def _read_once(source: Source) -> Source:
