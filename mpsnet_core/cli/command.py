@@ -16,6 +16,7 @@ from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
+from mpsnet_core.bake.scan import Scan
 from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
@@ -76,6 +77,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     CompareNormals,
     Bake,
     BakeViews,
+    Scan,
     Integrate,
     MakeMaterial,
     ListModels,
