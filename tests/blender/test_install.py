@@ -82,7 +82,7 @@ def test_the_core_s_wheel_has_the_networks_that_the_panel_offers(extension_zip):
         (core,) = (name for name in archive.namelist() if name.startswith("wheels/mpsnet-"))
         with zipfile.ZipFile(archive.open(core)) as wheel:
             networks = {Path(name).stem for name in wheel.namelist() if name.endswith(".onnx")}
-    assert networks == {"multiscale", "mpsnet"}
+    assert networks == {"lights", "multiscale", "mpsnet"}
 
 
 def test_the_zip_holds_the_addon_and_no_tools_or_numpy(extension_zip):
