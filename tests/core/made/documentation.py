@@ -43,6 +43,7 @@ LEFT_OUT = {
     r"--command extension install-file": "needs a Blender; tests/blender/test_install.py does it",
     r"mpsnet train|evaluate patch-sizes": "takes hours; tests/core/test_train_cli.py trains small ones",
     r"evaluate diligent": "needs DiLiGenT's photographs; tests/core/test_diligent.py makes its own",
+    r"mpsnet scan": "searches all around the mesh, for minutes; tests/core/test_calibrate_mesh.py does it",
     r"tensorboard|http\.server": "serves until it is stopped",
 }
 # What runs otherwise than it stands.
