@@ -38,14 +38,14 @@ NAMED_GAPS = 5
 
 @dataclass(frozen=True)
 class Numbering:
-    """Frame numbers of a sequence: files whose names differ in one run of digits alone, or one file by its last run.
-
-    head, tail: the names without suffix, before and after the digits. digits: of each file, as written.
-    """
+    """Frame numbers of a sequence: files whose names differ in one run of digits alone, or one file by its last run."""
 
     head: str
+    """What precedes the digits in the names without suffix."""
     tail: str
+    """What follows the digits in the names without suffix."""
     digits: tuple[str, ...]
+    """The digits of each file's name, as written."""
 
     @property
     def numbers(self) -> tuple[int, ...]:

@@ -59,33 +59,26 @@ NEARLY_UNIT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The triangles of one material in one instance of a mesh.
-
-    Parameters
-    ----------
-    name, material : str
-        Of its object and material, "" if it has none. Objects with the same name are numbered as Blender does.
-    pose : (4, 4) array
-        Transform to world space.
-    triangles : (T, 3) array
-        Vertex indices.
-    vertices : (V, 3) array
-        With the morph targets' default weights applied, as all of these.
-    normals : (V, 3) array or None
-    tangents : (V, 4) array or None
-        Without a part that has no normals. NaN where the file's are no unit vectors with a sign.
-    uvs : (V, 2) array or None
-        With v up.
-    """
+    """The triangles of one material in one instance of a mesh."""
 
     name: str
+    """Name of its object, "" if it has none. Objects with the same name are numbered as Blender does."""
     material: str
+    """Name of its material, "" if it has none."""
     pose: Floats
+    """(4, 4) float64. Transform to world space."""
     triangles: NDArray[np.int64]
+    """(T, 3) int64. Vertex indices."""
     vertices: Floats
+    """(V, 3) float64. Positions before `pose`, with the morph targets' default weights applied, as are the normals and
+    tangents."""
     normals: Floats | None
+    """(V, 3) float64. Normals before `pose`; None if the file gives none."""
     tangents: Floats | None
+    """(V, 4) float64. Unit tangents and the sign of the bitangent, NaN where the file's are no unit vectors with a
+    sign; None if the file gives none or the part has no normals."""
     uvs: Floats | None
+    """(V, 2) float64. UV coordinates with v up; None if the file gives none."""
 
 
 def read_gltf(path: Path) -> list[Part]:

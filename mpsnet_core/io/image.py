@@ -41,33 +41,24 @@ _INVERSE = {6: 8, 8: 6}
 
 @dataclass(frozen=True)
 class Image:
-    """An image as read.
-
-    Attributes
-    ----------
-    pixels : (H, W, 3) float32 array
-        Linear, row 0 on top, not premultiplied by alpha; float16 for a large photo that was read compactly.
-    alpha : (H, W) float32 array or None
-        From 0 to 1; None if the file has none.
-    clip : float
-        The linear value where channels saturate: 1 in integer files, infinity in float files and with `clipped`.
-    clipped : (H, W, 3) bool array or None
-        Where a channel is saturated; None if `clip` determines it.
-    exposure_time : float or None
-        In seconds, if the file states it.
-    assumed : {"srgb", "linear"} or None
-        The encoding that is assumed, as usual for such files, but neither stated by the file nor requested.
-    orientation : int or None
-        The EXIF orientation, 1 to 8, by which the stored pixels were turned; None if a decoder has turned them.
-    """
+    """An image as read."""
 
     pixels: NDArray[np.floating[Any]]
+    """(H, W, 3) float32. Linear, row 0 on top, not premultiplied by alpha; float16 for a large photo that was read
+    compactly."""
     alpha: NDArray[np.float32] | None
+    """(H, W) float32. From 0 to 1; None if the file has none."""
     clip: float
+    """The linear value where channels saturate: 1 in integer files, infinity in float files and with `clipped`."""
     clipped: NDArray[np.bool_] | None = None
+    """(H, W, 3) bool. Where a channel is saturated; None if `clip` determines it."""
     exposure_time: float | None = None
+    """Exposure time in seconds; None if the file does not state it."""
     assumed: Assumed | None = None
+    """The encoding, "srgb" or "linear", that is assumed, as usual for such files; None if the file states it or the
+    user requested it."""
     orientation: int | None = None
+    """The EXIF orientation, 1 to 8, by which the stored pixels were turned; None if a decoder has turned them."""
 
     @property
     def saturated(self) -> NDArray[np.bool_]:

@@ -33,10 +33,12 @@ MAX_LAYER_VALUES = 4 * MAX_PIXELS  # over all channels that are read at once
 
 @dataclass(frozen=True)
 class _Layer:
-    """A layer's channels: a subimage (part) of the file and channel indices by their short names."""
+    """A layer's channels."""
 
     subimage: int
+    """Index of the file's subimage (part) that holds it."""
     channels: dict[str, int]
+    """Channel indices by their short names."""
 
 
 def image_layers(path: str | os.PathLike[str]) -> list[str]:

@@ -36,18 +36,22 @@ _Column = tuple[str, str, str]
 
 @dataclass
 class _Element:
-    """An element of a file, such as "vertex", with its count and its properties."""
+    """An element of a file, such as "vertex"."""
 
     count: int
+    """How many of it the file holds."""
     columns: list[_Column] = field(default_factory=list)
+    """Its properties, in the order of the file."""
 
 
 @dataclass(frozen=True)
 class Values:
-    """The values of an element. numbers: by property name, (N,), lists concatenated. lengths: (N,) of each list."""
+    """The values of an element."""
 
     numbers: dict[str, NDArray[np.float64]]
+    """(N,) float64 by property name. The values; those of a list property are concatenated."""
     lengths: dict[str, NDArray[np.int64]]
+    """(N,) int64 by the name of a list property. The length of each list."""
 
     def columns(self, names: Sequence[str]) -> NDArray[np.float64] | None:
         """(N, K) the properties of these names as columns, None if one is missing."""

@@ -12,37 +12,28 @@ from mpsnet_core.errors import GeometryError
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Polygons of any number of corners, and what the file says of these.
-
-    Parameters
-    ----------
-    vertices : (V, 3) array
-    corners : (C,) array
-        Vertex index of each corner, polygon after polygon.
-    sizes : (F,) array
-        Number of corners of each polygon.
-    uvs : (C, 2) array, optional
-        With v up; NaN where the file gives none.
-    normals : (C, 3) array, optional
-        Of any length; NaN or zero where the file gives none.
-    tangents : (C, 4) array, optional
-        Unit tangent and the sign of the bitangent; NaN where the file gives none.
-    smoothing : (F,) array of int, optional
-        For corners without a normal: polygons of the same number share one at each common vertex. A polygon of number
-        0 is flat. All are by default.
-    materials, objects : sequence of (str, int), optional
-        Names with the number of polygons that each applies to, in order.
-    """
+    """Polygons of any number of corners, and what the file says of these."""
 
     vertices: NDArray[np.float64]
+    """(V, 3) float64. Positions."""
     corners: NDArray[np.int64]
+    """(C,) int64. Vertex index of each corner, polygon after polygon."""
     sizes: NDArray[np.int64]
+    """(F,) int64. Number of corners of each polygon."""
     uvs: NDArray[np.float64] | None = None
+    """(C, 2) float64. UV coordinates with v up, NaN where the file gives none; None if it gives none at all."""
     normals: NDArray[np.float64] | None = None
+    """(C, 3) float64. Normals of any length, NaN or zero where the file gives none; None if it gives none at all."""
     tangents: NDArray[np.float64] | None = None
+    """(C, 4) float64. Unit tangent and the sign of the bitangent, NaN where the file gives none; None if it gives none
+    at all."""
     smoothing: NDArray[np.int64] | None = None
+    """(F,) int64. For corners without a normal: polygons of the same number share one at each common vertex. A polygon
+    of number 0 is flat. None: all are flat."""
     materials: Sequence[tuple[str, int]] | None = None
+    """Names of materials, each with the number of polygons that it applies to, in order."""
     objects: Sequence[tuple[str, int]] | None = None
+    """Names of objects, each with the number of polygons that it applies to, in order."""
 
 
 def checked_indices(numbers: NDArray[Any], count: int) -> NDArray[np.int64]:
