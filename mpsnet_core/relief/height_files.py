@@ -48,15 +48,6 @@ MAX_VALUE = 1e38
 class HeightScale:
     """The scale of a height file: ``height = black + value * (white - black)``.
 
-    Attributes
-    ----------
-    black, white : float
-        Heights of the values 0 and 1. In float files these are 0 and 1: the value is the height.
-    zero : float
-        Height that is not displaced.
-    unit : str
-        Name of the unit, such as "mm".
-
     Examples
     --------
     >>> scale = HeightScale(-2.0, 6.0, 0.0, "mm")
@@ -67,9 +58,13 @@ class HeightScale:
     """
 
     black: float
+    """Height of the value 0. In float files it is 0: the value is the height."""
     white: float
+    """Height of the value 1. In float files it is 1."""
     zero: float
+    """Height that is not displaced."""
     unit: str
+    """Name of the unit, such as "mm"."""
 
     @property
     def strength(self) -> float:
@@ -98,18 +93,22 @@ class HeightScale:
 
 @dataclass(frozen=True)
 class HeightFacts:
-    """Facts of written heights: the lowest and highest one, and the file's scale, see :class:`HeightScale`.
-
-    seam_step: for heights on UVs, the step between the two sides of a seam.
-    """
+    """Facts of written heights, all in the unit of the heights except `midlevel`."""
 
     lowest: float
+    """The lowest height."""
     highest: float
+    """The highest height."""
     black: float
+    """Height of the value 0, see :class:`HeightScale`."""
     white: float
+    """Height of the value 1, see :class:`HeightScale`."""
     strength: float
+    """Displacement from the value 0 to the value 1, see :class:`HeightScale`."""
     midlevel: float
+    """Value that is not displaced, see :class:`HeightScale`."""
     seam_step: float | None = None
+    """The step between the two sides of a seam; None if the heights are not on UVs."""
 
 
 def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:

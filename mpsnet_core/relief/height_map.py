@@ -15,16 +15,6 @@ from mpsnet_core.scene.camera import Camera
 class HeightMap:
     """Heights in camera space along the z axis, which points towards the camera.
 
-    Parameters
-    ----------
-    values : (H, W) array
-        Heights in the camera's unit, stored as float32, 0 outside the mask. With an orthographic camera, each connected
-        piece of the mask is known up to a constant; with a perspective one, up to a factor, and heights are below 0.
-    mask : (H, W) bool array
-        Where the surface is.
-    camera : Camera
-        The photo's camera; :func:`mpsnet_core.scene.camera.pixel_camera` if it is unknown.
-
     Raises
     ------
     GeometryError
@@ -39,8 +29,12 @@ class HeightMap:
     """
 
     values: NDArray[np.float32]
+    """(H, W) float32. Heights in the camera's unit, 0 outside the mask. With an orthographic camera, each connected
+    piece of the mask is known up to a constant; with a perspective one, up to a factor, and heights are below 0."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. Where the surface is."""
     camera: Camera
+    """The photo's camera; :func:`mpsnet_core.scene.camera.pixel_camera` if it is unknown."""
 
     def __post_init__(self) -> None:
         values, mask = np.asarray(self.values, np.float32), np.asarray(self.mask, bool)

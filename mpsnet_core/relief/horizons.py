@@ -33,15 +33,14 @@ AT_ONCE = 1 << 15
 
 @dataclass(frozen=True)
 class Sector:
-    """Directions around a line in the image.
-
-    step: (2,) whole pixels to the right and up along the line. angles: (4, 4) direction of each pixel of a block, from
-    right towards up. share: fraction of all angles that the sector and its opposite cover.
-    """
+    """Directions around a line in the image."""
 
     step: NDArray[np.int64]
+    """(2,) int64. Whole pixels to the right and up along the line."""
     angles: NDArray[np.float64]
+    """(4, 4) float64. Direction of each pixel of a block in radians, from right towards up."""
     share: float
+    """Fraction of all angles that the sector and its opposite cover."""
 
     def turned(self) -> "Sector":
         """The opposite sector."""
@@ -91,15 +90,15 @@ def cell_bands(cells: NDArray[np.float32]) -> list[slice]:
 
 @dataclass(frozen=True)
 class OcclusionGrid:
-    """The surface, in cells; heights in any unit.
-
-    heights: 0 outside the mask. mask: where the surface is. slopes: of some rows in one cell, the rise to the next
-    pixel on the right and above by the surface's own gradient; computed when needed, because it takes much memory.
-    """
+    """The surface, in cells."""
 
     heights: NDArray[np.float32]
+    """float32, in cells. Heights in any unit, 0 outside the mask."""
     mask: NDArray[np.bool_]
+    """bool, in cells. Where the surface is."""
     slopes: Callable[[tuple[int, ...], slice], tuple[NDArray[np.float32], NDArray[np.float32]]]
+    """Gives, for some rows in one cell, the rise to the next pixel on the right and above by the surface's own
+    gradient; computed when needed, because it takes much memory."""
 
 
 def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> NDArray[np.float32]:

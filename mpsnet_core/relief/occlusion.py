@@ -110,19 +110,21 @@ def _spacing(heights: HeightMap) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class _View:
-    """Normals and lines of sight of some pixels, as arrays of one shape.
-
-    x, y: of the normal. upright: cosine between normal and line of sight. right, up: x and y of the unit vector to the
-    camera. scale: a gradient m of :func:`parallel_heights` along a unit vector e in the image plane is the direction
-    e + m scale (right, up, ..).
-    """
+    """Normals and lines of sight of some pixels, as float32 arrays of one shape."""
 
     x: NDArray[np.float32]
+    """x of the normal."""
     y: NDArray[np.float32]
+    """y of the normal."""
     upright: NDArray[np.float32]
+    """Cosine between normal and line of sight."""
     right: NDArray[np.float32]
+    """x of the unit vector to the camera."""
     up: NDArray[np.float32]
+    """y of the unit vector to the camera."""
     scale: NDArray[np.float32]
+    """A gradient m of :func:`parallel_heights` along a unit vector e in the image plane is the direction e + m scale
+    (right, up, ..)."""
 
     def facing(self) -> NDArray[np.float32]:
         """The normal's component along `scale` times the line of sight, the axis of :func:`parallel_heights`."""

@@ -47,65 +47,76 @@ T = TypeVar("T", bound=np.generic)
 
 @dataclass(frozen=True)
 class Surface:
-    """Inputs of the products, None where no requested product needs them.
-
-    normals: of the whole photo. unit: name of the camera's unit. heights: in that unit. occlusion: (H, W). albedo:
-    (H, W, 3), linear.
-    """
+    """Inputs of the products, None where no requested product needs them."""
 
     normals: NormalMap | None
+    """Normals of the whole photo."""
     camera: Camera
+    """The photo's camera."""
     unit: str
+    """Name of the camera's unit."""
     heights: HeightMap | None
+    """Heights in that unit."""
     occlusion: NDArray[np.float32] | None
+    """(H, W) float32. Fraction of ambient light that reaches each pixel."""
     albedo: NDArray[np.float32] | None
+    """(H, W, 3) float32. Linear colour of the surface without light and shadow."""
 
 
 @dataclass(frozen=True)
 class CurvatureFacts:
-    """Facts of a curvature image. range: the curvature that is white."""
+    """Facts of a curvature image."""
 
     range: float
+    """The curvature that is white, in 1 over the unit."""
 
 
 @dataclass(frozen=True)
 class OcclusionFacts:
-    """Facts of an occlusion image. mean: mean fraction of ambient light that reaches the surface."""
+    """Facts of an occlusion image."""
 
     mean: float
+    """Mean fraction of ambient light that reaches the surface."""
 
 
 @dataclass(frozen=True)
 class RelitFacts:
-    """Facts of relit images. tilts: of the lights, in degrees."""
+    """Facts of relit images."""
 
     tilts: list[float]
+    """Tilts of the lights in degrees."""
 
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts of a mesh: its vertex and face counts, and the axis that points up."""
+    """Facts of a mesh."""
 
     vertices: int
+    """Number of vertices."""
     faces: int
+    """Number of faces."""
     up: Up
+    """The axis that points up."""
 
 
 @dataclass(frozen=True)
 class SurfaceMade(Result):
-    """The products of a photo's normals.
-
-    outputs: the files. unit: name of the unit of all values. height, curvature, occlusion, relit, mesh: the facts of
-    each requested product.
-    """
+    """The products of a photo's normals."""
 
     outputs: list[str]
+    """The files."""
     unit: str
+    """Name of the unit of all values."""
     height: HeightFacts | None = None
+    """Facts of the heights; None if they were not requested."""
     curvature: CurvatureFacts | None = None
+    """Facts of the curvature image; None if it was not requested."""
     occlusion: OcclusionFacts | None = None
+    """Facts of the occlusion image; None if it was not requested."""
     relit: RelitFacts | None = None
+    """Facts of the relit images; None if they were not requested."""
     mesh: MeshFacts | None = None
+    """Facts of the mesh; None if it was not requested."""
 
 
 # A product's description and its facts.

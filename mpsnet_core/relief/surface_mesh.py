@@ -33,24 +33,16 @@ class NoFaceError(GeometryError):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """A surface in world space.
-
-    Attributes
-    ----------
-    vertices : (V, 3) float64 array
-        Positions in world space, in the camera's unit.
-    triangles : (T, 3) int32 array
-        Vertex indices, counter-clockwise seen from the camera.
-    normals : (V, 3) float32 array
-        Unit normals in world space, for smooth shading.
-    uvs : (V, 2) float32 array
-        Positions in the photo: (0, 0) is its lower left corner, (1, 1) its upper right one.
-    """
+    """A surface in world space."""
 
     vertices: NDArray[np.float64]
+    """(V, 3) float64. Positions in world space, in the camera's unit."""
     triangles: NDArray[np.int32]
+    """(T, 3) int32. Vertex indices, counter-clockwise seen from the camera."""
     normals: NDArray[np.float32]
+    """(V, 3) float32. Unit normals in world space, for smooth shading."""
     uvs: NDArray[np.float32]
+    """(V, 2) float32. Positions in the photo: (0, 0) is its lower left corner, (1, 1) its upper right one."""
 
 
 def surface_mesh(

@@ -48,27 +48,18 @@ COMMON = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Displacement:
-    """Heights of a surface over a mesh, along the mesh's smooth normals, on its UVs.
-
-    Attributes
-    ----------
-    values : (S, S) float32 array
-        Heights in world units, row 0 at v = 1, extrapolated smoothly beyond the islands.
-    covered : (S, S) bool array
-        Texels with surface under them.
-    texel : float
-        Mean length of a texel in world units.
-    seam_step : float
-        Root mean square difference of the heights on the two sides of the seams, in world units.
-    contradicted : float
-        Fraction of the surface, from 0 to 1, where the normals contradict one another.
-    """
+    """Heights of a surface over a mesh, along the mesh's smooth normals, on its UVs."""
 
     values: NDArray[np.float32]
+    """(S, S) float32. Heights in world units, row 0 at v = 1, extrapolated smoothly beyond the islands."""
     covered: NDArray[np.bool_]
+    """(S, S) bool. Texels with surface under them."""
     texel: float
+    """Mean length of a texel in world units."""
     seam_step: float
+    """Root mean square difference of the heights on the two sides of the seams, in world units."""
     contradicted: float
+    """Fraction of the surface, from 0 to 1, where the normals contradict one another."""
 
     def as_height_map(self) -> HeightMap:
         """The texture as a height map, for :func:`mpsnet_core.relief.height_files.write_height`."""

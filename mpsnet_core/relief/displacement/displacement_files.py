@@ -34,17 +34,16 @@ DOUBTFUL = 0.3
 
 @dataclass(frozen=True)
 class HeightsOnUVs(Result):
-    """Heights on a mesh's UVs.
-
-    outputs: the files of heights, of their scales, and of the normals in object space. tiles: numbers of the UDIM
-    tiles. unit: name of the mesh's unit. height: the lowest and the highest, the files' scale, and the step at the
-    seams.
-    """
+    """Heights on a mesh's UVs."""
 
     outputs: list[str]
+    """The files of heights, of their scales, and of the normals in object space."""
     tiles: list[int]
+    """Numbers of the UDIM tiles."""
     unit: str
+    """Name of the mesh's unit."""
     height: HeightFacts
+    """The lowest and the highest height, the files' scale, and the step at the seams."""
 
 
 def write_displacement(options: Integrate, progress: Progress) -> HeightsOnUVs:

@@ -33,15 +33,15 @@ ROWS = 64
 
 @dataclass(frozen=True)
 class HeightDifferences:
-    """For N covered texels, h_j - h_i = -(flat + curved (h_i + h_j) / 2) to the neighbours j on the right and below.
-
-    flat: (2, N) in world units. curved: (2, N) per unit of height. Both are meaningless where there is no neighbour.
-    outwards: (N,) distance by which the mesh of the normals lies outside the displaced one; 0 if they are the same.
-    """
+    """For N covered texels, h_j - h_i = -(flat + curved (h_i + h_j) / 2) to the neighbours j on the right and below."""
 
     flat: NDArray[np.float32]
+    """(2, N) float32. In world units; meaningless where there is no neighbour."""
     curved: NDArray[np.float32]
+    """(2, N) float32. Per unit of height; meaningless where there is no neighbour."""
     outwards: NDArray[np.float32]
+    """(N,) float32. Distance in world units by which the mesh of the normals lies outside the displaced one; 0 if they
+    are the same."""
 
     def changes(self, graph: Graph, heights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(N,) the changes to the neighbours on the right and below, given approximate `heights`."""

@@ -15,12 +15,10 @@ from mpsnet_core.scene.texture_sets import TextureSet
 
 @dataclass(frozen=True)
 class Tiles:
-    """UDIM tiles, arranged in a texture of `side` x `side` squares, starting at the lower left.
-
-    corners: (N, 2) the tiles' lower left corners in UV space.
-    """
+    """UDIM tiles, arranged in a texture of `side` x `side` squares, starting at the lower left."""
 
     corners: NDArray[np.int64]
+    """(N, 2) int64. The tiles' lower left corners in UV space."""
 
     @property
     def side(self) -> int:

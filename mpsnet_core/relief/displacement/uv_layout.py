@@ -22,15 +22,19 @@ MAX_SAMPLES = 1 << 23
 class Layout:
     """A mesh's layout in a texture of S x S texels.
 
-    corners: (T, 3, 2) texel coordinates. triangle: (S, S) the triangle that covers each texel, -1 for none. island:
-    (S, S) the UV island there, -1 for none. Where islands overlap, only one of them is used in the whole overlap.
+    Where islands overlap, only one of them is used in the whole overlap.
     """
 
     mesh: Mesh
+    """The mesh, with T triangles."""
     corners: NDArray[np.float64]
+    """(T, 3, 2) float64. Texel coordinates of the triangles' corners."""
     triangle: NDArray[np.int32]
+    """(S, S) int32. The triangle that covers each texel, -1 for none."""
     island: NDArray[np.int32]
+    """(S, S) int32. The UV island that covers each texel, -1 for none."""
     islands: Islands
+    """The mesh's UV islands."""
 
     def at(self, rows: slice, *layers: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
         """(h, S, K) corner values (T, 3, K), interpolated linearly over each triangle, at some rows of texels; 0 where
@@ -109,16 +113,15 @@ def _samples_within(
 
 @dataclass(frozen=True)
 class Seams:
-    """Sample points along the seams, and the texels next to them.
-
-    places: (M, 2 sides, 2) texel coordinates. texels: (M, 2) the nearest covered texel on each side, as an index among
-    all covered texels in row-major order; -1 on islands that are too small to cover one there. offsets: (M, 2, 2)
-    offset of the point, right and down, from that texel's centre.
-    """
+    """M sample points along the seams, and the texels next to them."""
 
     places: NDArray[np.float64]
+    """(M, 2, 2) float64. Texel coordinates of each point on either side of the seam."""
     texels: NDArray[np.int32]
+    """(M, 2) int32. The nearest covered texel on each side, as an index among all covered texels in row-major order; -1
+    on islands that are too small to cover one there."""
     offsets: NDArray[np.float64]
+    """(M, 2, 2) float64. Offset of the point, right and down in texels, from that texel's centre."""
 
     @property
     def met(self) -> NDArray[np.bool_]:

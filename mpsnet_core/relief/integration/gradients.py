@@ -23,14 +23,16 @@ class Gradients:
     The unknown is depth along the camera's axis, in pixels, for an orthographic camera, and the logarithm of depth,
     times the focal length in pixels, for a perspective one. The factor `facing` on both sides reduces the weight of
     steep pixels in least squares, because their gradients are uncertain.
-
-    facing, right, down: (H, W) float32, 0 outside the mask; facing is at least MIN_FACING inside. mask: (H, W) bool.
     """
 
     facing: NDArray[np.float32]
+    """(H, W) float32. The factor on the change, at least MIN_FACING inside the mask, 0 outside."""
     right: NDArray[np.float32]
+    """(H, W) float32. `facing` times the change to the next pixel on the right, 0 outside the mask."""
     down: NDArray[np.float32]
+    """(H, W) float32. `facing` times the change to the next pixel below, 0 outside the mask."""
     mask: NDArray[np.bool_]
+    """(H, W) bool. Where the surface is."""
 
 
 def gradients(normals: NormalMap, camera: Camera, box: tuple[slice, slice] | None = None) -> Gradients:

@@ -17,23 +17,24 @@ COARSEST = 4
 
 @dataclass(frozen=True)
 class Links:
-    """A value for every pixel's link to the next one: right (H, W - 1) and down (H - 1, W), float32."""
+    """A value for every pixel's link to the next one."""
 
     right: NDArray[np.float32]
+    """(H, W - 1) float32. For the link to the pixel on the right."""
     down: NDArray[np.float32]
+    """(H - 1, W) float32. For the link to the pixel below."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """One level of the hierarchy.
-
-    links: their weights. step: (H, W) factors on the residual in a Jacobi step, 0 for pixels without links. inverse:
-    (H W, H W) of the coarsest level's matrix, None for others.
-    """
+    """One level of the hierarchy."""
 
     links: Links
+    """Weights of the links."""
     step: NDArray[np.float32]
+    """(H, W) float32. Factors on the residual in a Jacobi step, 0 for pixels without links."""
     inverse: NDArray[np.float32] | None = None
+    """(H W, H W) float32. Inverse of the coarsest level's matrix, None for the other levels."""
 
 
 def build_grids(weights: Links) -> list[Grid]:

@@ -35,37 +35,26 @@ BRIGHTEST = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A tile of a flat material. All its textures are periodic.
-
-    Attributes
-    ----------
-    normals : (H, W, 3) float32 array
-        Unit vectors: x right, y up, z out of the material. Their gradients have mean 0.
-    height : (H, W) float32 array
-        In millimetres, mean 0.
-    curvature : (H, W) float32 array
-        Sum of the principal curvatures in 1 / mm, above 0 where the material is convex.
-    albedo : (H, W, 3) float32 array
-        Linear, 0 to 1.
-    width_mm, height_mm : float
-        Size of the tile.
-    tiling : Tiling
-        The tile's steps in the photo.
-    seam : Seam
-        How visible the tile's joins are.
-    tilt : float
-        Tilt of the photo in degrees.
-    """
+    """A tile of a flat material. All its textures are periodic."""
 
     normals: NDArray[np.float32]
+    """(H, W, 3) float32. Unit vectors: x right, y up, z out of the material. Their gradients have mean 0."""
     height: NDArray[np.float32]
+    """(H, W) float32. In millimetres, mean 0."""
     curvature: NDArray[np.float32]
+    """(H, W) float32. Sum of the principal curvatures in 1 / mm, above 0 where the material is convex."""
     albedo: NDArray[np.float32]
+    """(H, W, 3) float32. Linear, 0 to 1."""
     width_mm: float
+    """Width of the tile in millimetres."""
     height_mm: float
+    """Height of the tile in millimetres."""
     tiling: Tiling
+    """The tile's steps in the photo."""
     seam: Seam
+    """How visible the tile's joins are."""
     tilt: float
+    """Tilt of the photo in degrees."""
 
 
 def flat_material(

@@ -54,17 +54,18 @@ PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 
 @dataclass(frozen=True)
 class MaterialMade(Result):
-    """The textures of a flat material.
-
-    files: by content. width_mm, height_mm: size of the tile. relief_mm: depth of its relief. seam: the step of the
-    normals across the tile's border, divided by that between other neighbours.
-    """
+    """The textures of a flat material."""
 
     files: dict[str, str]
+    """The files by content."""
     width_mm: float
+    """Width of the tile in millimetres."""
     height_mm: float
+    """Height of the tile in millimetres."""
     relief_mm: float
+    """Depth of the tile's relief in millimetres."""
     seam: float
+    """The step of the normals across the tile's border, divided by that between other neighbours."""
 
 
 def make_material(options: MakeMaterial, progress: Progress) -> MaterialMade:

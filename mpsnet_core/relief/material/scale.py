@@ -27,14 +27,14 @@ def millimetres(text: str) -> float:
 
 @dataclass(frozen=True)
 class Ruler:
-    """A length measured between two points in a photo.
-
-    text: the user's input. ends: (x1, y1, x2, y2) in pixels from the upper left corner.
-    """
+    """A length measured between two points in a photo."""
 
     text: str
+    """The user's input."""
     ends: tuple[float, ...]
+    """The two points, (x1, y1, x2, y2) in pixels from the upper left corner."""
     length_mm: float
+    """Distance between the two points in millimetres."""
 
     @property
     def pixels(self) -> float:

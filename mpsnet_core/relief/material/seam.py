@@ -110,14 +110,13 @@ def _eased(share: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Seam:
-    """Visibility of a tile's joins: the change of normals across them, relative to elsewhere. 1 is invisible.
-
-    border: angle between normals on either side of the tile's border, divided by that between any two neighbours; the
-        mean and the 95th percentile. cut: the same across the cuts.
-    """
+    """Visibility of a tile's joins: the change of normals across them, relative to elsewhere. 1 is invisible."""
 
     border: tuple[float, float]
+    """Angle between normals on either side of the tile's border, divided by that between any two neighbours; the mean
+    and the 95th percentile."""
     cut: tuple[float, float]
+    """The same across the cuts."""
 
 
 def measure_seam(normals: NDArray[np.float32], cut: NDArray[np.bool_]) -> Seam:

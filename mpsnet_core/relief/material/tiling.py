@@ -25,16 +25,15 @@ MAX_PEAKS = 1000
 
 @dataclass(frozen=True)
 class Tiling:
-    """The two steps by which a tile of the material is repeated.
-
-    right, down: (2,) float64, (columns, rows) of the photo's pixels from a tile to its neighbour.
-    correlation: autocorrelation of the photo at each step: 1 if it repeats exactly, 0 if uncorrelated. None if no step
-        stands out: the material does not repeat, and the tile is as large as the photo allows.
-    """
+    """The two steps by which a tile of the material is repeated."""
 
     right: NDArray[np.float64]
+    """(2,) float64. Step to the neighbour on the right, (columns, rows) of the photo's pixels."""
     down: NDArray[np.float64]
+    """(2,) float64. Step to the neighbour below, (columns, rows) of the photo's pixels."""
     correlation: tuple[float | None, float | None]
+    """Autocorrelation of the photo at each step: 1 if it repeats exactly, 0 if uncorrelated. None if no step stands
+    out: the material does not repeat, and the tile is as large as the photo allows."""
 
 
 def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
@@ -57,14 +56,14 @@ def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
 
 @dataclass(frozen=True)
 class _Autocorrelation:
-    """Autocorrelation of an image for steps of at least `least` pixels along an axis, and up to `across` sideways.
-
-    values: (2 across + 1, N): rows are pixels sideways, columns pixels along the axis.
-    """
+    """Autocorrelation of an image for steps along an axis."""
 
     values: NDArray[np.float64]
+    """(2 across + 1, N) float64. Rows are pixels sideways, columns pixels along the axis."""
     least: int
+    """The shortest step along the axis in pixels."""
     across: int
+    """How far the steps reach sideways, in pixels."""
 
 
 def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation:
@@ -95,10 +94,12 @@ def _box(table: NDArray[np.float64], sideways: NDArray[np.int64], along: NDArray
 
 @dataclass(frozen=True)
 class _Peaks:
-    """Peaks of the autocorrelation: steps (N, 2), longest first, and values (N,)."""
+    """N peaks of the autocorrelation, the longest step first."""
 
     steps: NDArray[np.float64]
+    """(N, 2) float64. Steps of the peaks."""
     correlation: NDArray[np.float64]
+    """(N,) float64. Autocorrelation at the peaks."""
 
 
 # A step (columns, rows) and the autocorrelation there.
