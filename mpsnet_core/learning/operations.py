@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NetworkTrained(Result):
-    """The result of a training run.
-
-    step: number of steps done. model: the network's file, if the training is complete. checkpoint: the file to resume
-    from, if it is not. mae_deg: mean angular error on held-out samples, if there are any.
-    """
+    """The result of a training run."""
 
     step: int
+    """Number of steps done."""
     model: str | None = None
+    """The network's file, if the training is complete."""
     checkpoint: str | None = None
+    """The file to resume from, if the training is not complete."""
     mae_deg: float | None = None
+    """Mean angular error in degrees on held-out samples, if there are any."""
 
 
 @dataclass(frozen=True)

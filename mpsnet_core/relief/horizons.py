@@ -93,9 +93,9 @@ class OcclusionGrid:
     """The surface, in cells."""
 
     heights: NDArray[np.float32]
-    """float32, in cells. Heights in any unit, 0 outside the mask."""
+    """(4, 4, h, w) float32. Heights in any unit, 0 outside the mask."""
     mask: NDArray[np.bool_]
-    """bool, in cells. Where the surface is."""
+    """(4, 4, h, w) bool. Where the surface is."""
     slopes: Callable[[tuple[int, ...], slice], tuple[NDArray[np.float32], NDArray[np.float32]]]
     """Gives, for some rows in one cell, the rise to the next pixel on the right and above by the surface's own
     gradient; computed when needed, because it takes much memory."""

@@ -13,12 +13,16 @@ COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#d55e00", "#cc79a7", "#b
 
 
 class Curve(NamedTuple):
-    """A line of a chart. words: tooltips of its points, if any."""
+    """A line of a chart."""
 
     name: str
+    """Name in the legend."""
     x: Sequence[float]
+    """x of its points."""
     y: Sequence[float]
+    """y of its points."""
     words: Sequence[str] = ()
+    """Tooltips of its points, if any."""
 
 
 def line_chart(title: str, curves: Sequence[Curve], x_label: str, y_label: str, diagonal: bool = False) -> str:

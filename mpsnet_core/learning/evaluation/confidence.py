@@ -25,17 +25,17 @@ def error_by_confidence(confidence: NDArray[np.floating[Any]], error: NDArray[np
 
 @dataclass(frozen=True)
 class Calibration:
-    """How well a model's confidence predicts its error.
-
-    rank_correlation: of 1 - confidence and error. error_deg: mean errors of the deciles, the most confident pixels
-    first. expected_deg: errors that the model predicts for the same deciles, 90° · (1 - confidence); None for the
-    baselines, whose confidence is the share of lights that reach a pixel.
-    """
+    """How well a model's confidence predicts its error."""
 
     model: str
+    """The model."""
     rank_correlation: float
+    """Spearman's, of 1 - confidence and error."""
     error_deg: list[float]
+    """Mean errors of the deciles in degrees, the most confident pixels first."""
     expected_deg: list[float] | None = None
+    """Errors in degrees that the model predicts for the same deciles, 90° · (1 - confidence); None for the baselines,
+    whose confidence is the share of lights that reach a pixel."""
 
     def to_json(self) -> dict[str, Any]:
         """The calibration as ``--json`` writes it."""

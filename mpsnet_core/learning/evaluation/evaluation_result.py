@@ -8,13 +8,13 @@ from mpsnet_core.operation import Result
 
 @dataclass(frozen=True)
 class Measured(Result):
-    """The result of a test, as plain data.
-
-    rows: measurements. published: results of the paper. confidence: how well the models' confidence predicts their
-    error. skipped: sentences on missing data.
-    """
+    """The result of a test, as plain data."""
 
     rows: list[dict[str, Any]]
+    """Measurements."""
     published: list[dict[str, Any]]
+    """Results of the paper."""
     confidence: list[dict[str, Any]] | None = None
+    """How well the models' confidence predicts their error."""
     skipped: list[str] | None = None
+    """Sentences on missing data."""

@@ -87,19 +87,20 @@ def white_choices(white: bool) -> tuple[bool, ...]:
 class Case:
     """One photo with known normals.
 
-    labels: of its rows. truth: (H, W, 3) true unit normals in camera space, zero where unknown, which may be inside
-    the mask. regions: parts of the image, (H, W) bool by name, whose mean errors are also reported. magnify: factor by
-    which the photo is magnified before the estimate, which is measured at the photo's own pixels; see
-    :func:`mpsnet_core.learning.evaluation.measure.estimate_magnified`.
-
     Raises GeometryError if no pixel of the mask has a true normal.
     """
 
     labels: Mapping[str, Any]
+    """Labels of its rows."""
     capture: Capture
+    """The photo, H x W pixels, with its mask and lights."""
     truth: NDArray[np.float32]
+    """(H, W, 3) float32. True unit normals in camera space, zero where unknown, which may be inside the mask."""
     regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """(H, W) bool by name. Parts of the image whose mean errors are also reported."""
     magnify: int = 1
+    """Factor by which the photo is magnified before the estimate, which is measured at the photo's own pixels; see
+    :func:`mpsnet_core.learning.evaluation.measure.estimate_magnified`."""
 
     def __post_init__(self) -> None:
         if not self.scored.any():
@@ -122,19 +123,20 @@ class Case:
 
 @dataclass(frozen=True)
 class Row:
-    """One model's metrics on a case, angles in degrees.
-
-    labels: the case's, and "model". errors: "mae_deg", "median_deg", and "NAME_deg" for each region that has pixels.
-    rank_correlation: Spearman's, of 1 - confidence and error. decile_deg: mean errors of the deciles of confidence, the
-    highest first. Both are None if the confidence does not vary. further: metrics of some tests only.
-    """
+    """One model's metrics on a case, angles in degrees."""
 
     labels: Mapping[str, Any]
+    """The case's labels, and "model"."""
     magnify: int
+    """The case's factor of magnification."""
     errors: Mapping[str, float]
+    """"mae_deg", "median_deg", and "NAME_deg" for each region that has pixels."""
     rank_correlation: float | None = None
+    """Spearman's, of 1 - confidence and error; None if the confidence does not vary."""
     decile_deg: list[float] | None = None
+    """Mean errors of the deciles of confidence, the highest first; None if the confidence does not vary."""
     further: Mapping[str, float] = field(default_factory=dict)
+    """Metrics of some tests only."""
 
     @property
     def mae_deg(self) -> float:
@@ -161,12 +163,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Result:
-    """One model's estimate of a case. error: (H, W) angular error in degrees, zero at pixels that are not scored."""
+    """One model's estimate of a case."""
 
     case: Case
+    """The case, H x W pixels."""
     model: str
+    """The model."""
     estimate: NormalMap
+    """The normals that it estimated."""
     error: NDArray[np.float32]
+    """(H, W) float32. Angular error in degrees, zero at pixels that are not scored."""
 
     @property
     def mae_deg(self) -> float:

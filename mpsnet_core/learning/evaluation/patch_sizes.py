@@ -30,16 +30,24 @@ INPUTS = {"image": False, "image and initial normals": True}
 
 @dataclass(frozen=True)
 class PatchRow:
-    """One network, as ``--json`` writes it: its error in degrees, and how it was trained and measured."""
+    """One network, as ``--json`` writes it: its error, and how it was trained and measured."""
 
     input: str
+    """What the network sees of each pixel."""
     patch: int
+    """Side of its patches in pixels."""
     mae_deg: float
+    """Mean angular error in degrees."""
     highest_deg: float
+    """Largest angular error in degrees."""
     minutes: float
+    """Training time in minutes."""
     width: float
+    """The network's width."""
     steps: int
+    """Number of training steps."""
     patches: int
+    """Number of held-out patches that it was measured on."""
 
 
 def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingConfig:

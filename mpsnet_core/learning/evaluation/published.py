@@ -47,15 +47,20 @@ PUBLISHED_LIGHTS: tuple[Lights, ...] = tuple(TABLE_2)
 
 @dataclass(frozen=True)
 class DiligentFigure:
-    """A published error on one of DiLiGenT's objects. lights: None for figure 8, which does not name them. protocol:
-    the paper multiplexes images by its own."""
+    """A published error on one of DiLiGenT's objects."""
 
     object: str
+    """The object."""
     lights: list[int] | None
+    """Numbers of the three lights; None for figure 8, which does not name them."""
     model: str
+    """The model."""
     mae_deg: float
+    """Mean angular error in degrees."""
     source: str
+    """Where the paper states it: its table or figure."""
     protocol: str = "published"
+    """How the images were multiplexed: "published", by the paper's own protocol."""
 
 
 def diligent_figures(objects: list[str], lights: list[Lights]) -> list[DiligentFigure]:

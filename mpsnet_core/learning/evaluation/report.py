@@ -37,7 +37,9 @@ class Report:
     """An HTML page. Its images are collected on disk, not in memory. See :func:`open_report`."""
 
     path: Path
+    """The page's file."""
     figures: TextIO
+    """Temporary file that collects the HTML of the images."""
 
     def add(self, results: Sequence[Result]) -> None:
         """Add the images of one case: photo and true normals, and each model's normals and errors."""

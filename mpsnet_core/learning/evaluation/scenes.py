@@ -97,11 +97,14 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
 
 @dataclass(frozen=True)
 class MeshView:
-    """A view of a mesh file. number: of the view, from 1. turn: rotation about the vertical axis in degrees."""
+    """A view of a mesh file."""
 
     file: Path
+    """The mesh file."""
     number: int
+    """Number of the view, from 1."""
     turn: float
+    """Rotation about the vertical axis in degrees."""
 
     @property
     def labels(self) -> dict[str, str | int]:

@@ -22,19 +22,26 @@ MAX_STEPS = 10**9
 
 
 class Checkpoint(NamedTuple):
-    """step: number of steps done. weights, mean_weights: the network's, and their running mean. optimisers: states of
-    the optimisers. seconds: training time so far. samples: fingerprint of the samples. precision: of the layers.
-    continues: training record of the initial network, see :class:`mpsnet_core.learning.training.loop.Trained`."""
+    """The state of a training run, from which it can be resumed."""
 
     recipe: TrainingConfig
+    """How the network is trained."""
     step: int
+    """Number of steps done."""
     weights: dict[str, Tensor]
+    """The network's weights."""
     mean_weights: dict[str, Tensor]
+    """Their running mean."""
     optimisers: list[dict[str, Any]]
+    """States of the optimisers."""
     seconds: float
+    """Training time so far in seconds."""
     samples: str
+    """Fingerprint of the samples."""
     precision: str
+    """Precision of the layers."""
     continues: dict[str, Any] | None
+    """Training record of the initial network, see :class:`mpsnet_core.learning.training.loop.Trained`."""
 
 
 # Types of the values in the file.

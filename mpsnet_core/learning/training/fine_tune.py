@@ -31,14 +31,14 @@ LIT_DECAY = 1e-5
 
 @dataclass(frozen=True)
 class Exported:
-    """A network's ONNX file.
-
-    record: how it was trained. filters: weights, and biases or None, of its convolutions in execution order.
-    """
+    """A network's ONNX file."""
 
     path: str
+    """The file."""
     record: dict[str, Any]
+    """How the network was trained."""
     filters: list[tuple[NDArray[Any], NDArray[Any] | None]]
+    """Weights, and biases or None, of its convolutions in execution order."""
 
     @property
     def step(self) -> int:

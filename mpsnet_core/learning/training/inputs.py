@@ -14,14 +14,16 @@ from mpsnet_core.learning.training.photo_simulation import Scale, unmixed
 
 
 class Batch(NamedTuple):
-    """inputs: (N, C, H, W) each, in the network's order. truth: (N, 3, H, W) true normals. weights: (N, H, W) 1 for
-    pixels inside the mask with a known true normal, else 0. lit: (N, 3, H, W) 1 where a light reaches; None for
-    patches."""
+    """N examples as a network is trained with them."""
 
     inputs: tuple[Tensor, ...]
+    """(N, C, H, W) each. The inputs in the network's order."""
     truth: Tensor
+    """(N, 3, H, W). True unit normals."""
     weights: Tensor
+    """(N, H, W). 1 for pixels inside the mask with a known true normal, else 0."""
     lit: Tensor | None = None
+    """(N, 3, H, W). 1 where a light reaches, else 0; None for patches."""
 
 
 @torch.no_grad()

@@ -47,35 +47,46 @@ NORM_EXAMPLES = 64  # photographs to restore batch norms and the layer `lit` fro
 
 @dataclass(frozen=True)
 class Trained:
-    """The result of a run. network: with the running mean of its weights, on the CPU. metrics: of the last validation.
-    samples: number of training samples. fingerprint: of their names and jobs. continues: training record of the
-    exported network that it started from, None for random initial weights."""
+    """The result of a run."""
 
     network: Network
+    """The network with the running mean of its weights, on the CPU."""
     recipe: TrainingConfig
+    """How it was trained."""
     step: int
+    """Number of steps done."""
     seconds: float
+    """Training time in seconds."""
     metrics: Metrics | None
+    """Metrics of the last validation, if there was one."""
     samples: int
+    """Number of training samples."""
     fingerprint: str
+    """Fingerprint of the samples' names and jobs."""
     hardware: str
+    """The hardware that it was trained on."""
     precision: str
+    """Precision of the layers: "float32" or "bfloat16"."""
     continues: dict[str, Any] | None = None
+    """Training record of the exported network that it started from, None for random initial weights."""
 
 
 @dataclass(frozen=True)
 class TrainingPaths:
-    """Files of a run. checkpoint: written regularly and at the end, None for nowhere. resume: a checkpoint to resume
-    from, or the .onnx file of a network to fine-tune. logs: folder for TensorBoard. cache: folder for the packed
-    samples, None for a temporary one. overwrite: whether the checkpoint may replace that of another run. skip_damaged:
-    whether damaged samples are left out."""
+    """Files of a run."""
 
     checkpoint: Path | None = None
+    """File of the checkpoint, written regularly and at the end, None for nowhere."""
     resume: Path | None = None
+    """A checkpoint to resume from, or the .onnx file of a network to fine-tune."""
     logs: Path | None = None
+    """Folder for TensorBoard."""
     cache: Path | None = None
+    """Folder for the packed samples, None for a temporary one."""
     overwrite: bool = False
+    """Whether the checkpoint may replace that of another run."""
     skip_damaged: bool = False
+    """Whether damaged samples are left out."""
 
 
 def train(

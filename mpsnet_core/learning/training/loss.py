@@ -10,12 +10,15 @@ from mpsnet_core.learning.training.networks.network import IntermediateOutputs, 
 
 
 class Loss(NamedTuple):
-    """total: the loss to minimise. angle: mean angular error in radians. expected: mean squared error of the expected
-    error in radians squared, zero if the network predicts none. The last two are for logs and have no gradients."""
+    """The loss of a batch and its parts."""
 
     total: Tensor
+    """The loss to minimise."""
     angle: Tensor
+    """Mean angular error in radians; for logs, without gradients."""
     expected: Tensor
+    """Mean squared error of the expected error in radians squared, zero if the network predicts none; for logs, without
+    gradients."""
 
 
 def angle_between(a: Tensor, b: Tensor) -> Tensor:

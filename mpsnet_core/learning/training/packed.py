@@ -33,18 +33,18 @@ MARGIN = 4  # pixels around the object
 
 
 class Packed(NamedTuple):
-    """One sample, cropped to the object.
-
-    lights: (9, H, W) half floats, R, G, B of light 1, then of lights 2 and 3; zero outside the mask. normals:
-    (3, H, W) half floats. mask: (H, W) bool. lit: (3, H, W) bool, where at least half of a light arrives. directions:
-    (3, 3) one light per row.
-    """
+    """One sample, cropped to the object."""
 
     lights: Tensor
+    """(9, H, W) half floats. R, G, B of light 1, then of lights 2 and 3; zero outside the mask."""
     normals: Tensor
+    """(3, H, W) half floats. True unit normals in camera space."""
     mask: Tensor
+    """(H, W) bool. Where the object is."""
     lit: Tensor
+    """(3, H, W) bool. Where at least half of a light arrives."""
     directions: NDArray[np.float64]
+    """(3, 3) float64. Unit vectors to the lights, one light per row."""
 
 
 class PackedSamples:

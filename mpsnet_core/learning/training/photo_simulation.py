@@ -40,34 +40,42 @@ PHOTO, NORMALS, LIT, MASK, WHITE = slice(0, 3), slice(3, 6), slice(6, 9), slice(
 
 
 class Scale(NamedTuple):
-    """N windows on one scale. Maps are (N, C, H, W), zero outside the known mask.
-
-    maps: by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous" and those that
-    :func:`mpsnet_core.learning.training.inputs.feature_tensor` makes of them. truth: (N, 3, H, W) true unit normals.
-    weights: (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it. examples: (N,) which
-    examples of the batch these are. places: (N, 2) upper left corner of each window in the window of the scale before,
-    in that scale's pixels; it covers half of that window's side.
-    """
+    """N windows on one scale. Maps are (N, C, H, W), zero outside the known mask."""
 
     maps: dict[str, Tensor]
+    """The maps by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous" and those
+    that :func:`mpsnet_core.learning.training.inputs.feature_tensor` makes of them."""
     truth: Tensor
+    """(N, 3, H, W). True unit normals."""
     weights: Tensor
+    """(N, H, W). 1 where a pixel counts."""
     lit: Tensor
+    """(N, 3, H, W). Whether each light reaches a pixel."""
     examples: Tensor
+    """(N,). Which examples of the batch these are."""
     places: NDArray[np.int64]
+    """(N, 2) int64. Upper left corner of each window in the window of the scale before, in that scale's pixels; it
+    covers half of that window's side."""
 
 
 @dataclass
 class _Example:
     """One sample, arranged to be photographed."""
 
-    planes: Tensor  # (10 or 13, H, W) at its own resolution, zero outside the mask
+    planes: Tensor
+    """(10 or 13, H, W). The sample at its own resolution, zero outside the mask."""
     directions: NDArray[np.float64]
+    """(3, 3) float64. Unit vectors to the lights, one light per row."""
     draw: CaptureDraw
+    """The photograph's numbers."""
     finest: int
-    coarse: tuple[int, int]  # height and width of the object on the first scale
-    offset: NDArray[np.int64]  # of the present window, in pixels of the present scale, from the object's own corner
+    """Number of the last scale that it is seen on, from 0."""
+    coarse: tuple[int, int]
+    """Height and width of the object on the first scale."""
+    offset: NDArray[np.int64]
+    """(2,) int64. Offset of the present window, in pixels of the present scale, from the object's own corner."""
     bicubic: bool
+    """Whether the sample is resized bicubically."""
 
 
 class PhotoSimulator:

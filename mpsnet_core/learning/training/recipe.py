@@ -28,47 +28,55 @@ _KINDS: dict[str, tuple[type, str]] = {
 class TrainingConfig:
     """How one model is trained.
 
-    name: the model's. title: a line for people. network: of :data:`mpsnet_core.learning.training.networks.NETWORKS`,
-    options: its own, such as its width. samples: the commands that make its samples, for people. steps: of the
-    optimiser. batch: pictures a step (over all processes). crop: side of a picture in pixels, 0 for whole pictures
-    (patch-wise networks alone). patches: from each picture where the network is patch-wise, batch * patches a step.
-    optimiser: "adamw", or "muon" for the weights of convolutions and AdamW for the rest.
-    learning_rate: it rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight
-    line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
-    weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
-    model. error_weight: in the loss, of the squared error of the expected error, where the network predicts one.
-    gradient_weight: in the loss, of the difference between the normals' gradients and the true ones; patch-wise
-    networks have none. augment: whether samples are turned by quarters,
-    mirrored, and their lights put in any order, anew each time they are seen; networks with a canonical frame turn them
-    by themselves. frozen_norms: whether batch norms keep the means and variances that they begin with, for a network
-    that is trained further: those of a small batch differ from step to step. capture: ranges and chances of
-    :class:`mpsnet_core.synthesis.capture_model.CaptureModel` that differ from its own. seed: of the first weights, the
-    photographs and their order.
-
     Raises SettingsError where a value is out of its range.
     """
 
     name: str
+    """The model's name."""
     title: str
+    """A line for people."""
     network: str
+    """Kind of network, of :data:`mpsnet_core.learning.training.networks.NETWORKS`."""
     steps: int = limited(MISSING, 1, 100_000_000)
+    """Steps of the optimiser."""
     options: Mapping[str, Any] = field(default_factory=dict)
+    """The network's own options, such as its width."""
     samples: tuple[str, ...] = ()
+    """The commands that make its samples, for people."""
     batch: int = limited(16, 1, 65536)
+    """Pictures a step (over all processes)."""
     crop: int = limited(128, 0, 8192)
+    """Side of a picture in pixels, 0 for whole pictures (patch-wise networks alone)."""
     patches: int = limited(0, 0, 65536)
+    """Patches from each picture where the network is patch-wise, batch * patches a step."""
     learning_rate: float = limited(1e-3, 1e-8, 1.0)
+    """It rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight line
+    (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024)."""
     weight_decay: float = limited(1e-2, 0.0, 1.0)
+    """Decay of weights, not of biases and batch norm."""
     warm_up: int = limited(200, 0, 1_000_000)
+    """Number of first steps over which the learning rate rises."""
     decay: int = limited(0, 0, 100_000_000)
+    """Number of last steps over which the learning rate falls."""
     ema: float = limited(0.999, 0.0, 0.99999)
+    """Decay of the weights' running mean, which becomes the model."""
     error_weight: float = limited(1.0, 0.0, 100.0)
+    """Weight in the loss of the squared error of the expected error, where the network predicts one."""
     gradient_weight: float = limited(0.0, 0.0, 100.0)
+    """Weight in the loss of the difference between the normals' gradients and the true ones; patch-wise networks have
+    none."""
     optimiser: str = "adamw"
+    """"adamw", or "muon" for the weights of convolutions and AdamW for the rest."""
     augment: bool = True
+    """Whether samples are turned by quarters, mirrored, and their lights put in any order, anew each time they are
+    seen; networks with a canonical frame turn them by themselves."""
     frozen_norms: bool = False
+    """Whether batch norms keep the means and variances that they begin with, for a network that is trained further:
+    those of a small batch differ from step to step."""
     capture: Mapping[str, Any] = field(default_factory=dict)
+    """Ranges and chances of :class:`mpsnet_core.synthesis.capture_model.CaptureModel` that differ from its own."""
     seed: int = limited(0, 0, 2**31 - 1)
+    """Seed of the first weights, the photographs and their order."""
 
     def __post_init__(self) -> None:
         for name, (kind, words) in _KINDS.items():

@@ -18,12 +18,14 @@ PICTURES_AT_ONCE = 8
 
 
 class Metrics(NamedTuple):
-    """mae_deg, highest_deg: mean and largest angular error over all pixels. rank_correlation: Spearman's, between
-    expected and true error; None if the network predicts no error."""
+    """The error over all pixels of the samples."""
 
     mae_deg: float
+    """Mean angular error in degrees."""
     highest_deg: float
+    """Largest angular error in degrees."""
     rank_correlation: float | None
+    """Spearman's, between expected and true error; None if the network predicts no error."""
 
     def __str__(self) -> str:
         rank = "" if self.rank_correlation is None else f", rank correlation {self.rank_correlation:.2f}"

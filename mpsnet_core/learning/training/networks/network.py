@@ -8,40 +8,27 @@ from torch import Tensor, nn
 
 
 class IntermediateOutputs(NamedTuple):
-    """Intermediate outputs of a network with equation 2 inside, for auxiliary losses.
-
-    Attributes
-    ----------
-    lit : Tensor
-        (N, 3, H, W) logits of whether each light reaches a pixel.
-    formula, own : Tensor
-        (N, 3, H, W) unit vectors: normals by equation 2 alone, and the network's own without it.
-    trust : Tensor
-        (N, 1, H, W) logits of the weight of equation 2 in the output.
-    """
+    """Intermediate outputs of a network with equation 2 inside, for auxiliary losses."""
 
     lit: Tensor
+    """(N, 3, H, W). Logits of whether each light reaches a pixel."""
     formula: Tensor
+    """(N, 3, H, W). Unit vectors: normals by equation 2 alone."""
     own: Tensor
+    """(N, 3, H, W). Unit vectors: the network's own normals, without equation 2."""
     trust: Tensor
+    """(N, 1, H, W). Logits of the weight of equation 2 in the output."""
 
 
 class Prediction(NamedTuple):
-    """The output of a network.
-
-    Attributes
-    ----------
-    normals : Tensor
-        (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
-    expected_error : Tensor or None
-        (N, 1, H, W) predicted angular error in radians; None if the network predicts none.
-    intermediate : IntermediateOutputs or None
-        In training mode only, of networks with equation 2 inside.
-    """
+    """The output of a network."""
 
     normals: Tensor
+    """(N, 3, H, W), or (N, 3) for patches. Unit vectors in the network's frame."""
     expected_error: Tensor | None = None
+    """(N, 1, H, W). Predicted angular error in radians; None if the network predicts none."""
     intermediate: IntermediateOutputs | None = None
+    """Intermediate outputs, in training mode only, of networks with equation 2 inside."""
 
 
 class Network(nn.Module, ABC):
