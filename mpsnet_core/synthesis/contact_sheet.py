@@ -41,18 +41,18 @@ SHOWN = 0.01
 
 @dataclass(frozen=True)
 class FolderSummary:
-    """Statistics of a folder of samples.
-
-    samples: number of valid samples. renderers: number of samples by renderer. mean_shares: (4,) mean share of the
-    object's pixels that no, one, two and three lights reach. samples_with: (4,) number of samples with at least 1% of
-    such pixels. skipped: a sentence for each file that is no valid sample.
-    """
+    """Statistics of a folder of samples."""
 
     samples: int
+    """Number of valid samples."""
     renderers: dict[str, int]
+    """Number of samples by renderer."""
     mean_shares: tuple[float, ...]
+    """(4,). Mean share of the object's pixels that no, one, two and three lights reach."""
     samples_with: tuple[int, ...]
+    """(4,). Number of samples with at least 1% of such pixels."""
     skipped: list[str] = field(default_factory=list)
+    """A sentence for each file that is no valid sample."""
 
     def __str__(self) -> str:
         if not self.samples:

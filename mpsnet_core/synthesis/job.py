@@ -50,39 +50,45 @@ _NOT_OF_SAMPLES = ("count", "sample_seconds")
 class SampleJob:
     """Settings from which samples 0 to count - 1 are drawn.
 
-    renderer: "synthesis" (this package) or "cycles" (Blender). size: side of the images in pixels. shapes: kinds of
-    shapes. meshes: folder of mesh files, for "meshes". objects: names of the objects in the job's ``scene.blend``, for
-    "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; if empty, all
-    materials are principled (synthesis only). merl_part: which measured materials to use: every fifth, sorted by name,
-    is in "validation", the others in "training". views: number of consecutive samples that show the same shape.
-    bounces: maximum number of bounces between surfaces; at most 3 for synthesis. samples: Cycles samples per pixel.
-    denoise: whether to denoise Cycles' indirect light. supersampling: rays along a pixel's side. sample_seconds: time
-    limit of a worker for one sample.
-
-    style: "photographs" covers what users photograph. "paper" is like the MPS-Net paper (synthesis only): its rig and
-    the rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
-    relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does;
-    "paper-one-rig" uses the paper's own rig only.
-
     Raises SettingsError if a value is out of range or settings are incompatible.
     """
 
     renderer: Literal["synthesis", "cycles"]
+    """"synthesis" (this package) or "cycles" (Blender)."""
     count: int
+    """Number of samples."""
     seed: int = 0
+    """Seed of the random draws: the same seed gives the same samples."""
     size: int = 256
+    """Side of the images in pixels."""
     shapes: tuple[str, ...] = ("blobs", "drapery", "reliefs", "groups")
+    """Kinds of shapes."""
     meshes: str = ""
+    """Folder of mesh files, for the shapes "meshes"."""
     objects: tuple[str, ...] = ()
+    """Names of the objects in the job's ``scene.blend``, for the shapes "scene" (cycles only)."""
     merl: str = ""
+    """Folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; if empty, all materials are principled
+    (synthesis only)."""
     merl_part: Literal["all", "training", "validation"] = "all"
+    """Which measured materials to use: every fifth, sorted by name, is in "validation", the others in "training"."""
     views: int = 1
+    """Number of consecutive samples that show the same shape."""
     bounces: int = 1
+    """Maximum number of bounces between surfaces; at most 3 for synthesis."""
     samples: int = 48
+    """Cycles samples per pixel."""
     denoise: bool = True
+    """Whether to denoise Cycles' indirect light."""
     supersampling: int = 1
+    """Rays along a pixel's side."""
     style: Literal["photographs", "paper", "paper-all-materials", "paper-one-rig"] = "photographs"
+    """"photographs" covers what users photograph. "paper" is like the MPS-Net paper (synthesis only): its rig and the
+    rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
+    relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does;
+    "paper-one-rig" uses the paper's own rig only."""
     sample_seconds: int = 3600
+    """Time limit in seconds of a worker for one sample."""
 
     def __post_init__(self) -> None:
         check_choice("the renderer", self.renderer, RENDERERS)

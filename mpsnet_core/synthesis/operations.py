@@ -23,12 +23,16 @@ def job_number(name: str, help: str) -> Any:
 
 @dataclass(frozen=True)
 class SamplesMade(Result):
-    """Numbers of samples made now and already there, the folder, and its contact sheet."""
+    """The samples of a folder that were asked for."""
 
     output: str
+    """The folder."""
     made: int
+    """Number of samples made now."""
     there: int
+    """Number of samples that were already there."""
     contact_sheet: str
+    """File of the folder's contact sheet."""
 
 
 @dataclass(frozen=True)
@@ -206,14 +210,20 @@ class Work(Operation):
 
 @dataclass(frozen=True)
 class SamplesShown(Result):
-    """File of the image, and statistics as in `mpsnet_core.synthesis.contact_sheet.FolderSummary`."""
+    """Samples or photos in one image, and statistics of them."""
 
     output: str
+    """File of the image."""
     samples: int
+    """Number of valid samples."""
     renderers: dict[str, int]
+    """Number of samples by renderer."""
     mean_shares: tuple[float, ...]
+    """(4,). Mean share of the object's pixels that no, one, two and three lights reach."""
     samples_with: tuple[int, ...]
+    """(4,). Number of samples with at least 1% of such pixels."""
     skipped: list[str]
+    """A sentence for each file that is no valid sample."""
 
 
 @dataclass(frozen=True)

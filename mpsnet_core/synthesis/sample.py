@@ -40,37 +40,27 @@ _NO_DATE = "1970:01:01 00:00:00"
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One view under each of three white lights, H x W pixels, row 0 on top.
-
-    Attributes
-    ----------
-    lights : (3, H, W, 3) float32
-        Linear RGB radiance under each light alone; 1 for a white matt surface facing the light. Premultiplied with
-        alpha: the background is black.
-    normals : (H, W, 3) float32
-        True unit normals in camera space (x right, y up, z towards the camera), bump included; zero outside alpha.
-    depth : (H, W) float32
-        Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0 outside alpha.
-    alpha : (H, W) float32
-        Coverage of the pixel by the object, 0 to 1.
-    material : (H, W) int32
-        Index of the material with the largest weight; -1 outside alpha.
-    lit : (3, H, W) float32
-        Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow.
-    recipe : SceneDescription
-        Description of the scene.
-    renderer : str
-        For example "synthesis" or "Cycles 4.5.15".
-    """
+    """One view under each of three white lights, H x W pixels, row 0 on top."""
 
     lights: NDArray[np.float32]
+    """(3, H, W, 3) float32. Linear RGB radiance under each light alone; 1 for a white matt surface facing the light.
+    Premultiplied with alpha: the background is black."""
     normals: NDArray[np.float32]
+    """(H, W, 3) float32. True unit normals in camera space (x right, y up, z towards the camera), bump included; zero
+    outside alpha."""
     depth: NDArray[np.float32]
+    """(H, W) float32. Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0
+    outside alpha."""
     alpha: NDArray[np.float32]
+    """(H, W) float32. Coverage of the pixel by the object, 0 to 1."""
     material: NDArray[np.int32]
+    """(H, W) int32. Index of the material with the largest weight; -1 outside alpha."""
     lit: NDArray[np.float32]
+    """(3, H, W) float32. Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow."""
     recipe: SceneDescription
+    """Description of the scene."""
     renderer: str
+    """For example "synthesis" or "Cycles 4.5.15"."""
 
     @property
     def mask(self) -> NDArray[np.bool_]:

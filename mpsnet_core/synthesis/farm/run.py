@@ -52,12 +52,14 @@ SHEET_SHARE = 0.05
 
 @dataclass
 class JobOutcome:
-    """The result of a run. made: number of samples it made. there: number of samples that existed, or were made by
-    another run. failed: error sentences by sample number."""
+    """The result of a run."""
 
     made: int = 0
+    """Number of samples it made."""
     there: int = 0
+    """Number of samples that existed, or were made by another run."""
     failed: dict[int, str] = field(default_factory=dict)
+    """Error sentences by sample number."""
 
 
 def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:

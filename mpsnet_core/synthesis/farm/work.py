@@ -44,11 +44,14 @@ State = Literal["made", "there", "held", "failed"]
 
 @dataclass(frozen=True)
 class SampleResult:
-    """The outcome of a request for a sample. error: a sentence, if it failed."""
+    """The outcome of a request for a sample."""
 
     number: int
+    """Number of the sample."""
     state: State
+    """"made", "there" if it existed, "held" if another process is making it, or "failed"."""
     error: str = ""
+    """A sentence, if it failed."""
 
 
 # Results of workers as they arrive, and None if nothing arrives for a moment. Closing the generator ends the workers.

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Sheen:
-    """Sheen of one roughness at K view cosines: a cosine lobe, stretched by `spread`, sheared by `shear` and scaled.
-
-    albedo, spread, shear: (K,).
-    """
+    """Sheen of one roughness at K view cosines: a cosine lobe, stretched by `spread`, sheared by `shear` and scaled."""
 
     albedo: NDArray[np.float64]
+    """(K,) float64. Directional albedo, which scales the lobe, 0 to 1."""
     spread: NDArray[np.float64]
+    """(K,) float64. Stretch of the lobe."""
     shear: NDArray[np.float64]
+    """(K,) float64. Shear of the lobe."""
 
 
 def sheen(roughness: float, cosines: NDArray[np.float64]) -> Sheen:

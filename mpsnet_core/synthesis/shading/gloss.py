@@ -32,14 +32,12 @@ _ANGLES, _STEPS = np.pi / 2 * _ANGLES**3, np.pi / 2 * 3 * _ANGLES**2 / 96
 
 @dataclass(frozen=True)
 class Lobe:
-    """Properties of a reflectance at normal incidence.
-
-    albedo: (3,) directional albedo. width: angle in radians at which the highlight falls to a half, infinite if there
-    is none.
-    """
+    """Properties of a reflectance at normal incidence."""
 
     albedo: NDArray[np.float32]
+    """(3,) float32. Directional albedo."""
     width: float
+    """Angle in radians at which the highlight falls to a half, infinite if there is none."""
 
 
 def lobe(reflectance: Reflectance) -> Lobe:

@@ -24,13 +24,12 @@ _BLOCK = 1 << 12
 
 @dataclass(frozen=True)
 class Light:
-    """A distant white light of irradiance pi.
-
-    direction: (3,) unit vector from the origin to its centre. size: angular diameter in degrees.
-    """
+    """A distant white light of irradiance pi."""
 
     direction: NDArray[np.float64]
+    """(3,) float64. Unit vector from the origin to its centre."""
     size: float
+    """Angular diameter in degrees."""
 
     @property
     def radius(self) -> float:
@@ -50,14 +49,12 @@ class Light:
 
 @dataclass(frozen=True)
 class Illumination:
-    """Light that arrives at N points.
-
-    irradiance: (N,) float32, 1 on an unoccluded surface facing the light. lit: (N,) float32, visible share of the
-    light's disc above the horizon of the shading normal.
-    """
+    """Light that arrives at N points."""
 
     irradiance: NDArray[np.float32]
+    """(N,) float32. 1 on an unoccluded surface facing the light."""
     lit: NDArray[np.float32]
+    """(N,) float32. Visible share of the light's disc above the horizon of the shading normal."""
 
 
 def illumination(

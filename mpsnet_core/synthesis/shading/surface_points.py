@@ -21,20 +21,22 @@ MIN_FACING = np.float32(0.01)
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """N points of the surface. Vectors are (N, 3) float32, in world space unless stated otherwise.
-
-    position: on the surface. start: origin of rays, just above it. smooth: unit normals interpolated from the corners.
-    normal: unit normals with bump, facing the viewer. view: unit vectors to the viewer. place: position in object
-    space. part: (N,) int32.
-    """
+    """N points of the surface, in world space unless stated otherwise."""
 
     position: NDArray[np.float32]
+    """(N, 3) float32. Position on the surface."""
     start: NDArray[np.float32]
+    """(N, 3) float32. Origin of rays, just above the surface."""
     smooth: NDArray[np.float32]
+    """(N, 3) float32. Unit normals interpolated from the corners."""
     normal: NDArray[np.float32]
+    """(N, 3) float32. Unit normals with bump, facing the viewer."""
     view: NDArray[np.float32]
+    """(N, 3) float32. Unit vectors to the viewer."""
     place: NDArray[np.float32]
+    """(N, 3) float32. Position in object space."""
     part: NDArray[np.int32]
+    """(N,) int32. The part of the shape that each point belongs to."""
 
     def __len__(self) -> int:
         return len(self.position)

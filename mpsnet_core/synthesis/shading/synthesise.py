@@ -24,15 +24,14 @@ RENDERER = "synthesis"
 
 @dataclass(frozen=True)
 class _Colouring:
-    """The materials of N points.
-
-    weights: (N, K) of the materials. paint: (N, 3) factors of their colours, or None. dirt: (N,) opacity of a matt
-    layer over them, or None.
-    """
+    """The K materials of N points."""
 
     weights: NDArray[np.float32]
+    """(N, K) float32. Weights of the materials."""
     paint: NDArray[np.float32] | None
+    """(N, 3) float32. Factors of the materials' colours, or None."""
     dirt: NDArray[np.float32] | None
+    """(N,) float32. Opacity of a matt layer over the materials, or None."""
 
     def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
         """(N, 3) diffuse albedo of the points, as if they were matt."""

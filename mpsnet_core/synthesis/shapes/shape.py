@@ -13,23 +13,16 @@ from mpsnet_core.scene.mesh import triangle_normals
 
 @dataclass(frozen=True)
 class Shape:
-    """A triangle mesh in object space: centred at the origin, z up, bounding sphere of radius 1.
-
-    Attributes
-    ----------
-    vertices : (V, 3) float64
-    triangles : (T, 3) int32
-        Counter-clockwise seen from outside.
-    corner_normals : (T, 3, 3) float32
-        Unit shading normals.
-    parts : (T,) int32
-        The part that each triangle belongs to.
-    """
+    """A triangle mesh in object space: centred at the origin, z up, bounding sphere of radius 1."""
 
     vertices: NDArray[np.float64]
+    """(V, 3) float64. Positions."""
     triangles: NDArray[np.int32]
+    """(T, 3) int32. Vertex indices, counter-clockwise seen from outside."""
     corner_normals: NDArray[np.float32]
+    """(T, 3, 3) float32. Unit shading normals."""
     parts: NDArray[np.int32]
+    """(T,) int32. The part that each triangle belongs to."""
 
 
 def smooth_shape(

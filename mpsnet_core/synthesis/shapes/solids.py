@@ -15,19 +15,21 @@ WORLD: Array = np.eye(3)
 
 @dataclass(frozen=True)
 class Solid:
-    """A positioned solid.
-
-    distance: maps local points (3, N) to signed distances (N,), below 0 inside; exact near the surface, elsewhere
-        within a third. axes: (3, 3), rows are the local axes. half: (3,) half the size of its local bounding box.
-    blend: width of the blend with the solids before it, 0 for a sharp joint. carve: subtract it instead.
-    """
+    """A positioned solid."""
 
     distance: Callable[[Array], Array]
+    """Maps local points (3, N) to signed distances (N,), below 0 inside; exact near the surface, elsewhere within a
+    third."""
     centre: Array
+    """(3,). Position of its centre."""
     axes: Array
+    """(3, 3). Rows are the local axes."""
     half: Array
+    """(3,). Half the size of its local bounding box."""
     blend: float = 0.0
+    """Width of the blend with the solids before it, 0 for a sharp joint."""
     carve: bool = False
+    """Whether to subtract it instead."""
 
     def signed_distance(self, points: Array) -> Array:
         """(N,) signed distances of points (3, N)."""
