@@ -63,8 +63,11 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         named = [f"{stem}_{name}" for name in ("camera.json", "overlay.png", "rig.json", "normals.exr", "texture.png")]
         files = [str(folder / name) for name in named]
         check_no_overwrite([Path(self.image), *self.inputs(self.mesh, mask=self.mask)], files)
-        ensure_folder(folder, "results")
         camera, overlay, rig, normals, texture = files
+        bake = Bake(**self._shared(Bake), view=(f"{camera}={normals}",), output=texture)
+        bake.texture_size()  # a size or a mesh that cannot be baked is told before the search
+        self.read_mesh(self.mesh)
+        ensure_folder(folder, "results")
         place: dict[str, Any] = {"camera": camera}
         aligned = Align(**self._shared(Align), image=self.image, overlay=overlay, output=camera)
         aligned.run(part(progress, 0.0, 0.4))
@@ -73,7 +76,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         options = self._shared(Estimate) | {"mesh": None, "focal": None}
         estimate = Estimate(**options, **place, image=(self.image,), rig=rig, output=normals)
         estimate.run(part(progress, 0.5, 0.9))
-        Bake(**self._shared(Bake), view=(f"{camera}={normals}",), output=texture).run(part(progress, 0.9, 1.0))
+        bake.run(part(progress, 0.9, 1.0))
         text = "\n".join(files)
         return Scanned(camera, rig, normals, texture, files, text=text)
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
 
@@ -32,7 +33,10 @@ def crops(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray
     cosine, sine, sign = (one[:, None, None] for one in (np.cos(ANGLES), np.sin(ANGLES), MIRRORED))
     # What a crop that was turned counter-clockwise shows at a place was clockwise of there.
     right = sign * (cosine * across - sine * down)
-    return _bilinear(values, y + sine * across + cosine * down, x + right)
+    # Black beyond the box. A pixel's centre is at its index + 0.5, and one more as of the border.
+    bordered = np.pad(values, [(1, 1), (1, 1), (0, 0)])
+    seen = bilinear(bordered, x + right + 1.5, y + sine * across + cosine * down + 1.5, np.float32)
+    return np.asarray(seen, np.float32)
 
 
 def into_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
@@ -62,14 +66,3 @@ def _reduced(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDAr
     overall = colour[known].mean(axis=0)
     colour /= np.maximum(overall, max(MIN_MEAN * float(overall.max()), 1e-30))
     return np.concatenate([colour, known[..., None]], axis=-1, dtype=np.float32)
-
-
-def _bilinear(values: NDArray[np.float32], y: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(N, H, W, C) values (h, w, C) at places (N, H, W) in pixels; zero beyond."""
-    padded = np.pad(values, [(1, 1), (1, 1), (0, 0)])
-    y, x = (np.clip(place + 1, 0, size - 1) for place, size in zip((y, x), padded.shape[:2], strict=True))
-    top, left = (np.minimum(p.astype(int), s - 2) for p, s in zip((y, x), padded.shape[:2], strict=True))
-    down, right = (y - top)[..., None].astype(np.float32), (x - left)[..., None].astype(np.float32)
-    upper = padded[top, left] * (1 - right) + padded[top, left + 1] * right
-    lower = padded[top + 1, left] * (1 - right) + padded[top + 1, left + 1] * right
-    return np.asarray(upper * (1 - down) + lower * down, np.float32)
