@@ -65,7 +65,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         check_no_overwrite([Path(self.image), *self.inputs(self.mesh, mask=self.mask)], files)
         camera, overlay, rig, normals, texture = files
         bake = Bake(**self._shared(Bake), view=(f"{camera}={normals}",), output=texture)
-        bake.texture_size()  # a size or a mesh that cannot be baked is told before the search
+        bake.baking(0.0)  # a size or a mesh that cannot be baked is told before the search
         self.read_mesh(self.mesh)
         ensure_folder(folder, "results")
         place: dict[str, Any] = {"camera": camera}
