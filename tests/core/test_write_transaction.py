@@ -38,7 +38,7 @@ pytestmark = pytest.mark.long
 # Each verb's command, and the options of an earlier and of a later run.
 VERBS = {
     "heights": (
-        "integrate {0}/ball.png --height h.png --curvature c.png --occlusion o.tif --relit r_#.png --turntable 2",
+        "integrate {0}/ball.png --height h.png --curvature c.png --occlusion o.tif --relit r.png",
         ("--pixel-size 1", "--pixel-size 2 --light 30,90"),
     ),
     "heights on uvs": (
