@@ -197,7 +197,7 @@ def _with_means(rows: Sequence[Row]) -> list[Row]:
 
 def _row(figure: DiligentFigure) -> Row:
     labels = {"object": figure.object, "lights": figure.lights, "protocol": figure.protocol}
-    return Row({**labels, "model": f"paper: {figure.model}"}, 1, {"mae_deg": figure.mae_deg})
+    return Row({**labels, "model": f"paper: {figure.model}"}, {"mae_deg": figure.mae_deg})
 
 
 def _text(path: Path) -> str:
