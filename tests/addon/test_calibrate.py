@@ -11,7 +11,7 @@ from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
 from blender_addon.commands import main
-from blender_addon.panels.rig import lacks_of_mixing
+from blender_addon.panels.lights import lacks_of_mixing
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
