@@ -139,7 +139,7 @@ def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):
 
 
 def test_what_is_missing_is_reported(scene, tmp_path, mirror, grey):
-    with pytest.raises(RuntimeError, match="no photo of the mirror ball is named"):
+    with pytest.raises(RuntimeError, match="choose a photo of a mirror ball"):
         bpy.ops.mps.calibrate_lights()
     with pytest.raises(RuntimeError, match=r"where are the lights.* in the step Rig"):
         bpy.ops.mps.calibrate_mixing(grey=grey)

@@ -317,7 +317,7 @@ def the_photo_measures_nobody_knows_what(scene, tmp_path):
         (MPS_PT_rig, only_a_camera_is_selected),
         (MPS_PT_photo, a_light_is_hidden),
         (MPS_PT_photo, a_panoramic_camera),
-        (MPS_PT_estimate, no_lights),
+        (MPS_PT_material, no_lights),
         (MPS_PT_estimate, the_rig_file_is_gone),
         (MPS_PT_estimate, the_lights_are_near_and_no_camera_is_known),
         (MPS_PT_estimate, removing("photo.exr")),
