@@ -79,7 +79,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         operation = Align(
             image=str(file),
             mesh=str(folder / "mesh.npz"),
-            rig=str(rig_path(scene, photo, folder, rig_file_for(photo, estimate))),
+            rig=rig_path(scene, photo, folder, rig_file_for(photo, estimate)),
             **self._place(context, photo, folder),
             **self._lens(scene, photo, folder),
             **reading(estimate, painted=painted_mask(estimate, folder)),
