@@ -8,6 +8,7 @@ import bpy
 from mpsnet_core.calibrate.mesh_operation import POOR
 from mpsnet_core.errors import InputError
 
+from ..bake.bake_operator import check_shows_normals
 from ..bake.unwrap import lacks_uvs, unwrap
 from ..operators.chain import Call, RunsSteps, run_operator
 from ..operators.core_run import idle
@@ -55,6 +56,8 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
         if scene.mps.photo.image.source != "FILE":
             raise InputError("a scan is made of one photo, and this is a sequence or a video; open one of its frames")
         scene.mps.bake.target = target = mesh_of_photo(context)
+        if scene.mps.bake.assign:
+            check_shows_normals(target)  # before minutes of work
         if lacks_uvs(target):
             unwrap(context, target)
             self.tell(f'"{target.name}" had no UVs and was unwrapped')
@@ -85,7 +88,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
         return "estimate", {"albedo": bool(estimate.white)}
 
     def _bake(self, context: Any) -> Call:
-        return "bake", {}
+        return "bake", {"objects": "ACTIVE"}
 
     def _present(self, context: Any) -> None:
         scene = context.scene
