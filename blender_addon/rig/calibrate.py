@@ -114,8 +114,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
         if given("ball") and not given("source"):
             self.source = calibrate.source if from_ball(calibrate) else "BALL"
         apply_given_settings(self, calibrate)
-        if lacking := self.lacks(context):
-            raise InputError(f"{lacking[0].lower()}{lacking[1:]}")
+        self.refuse_lacking(context)
         if not from_ball(self):
             return self._by_photo(context, folder)
         photos = [_photo(self.ball, "the mirror ball")]
