@@ -16,6 +16,7 @@ from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import check_in_scene, target_of
+from ..settings.record import error_of
 from .photo_inputs import lacks_file, lacks_named
 from .step import Step, target_name
 from .text import wrapped
@@ -41,6 +42,7 @@ class MPS_PT_bake(Step):
             self.layout.operator("mps.unwrap", icon="UV")
             self.failure(context.scene, "unwrap")
         self.progress_or(context, "bake", "TEXTURE")
+        offer_anyway(self.layout, context.scene, "bake")
         if bake.image and hides_materials(context.space_data):
             wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
         self.picture(bake.image, folded="texture")
@@ -51,6 +53,12 @@ class MPS_PT_bake(Step):
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
             for verb in ("relight", "show_coverage"):
                 self.failure(context.scene, verb)
+
+
+def offer_anyway(layout: Any, scene: Any, verb: str) -> None:
+    """A button that bakes although much less is seen than before, where that was refused."""
+    if "[less-seen]" in error_of(scene, verb):
+        layout.operator(f"mps.{verb}", icon="TEXTURE", text="Bake Anyway").anyway = True
 
 
 def _lacks_view(scene: Any) -> str:

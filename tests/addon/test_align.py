@@ -1,23 +1,19 @@
 """A real photo finds its camera by the mesh: a photo that Cycles took, opened without what is known of its camera."""
 
-import re
-
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 
-from blender_addon.commands import main
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo_inputs import camera_of
 from blender_addon.panels.step import Kind
-from blender_addon.photo.align import _camera_object
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import Camera, read_camera
+from mpsnet_core.scene.camera import read_camera
 
 from .rendering import STATUE
 
@@ -177,28 +173,6 @@ def test_a_mesh_of_something_else_fits_poorly_and_the_bake_reports_it_too(opened
     assert MPS_PT_bake.state(bpy.context).kind is Kind.OUT_OF_DATE
 
 
-def test_the_camera_shows_a_mesh_that_is_far_from_its_origin(scene):
-    """As scans in the coordinates of a survey are."""
-    bpy.ops.mesh.primitive_cube_add(size=1)
-    target, photo = bpy.context.object, bpy.data.images.new("Photo", 40, 30)
-    target.data.transform(Matrix.Translation((5000, 0, 0)))
-    bpy.context.view_layer.update()
-    pose = np.array(Matrix.Translation((5000, 0, 3)))
-    found = Camera("perspective", 40, 30, np.full(2, 40.0), world_from_camera=pose)
-    camera = _camera_object(scene, photo, found, target)
-    assert camera.data.clip_start < 2.5 and 3.5 < camera.data.clip_end < 1000
-
-
 def test_a_rendered_photo_is_not_aligned(photographed):
     with pytest.raises(RuntimeError, match="A rendered photo has its camera"):
         bpy.ops.mps.align_photo()
-
-
-def test_the_command_line_aligns_and_saves(opened, mine, shot, tmp_path, capfd):
-    opened.camera = mine
-    given = ["--start", "CAMERA", "--lens", "60"]
-    assert main(["align-photo", *given, "--save", str(tmp_path / "aligned.blend")]) == 0
-    told = capfd.readouterr()
-    assert "align-photo done: " in told.out and re.search(r'note: Camera "photo": outlines .* shared', told.err)
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "aligned.blend"))
-    assert off(bpy.context.scene, shot) < 0.5
