@@ -100,4 +100,4 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
             target.select_set(True)
             if scene.mps.relight.lamp is None:
                 run_operator(bpy.ops.mps.relight)
-        self.tell(f"The texture is on the object: {result_of(scene.mps, 'bake')['written'][0]}")
+        self.tell("The object has the photo's normals as its texture. To stop the lamp press Relight in 4 Bake")
