@@ -173,6 +173,7 @@ def test_the_way_to_the_photo_shows_its_own_settings_and_follows_what_is_there(s
         "MPS_PT_outline",
         "MPS_PT_mask",
         "MPS_PT_real",
+        "MPS_PT_colour",
         "MPS_PT_superpose",
     }
     assert shown() - photographs == {"MPS_PT_rig", "MPS_PT_rig_placement", "MPS_PT_render", "MPS_PT_truth"}
