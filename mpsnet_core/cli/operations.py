@@ -72,23 +72,6 @@ def _add(parser: argparse._ActionsContainer, setting: Setting) -> None:
 
 
 def _help(setting: Setting) -> str:
-    """An option's help: what it does, its choices, whether it may be repeated, and its default."""
-    described = setting.option
-    if not described.help:
+    if not setting.option.help:
         return argparse.SUPPRESS
-    choices = [f"{value} ({meaning})" if meaning else str(value) for value, meaning in described.choices.items()]
-    text = described.help
-    if choices:
-        text += f": {', '.join(choices[:-1])} or {choices[-1]}"
-    if setting.several and not described.positional:
-        text += "; may be repeated"
-    default = _default(setting)
-    return (text + (f" (default: {default})" if default else "")).replace("%", "%%")
-
-
-def _default(setting: Setting) -> str:
-    """What applies if the option is not given, or "" if nothing does."""
-    if setting.option.unset or setting.required or setting.default is None or setting.kind is bool:
-        return setting.option.unset
-    values = setting.default if setting.several else (setting.default,)
-    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+    return setting.option.words(setting.default, setting.several).replace("%", "%%")

@@ -12,6 +12,7 @@ from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.rotations import cross_matrix
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
+from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
@@ -81,6 +82,7 @@ def refine_camera(
     *,
     fix_focal: bool = False,
     scales: tuple[tuple[int, int], ...] = SCALES,
+    progress: Progress = silent,
 ) -> Fit:
     """The camera near `start` through which the mesh fits the photo best.
 
@@ -96,6 +98,8 @@ def refine_camera(
         Whether to keep the focal length.
     scales
         Pixels of the object's longer side and maximum number of steps, coarse to fine.
+    progress
+        Called with the share done, 0 to 1, and a message.
 
     Notes
     -----
@@ -106,18 +110,21 @@ def refine_camera(
     height, width = estimate.mask.shape
     local = _local(Poses.of(start), faces.scene)
     first = float(np.log(local.focal[0]))
-    scale = None
+    # A step takes longer on finer scales. The finest is the first that has the photo's own pixels.
+    last = next((n for n, (longest, _) in enumerate(scales) if _factor(estimate.mask, longest) == 1), len(scales))
+    scales, done = scales[: last + 1], 0
+    work = sum(longest * steps for longest, steps in scales)
     for longest, steps in scales:
         scale = _scale(estimate, longest)
         # Rotate and shift a rough start first: a wrong focal length could compensate for its errors.
         fixed = fix_focal or longest <= FIXED_FOCAL_SCALE
-        for _ in range(steps):
+        for number in range(steps):
+            progress((done + number * longest) / work, "refining")
             step = _step(scale, local, faces, first, fixed)
             local = local.moved(step)
             if np.abs(step[0, :6]).max() * longest < SETTLED:
                 break
-        if scale.factor == 1:
-            break
+        done += longest * steps
     camera = _world(local, faces.scene).camera(width, height)
     return measure_fit(estimate, faces, camera)
 
@@ -151,11 +158,19 @@ def _world(local: Poses, scene: RayScene) -> Poses:
     )
 
 
+def _side(mask: NDArray[np.bool_]) -> int:
+    """The object's longer side in pixels."""
+    return max(side.stop - side.start for side in bounding_box(mask))
+
+
+def _factor(mask: NDArray[np.bool_], longest: int) -> int:
+    """The size of a scale's pixels, in the photo's pixels."""
+    return max(1, round(_side(mask) / longest))
+
+
 def _scale(estimate: NormalMap, longest: int) -> _Scale:
     rows, columns = bounding_box(estimate.mask)
-    side = max(rows.stop - rows.start, columns.stop - columns.start)
-    factor = max(1, round(side / longest))
-    border = round(MARGIN * side)
+    factor, border = _factor(estimate.mask, longest), round(MARGIN * _side(estimate.mask))
     top, left = (max(0, part.start - border) // factor * factor for part in (rows, columns))
     window = slice(top, rows.stop + border), slice(left, columns.stop + border)
     mask, normals = estimate.mask[window], estimate.vectors[window]

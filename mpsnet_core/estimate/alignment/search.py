@@ -1,6 +1,7 @@
 """Find the camera of a photo without an initial pose: compare views from all around the mesh with the photo."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
 from mpsnet_core.estimate.alignment.refine import Fit, measure_fit, refine_camera
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -18,6 +19,9 @@ ZOOMS = (0.6, 1.0, 1.6)  # factors of the best view's focal length to try
 SPREAD = 5.0  # the images extend to this multiple of the square root of the object's second moment
 TRIED, ROUGH = 16, 5  # best views to refine roughly, and of those to refine fully
 ROUGH_SCALES = ((48, 12), (96, 8))
+# Shares of the search's time after which all views are compared, refined roughly, and refined fully, which is all if
+# the focal length is fixed.
+COMPARED, ROUGHLY, FULLY = 0.04, 0.32, {True: 1.0, False: 0.75}
 # Degrees between views that count as the same: after refinement, and before, when neighbours converge to the same view.
 SAME, NEIGHBOURS = 5.0, 12.0
 
@@ -51,23 +55,28 @@ def search_cameras(
     progress
         Called with the share done, 0 to 1, and a message.
     """
-    views = _views(estimate, faces, lens, progress)
-    fits = []
-    for number, camera in enumerate(views):
-        progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
-        fits.append(refine_camera(estimate, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
+
+    def refined(camera: Camera, of: tuple[float, float, str], number: int, count: int, **how: Any) -> Fit:
+        start, end, what = of
+        first, last = (start + (end - start) * (number + one) / count for one in (0, 1))
+        shown = part(progress, first, last, f"{what} {number + 1} of {count}")
+        return refine_camera(estimate, faces, camera, progress=shown, **how)
+
+    views = _views(estimate, faces, lens, part(progress, 0.0, COMPARED))
+    roughly, fully = (COMPARED, ROUGHLY, "view"), (ROUGHLY, FULLY[fix_focal], "best view")
+    fits = [
+        refined(camera, roughly, number, len(views), fix_focal=True, scales=ROUGH_SCALES)
+        for number, camera in enumerate(views)
+    ]
     rough = _distinct_fits(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
-    best = []
-    for number, fit in enumerate(rough):
-        progress(0.7 + 0.2 * number / len(rough), f"best view {number + 1} of {len(rough)}")
-        best.append(refine_camera(estimate, faces, fit.camera, fix_focal=fix_focal))
+    best = [refined(fit.camera, fully, number, len(rough), fix_focal=fix_focal) for number, fit in enumerate(rough)]
     best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.
         factors = [*ZOOMS, *([usual_focal / float(best[0].camera.focal[0])] if usual_focal else [])]
         for number, factor in enumerate(factors):
-            progress(0.9 + 0.1 * number / len(factors), f"lens {number + 1} of {len(factors)}")
-            best.append(refine_camera(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
+            start = _zoomed(best[0].camera, faces.scene.middle, factor)
+            best.append(refined(start, (FULLY[False], 1.0, "lens"), number, len(factors)))
     return _distinct_fits(sorted(best, key=lambda fit: fit.cost))[:count]
 
 
@@ -114,7 +123,7 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     looks = _view_directions(DIRECTIONS)
     for number, rotation in enumerate(looks):
         if number % 16 == 0:
-            progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
+            progress(number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
         normals, mask = _picture(faces, rotation, *small)
         frames.append(_ObjectExtent.of(mask))
         scores[number] = _similarity(photo, _standardised_picture(normals, mask, frames[-1], 0.0))
