@@ -144,6 +144,10 @@ class Result:
     written: list[str] | None = field(kw_only=True, default=None)
     """The absolute paths of all files that it wrote, by name; None if there are none."""
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Show a notebook what a terminal shows."""
+        printer.text(self.text)
+
     def facts(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold."""
         return _facts(self)

@@ -137,7 +137,7 @@ class Synthesize(RunsWorkers):
     shapes: str | None = option(
         default=None,
         metavar="KIND,...",
-        help="kinds of shapes: blobs, drapery, reliefs, groups, meshes; if not given, meshes with --meshes, "
+        help="kinds of shapes: blobs, drapery, reliefs, groups, hollows, meshes; if not given, meshes with --meshes, "
         "else all others",
     )
     meshes: str = option(default="", metavar="FOLDER", help="folder of mesh files to take shapes from", path="folder")

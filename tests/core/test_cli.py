@@ -73,14 +73,6 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet: Mpsnet, rig_file
     np.testing.assert_array_equal(normals.mask, linear.max(axis=-1) > 0.5 * np.percentile(linear.max(axis=-1), 99.9))
 
 
-def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path) -> None:
-    done = mpsnet("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
-    assert done.returncode == 0
-    assert done.stdout == f"{tmp_path / 'n.png'}: normals by multiscale\n"
-    assert all(line.startswith("note: ") for line in done.stderr.splitlines())
-    assert "the whole photo is assumed to be the object" in done.stderr
-
-
 @pytest.mark.parametrize(("level", "shown"), [("info", 2), ("warning", 1), ("ERROR", 0), ("loud", None)])
 def test_the_environment_says_which_notes_are_shown(
     tmp_path: Path,

@@ -147,11 +147,6 @@ def test_coefficients_gone_wild_show_nothing_and_warn_of_nothing() -> None:
         assert np.isfinite(undistorted(photo, CAMERA, lens)).all()
 
 
-def test_photos_of_one_pixel_across() -> None:
-    camera = Camera("perspective", 1, 5, (10.0, 10.0))
-    np.testing.assert_allclose(undistorted(np.full((5, 1), 0.25), camera, Lens((-0.1,))), 0.25)
-
-
 def test_memory_is_for_two_photos_and_little_more() -> None:
     height, width = 1200, 1600
     photo = np.zeros((height, width, 3), np.float32)

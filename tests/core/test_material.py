@@ -25,10 +25,9 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals, trend
+from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
 from mpsnet_core.relief.material.gradients import normals_of, periodic_height
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
-from mpsnet_core.relief.material.resampling import resampled
 from mpsnet_core.scene.normal_encoding import read_vectors
 
 # --- laid flat --------------------------------------------------------------------------------------------------------
@@ -57,14 +56,6 @@ def test_slow_bend_is_taken_out_and_detail_stays():
     assert degrees_between(normals_of(gradients), weave.normals).mean() < 1
     untouched, _ = flatten_normals(weave.normals.astype(np.float32), 4)
     assert degrees_between(normals_of(untouched), weave.normals).mean() < 0.3
-
-
-def test_a_trend_is_a_polynomial_and_a_weave_is_none():
-    rows, columns = np.linspace(0, 1, 301)[:, None], np.linspace(0, 2, 431)
-    smooth = np.stack([1 + columns * rows - rows**3, columns**4 + 0 * rows], axis=-1).astype(np.float32)
-    assert np.abs(trend(smooth, 4) - smooth).max() < 0.01
-    weave = np.sin(2 * np.pi * np.arange(431) / 29.3) + 0 * rows
-    assert np.abs(trend(weave[..., None].astype(np.float32), 4)).mean() < 0.03
 
 
 # --- albedo -----------------------------------------------------------------------------------------------------------
@@ -134,18 +125,6 @@ def test_heights_of_known_waves_are_exact_in_millimetres(shape):
         lengths = np.array([across / (shape[1] * pitch[0]), down / (shape[0] * pitch[1])])
         gradients += 2 * np.pi * size * np.cos(place)[..., None] * lengths
     assert np.abs(periodic_height((gradients + 0.3).astype(np.float32), pitch) - height).max() < 1e-4
-
-
-@pytest.mark.parametrize("repeated", [False, True])
-def test_values_at_other_places_are_those_of_the_wave_there(repeated):
-    rows, columns = np.indices((60, 80)) + 0.5
-    wave = np.sin(2 * np.pi * (3 * columns / 80 + 2 * rows / 60)).astype(np.float32)[..., None]
-    places = np.array([[1.1, 0.2, 0], [-0.15, 0.9, 0], [0.0 if repeated else 12.0, -5.0 if repeated else 3.0, 1]])
-    found = resampled(wave, places, (50, 55), repeated=repeated)[..., 0]
-    rows, columns = np.indices((50, 55)) + 0.5
-    x, y = (places[0, k] * columns + places[1, k] * rows + places[2, k] for k in (0, 1))
-    assert repeated == bool((x < 0).any() or (y < 0).any())
-    assert np.abs(found - np.sin(2 * np.pi * (3 * x / 80 + 2 * y / 60))).max() < 0.02
 
 
 # --- the whole --------------------------------------------------------------------------------------------------------

@@ -198,7 +198,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
         from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-        from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+        from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
         from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
@@ -215,8 +215,8 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         crop = _ObjectCrop.of(capture.mask)
         small = crop.capture(capture)
         # The shares of the time after which the normals are estimated and the camera is found: a search takes longest.
-        estimated, found = (0.05, 0.85) if rough is None else (0.15, 0.5)
-        estimate = self.estimator(1)(small, part(progress, 0.02, estimated))
+        estimated, found = (0.12, 0.92) if rough is None else (0.4, 0.7)
+        estimate = PhotoPyramid(self.estimator(1)(small, part(progress, 0.05, estimated)))
         rest = part(progress, estimated, found)
         if rough is None:
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
