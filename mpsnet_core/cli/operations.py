@@ -9,15 +9,20 @@ from mpsnet_core.operation import Operation, Setting, settings
 
 # Commands of two words, by the first word: its help, and the placeholder for the second word.
 GROUPS = {
-    "calibrate": ("find where the lights are and how their colours mix, from photos of balls", "WHAT"),
+    "calibrate": ("find where the lights are and how their colours mix, by a ball, a mesh or any photo", "WHAT"),
     "evaluate": ("measure models against known normals", "TEST"),
 }
 
 
-def add_operation(subparsers: Subparsers, common: Parser, kind: type[Operation]) -> None:
-    """Add the command of an operation, with a positional argument or a flag for each option."""
+def add_operation(subparsers: Subparsers, common: Parser, kind: type[Operation], example: str = "") -> None:
+    """Add the command of an operation, with a positional argument or a flag for each option.
+
+    example: a command line that the help shows at its end.
+    """
     group, _, name = kind.command.rpartition(" ")
     facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}
+    if example:
+        facts["epilog"] = f"example: {example}"
     place = _group(subparsers, group) if group else subparsers
     parser = place.add_parser(name, parents=[common], **facts)
     groups: dict[str, argparse._ActionsContainer] = {"": parser}
