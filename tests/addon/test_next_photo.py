@@ -23,7 +23,8 @@ def photos(photographed, scene, tmp_path):
     write_image(tmp_path / "white.exr", read_image(tmp_path / "photo.exr").pixels.sum(axis=-1, keepdims=True))
     estimate = scene.mps.estimate
     estimate.white = estimate.mask_file = str(tmp_path / "white.exr")
-    estimate.dark, estimate.lens, estimate.mask, scene.mps.photo.truth = "//dark.exr", 50, "FILE", "//truth.exr"
+    estimate.dark, estimate.lens, estimate.mask = str(tmp_path / "white.exr"), 50, "FILE"
+    scene.mps.photo.truth = "//truth.exr"
     return images
 
 
