@@ -274,9 +274,11 @@ class _Bake:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
         assert self.islands is not None
         first = np.cumsum([0, *(one.count for one in self.islands)])
-        uvs = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(texture_set.corner, np.float64)
+        uvs: NDArray[np.float64] = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(
+            texture_set.corner, np.float64
+        )
         numbered = [one.seam_islands + before for one, before in zip(self.islands, first, strict=False)]
-        return SeamEdges(uvs, np.concatenate(numbered).astype(np.int32))
+        return SeamEdges(uvs - np.array(texture_set.corner, np.float64), np.concatenate(numbered).astype(np.int32))
 
     def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
         """The UV island of each of the texture set's triangles, in the order of :meth:`texture`'s corners."""

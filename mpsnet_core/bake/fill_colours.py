@@ -83,8 +83,8 @@ def fill_colours(
     of_cell = cells.number(key[seen & (key >= 0)])
     looked_at, count = colours[::step, ::step][seen & (key >= 0)], len(cells.keys)
     amount = np.bincount(of_cell, minlength=count)
-    values = np.stack([np.bincount(of_cell, one, count) for one in looked_at.T], axis=1)
-    values /= np.maximum(amount, 1)[:, None]
+    sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
+    values: NDArray[np.float64] = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
     ties = _across(seams, cells)
     _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
     for band in bands(len(islands)):
