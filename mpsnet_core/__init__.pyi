@@ -77,6 +77,8 @@ from mpsnet_core.scene.mesh import Mesh as Mesh
 from mpsnet_core.scene.mesh import read_mesh as read_mesh
 from mpsnet_core.scene.mesh_depth import depth_of_mesh as depth_of_mesh
 from mpsnet_core.scene.mesh_labels import Labels as Labels
+from mpsnet_core.scene.normal_errors import NormalErrors as NormalErrors
+from mpsnet_core.scene.normal_errors import normal_errors as normal_errors
 from mpsnet_core.scene.normal_map import NormalMap as NormalMap
 from mpsnet_core.scene.normal_map import read_normals as read_normals
 from mpsnet_core.scene.normal_map import write_normals as write_normals

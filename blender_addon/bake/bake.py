@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from mpsnet_core.errors import GeometryError, InputError, SettingsError
 from ..image_records import remembered
 from ..images import frame_pattern, image_file, load_frames, picture_size
 from ..outputs import FORMATS, output_frames
-from ..photo.camera import camera_provenance, chosen_camera, lacks_camera, write_photo_camera
+from ..photo.camera import back_to_photo, camera_provenance, chosen_camera, lacks_camera, write_photo_camera
 from ..provenance import Provenance, chosen, stamp
 from ..rig.light_rig import rig_camera
 from ..rig.several_rigs import all_rigs
@@ -23,7 +24,7 @@ from ..settings.bake import BakeSettings
 from ..settings.declared import apply_given_settings
 from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
 from .assign_textures import assign_textures, mark_assets
-from .bake_operator import BakeOperator, bake_target, low_frequencies, target_provenance, texture_name
+from .bake_operator import BakeOperator, bake_target, known_target, low_frequencies, target_provenance, texture_name
 from .base_maps import store_base_map
 from .coverage import coverage_folder
 from .gltf_export import export_notes
@@ -48,14 +49,15 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        settings = context.scene.mps.bake
+        settings, image = context.scene.mps.bake, context.scene.mps.estimate.image
+        target = None if image is not None and image.source == "SEQUENCE" else known_target(settings)
         every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
             **chosen(settings, without=("output", "assign", "mark_asset")),
             **target_provenance(settings),
-            **camera_provenance(context.scene, context.scene.mps.estimate.image),
+            **camera_provenance(context.scene, image, target),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
@@ -78,7 +80,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             targets = self.baked_objects(context)
             self._output = self.texture_file(context, targets)
             suffix = self._output.suffix.lower()
-            meshes = self.write_meshes(context, folder, targets)
+            meshes = self.write_meshes(context, folder, targets, partial(back_to_photo, normals_image))
             camera = str(folder / "camera.json")
             self._write_camera(scene, folder / "camera.json", normals_image)
         photo = normals_image.mps.photo

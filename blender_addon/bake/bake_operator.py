@@ -1,6 +1,6 @@
 """Shared by the bake operators: the objects to bake onto, the files, and the assignment of results."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,14 @@ from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
+from ..image_records import images_of, remember, remembered
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
-from ..provenance import Provenance, rounded
+from ..provenance import Provenance
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
-from ..settings.declared import StringSetting, options_of
+from ..scene.surfaces import mesh_stamp
+from ..settings.declared import BoolSetting, StringSetting, options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
@@ -42,6 +44,10 @@ from .texture_sets import (
 _NO_SHADER = "no shader with a Normal input reaches its active Material Output"
 # Seen fraction below which a note is given; a single photo sees about a third of an object.
 _HARDLY_SEEN = 0.1
+# A texture is not overwritten, unless the user says so, by one of which less than this fraction of what it saw is seen.
+_KEPT = 0.6
+# Stored with a texture: the fraction of the surface that was seen.
+SEEN = "seen"
 
 
 class BakeOperator(RunsCore):
@@ -51,11 +57,15 @@ class BakeOperator(RunsCore):
         "Target", "Name of the mesh object that gets the texture. Empty: the panel's target, else the active object"
     )
 
+    anyway: BoolSetting(
+        "Bake Anyway", "Write the texture even if the photo sees much less of the object than that of the texture there"
+    )
+
     _coloured = False  # whether the albedo is baked as well
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         settings = context.scene.mps.bake
-        before = settings.target
+        before = settings.target, settings.baked
         try:
             prepared = super()._prepared(context, folder)
             owners = self.result_owners()
@@ -64,7 +74,7 @@ class BakeOperator(RunsCore):
                 refuse_other_projects(owners)
             return prepared
         except BaseException:
-            settings.target = before  # do not keep a rejected one: it would be rejected in every later run
+            settings.target, settings.baked = before  # a rejected one would be rejected ever after
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
@@ -83,6 +93,7 @@ class BakeOperator(RunsCore):
         check_in_scene(context.scene, target, "target")
         if settings.assign:
             check_shows_normals(target)
+        settings.baked = target
         return target
 
     def baked_objects(self, context: Any) -> list[Any]:
@@ -108,6 +119,9 @@ class BakeOperator(RunsCore):
             check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
         options = options_of(operation, settings, without=("preset",))
         options["size"] = str(settings.size)
+        there = images_of(files_for(self._bake_targets, self._output))
+        if not self.anyway and (before := max((float(remembered(one, SEEN) or 0) for one in there), default=0)):
+            options["least_seen"] = round(_KEPT * before, 3)
         if settings.padding != "NEAREST":
             del options["margin"]
         self._bases = maps_before_bake(targets, self._bake_targets, self._output)
@@ -123,14 +137,17 @@ class BakeOperator(RunsCore):
         return {**options, "onto": str(folder / "maps.json")}
 
     def write_meshes(
-        self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None
+        self, context: Any, folder: Path, targets: Sequence[Any], motion: Callable[[Any], Matrix | None]
     ) -> tuple[str, ...]:
-        """Write the objects' mesh files, and remember the objects. Returns the paths."""
+        """Write the objects' mesh files, and remember the objects. Returns the paths.
+
+        motion: for an object, the motion from Blender's world to where the cameras saw it; None if there is none.
+        """
         context.view_layer.update()
         uv_map, paths, self._bake_targets = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
-            begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
+            begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, motion(target))
             self.schedule(begun.slices)
             self._bake_targets.append(bake_target(target, begun))
             paths.append(str(path))
@@ -163,6 +180,7 @@ class BakeOperator(RunsCore):
         for part, image in images.items():
             self.made(image)
             store_coverage(image, coverage[part])
+            remember(image, SEEN, str(result["seen"]))
             if part in self._bases:
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
@@ -217,11 +235,18 @@ def low_frequencies(settings: Any) -> str:
 
 
 def target_provenance(settings: Any) -> Provenance:
-    """The target's mesh and transform as provenance of a bake; empty if it is not chosen in the panel."""
-    target = settings.target
-    if target is None or target.data is None or settings.objects != "ACTIVE":
-        return {}
-    return {"Target": target.data.name, "Target's place": rounded(target.matrix_world, 4)}
+    """The target's mesh as provenance of a bake; empty if no target is known."""
+    target = known_target(settings)
+    return {"Mesh": mesh_stamp(target)} if target is not None else {}
+
+
+def known_target(settings: Any) -> Any:
+    """The one object that a bake is onto: the panel's target, else the one that the last bake was made for; None if
+    there are several, or it is unknown."""
+    if settings.objects != "ACTIVE":
+        return None
+    target = settings.target or settings.baked
+    return target if target is not None and target.type == "MESH" else None
 
 
 def texture_name(settings: Any, name: str) -> str:

@@ -26,7 +26,7 @@ from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.declared import apply_given_settings, options_of
 from ..settings.views import ViewsSettings
-from .bake_operator import BakeOperator, low_frequencies, target_provenance
+from .bake_operator import BakeOperator, known_target, low_frequencies, target_provenance
 from .coverage import coverage_folder
 from .texture_sets import without_tokens
 
@@ -56,6 +56,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
             "Background images": ", ".join(stamp(image) for _, image in behind),
             "Cameras' places": ", ".join(f"{rounded(obj.matrix_world, 4)} {lens_stamp(obj)}" for obj, _ in behind),
             **target_provenance(scene.bake),
+            **({"Target's place": rounded(target.matrix_world, 4)} if (target := known_target(scene.bake)) else {}),
             **chosen(scene.views, without=("keep", "write_report")),
             **chosen(scene.estimate, only=shared),
             **chosen(scene.bake, without=others),
@@ -71,7 +72,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
         targets = self.baked_objects(context)
         self._output = output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
-        meshes = self.write_meshes(context, folder, targets, turn.inverted())
+        meshes = self.write_meshes(context, folder, targets, lambda _: turn.inverted())
         outputs, self._report = [output], ""
         if self.write_report:
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))

@@ -14,9 +14,10 @@ from ..image_records import remember, remembered
 from ..images import fine_preview, frame_pattern, image_file, load_frames, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import FORMATS, output_frames, output_path, overruled_format
-from ..photo.camera import chosen_camera, is_real, lens_stamp
+from ..photo.camera import PLACES, chosen_camera, is_real, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 from ..provenance import Provenance, chosen, file_stamp, stamp
+from ..rig.light_rig import lights_provenance
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import by_session_uid, find_object
 from ..settings.declared import StringSetting, apply_given_settings, options_of
@@ -37,13 +38,15 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        settings = context.scene.mps.estimate
+        settings, photo = context.scene.mps.estimate, context.scene.mps.photo.image
+        own_rig = rig_file_for(photo, settings) or (photo is not None and remembered(photo, "rig"))
         return {
-            "Photo": stamp(context.scene.mps.photo.image),
+            "Photo": stamp(photo),
+            **({} if own_rig else {f"{name} of the rig": of for name, of in lights_provenance(context.scene).items()}),
             **chosen(settings, without=("output", "confidence", "albedo")),
             "White Photo": file_stamp(settings.white),
             **_painted(settings),
-            "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
+            "Rig File": file_stamp(rig_file_for(photo, settings)),
             **_lens_of_camera(context.scene),
         }
 
@@ -68,7 +71,8 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
             )
         if self.surface:
             scene.mps.estimate.surface = find_object(scene, self.surface)
-        self._camera, self._lens, self._photo = remembered(image, "camera"), self.lens, image.session_uid
+        self._lens, self._photo = self.lens, image.session_uid
+        self._stood = {what: remembered(image, what) for what in ("camera", PLACES)}
         confidence, albedo = (self._beside(what) if getattr(self, what) else None for what in ("confidence", "albedo"))
         of_one_photo, read = ("white", "white_light"), ("encoding", "dark", "flat")  # the latter are in `reading`
         unused = ("smooth",) if not moves else of_one_photo
@@ -111,7 +115,8 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         else:
             image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake uses the camera of this photo, not that of one that was estimated here before.
-        remember(image, "camera", self._camera)
+        for what, text in self._stood.items():
+            remember(image, what, text)
         remember(image, "lens", f"{self._lens:g}")
         image.mps.photo = by_session_uid(bpy.data.images, self._photo)
         self.made(image)

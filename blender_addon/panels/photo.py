@@ -20,7 +20,7 @@ from .text import wrapped
 
 
 class MPS_PT_photo(Step):
-    bl_label = "2  Photo"
+    bl_label = "Photo"
     verbs = ("open_photo", "render_photo")
     shows = "photo"
 
@@ -41,6 +41,9 @@ class MPS_PT_photo(Step):
         except InputError as error:
             return str(error)
         return ""
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.label(text="1" if context.scene.mps.way == "PHOTOGRAPH" else "2")
 
     def draw(self, context: Any) -> None:
         photo, verb = context.scene.mps.photo, self.verb(context)

@@ -158,13 +158,15 @@ class Step(bpy.types.Panel):
     def progress_of(self, context: Any, verb: str) -> bool:
         """Show the progress of a running operator. Returns whether it runs."""
         job = context.window_manager.mps
-        if verb_of(job.running) != verb:
+        if verb not in map(verb_of, (job.running, job.chain)):
             return False
         row = self.layout.row(align=True)
         row.scale_y = 1.3
         row.progress(factor=job.progress, text=f"{job.progress:.0%}  {job.left}".strip())
         row.operator("mps.cancel", text="", icon="X")
-        wrapped(self.layout, sentence(job.message))
+        part = verb_of(job.running) if verb == verb_of(job.chain) else verb
+        label = f"{_operator(part).bl_label}: " if part not in ("", verb) else ""
+        wrapped(self.layout, sentence(f"{label}{job.message}"))
         return True
 
     def failure(self, scene: Any, verb: str) -> None:

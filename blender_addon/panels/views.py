@@ -5,7 +5,7 @@ from typing import Any
 from ..bake.many_views import background
 from ..outputs import is_safe_to_open
 from ..provenance import made_by
-from .bake import lacks_base_map, lacks_targets
+from .bake import lacks_base_map, lacks_targets, offer_anyway
 from .photo_inputs import NO_LIGHTS
 from .step import Step
 
@@ -42,4 +42,5 @@ class MPS_PT_views(Step):
         if views.report_file and is_safe_to_open(views.report_file):
             row.operator("wm.path_open", text="Open", icon="URL").filepath = views.report_file
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
+        offer_anyway(self.layout, context.scene, "bake_views")
         self.picture(self.result(context))

@@ -24,7 +24,7 @@ from ..scene.objects import by_session_uid, check_in_scene, find_object, target_
 from ..scene.surfaces import middle_of
 from ..settings.align import AlignSettings
 from ..settings.declared import IntSetting, StringSetting, apply_given_settings, from_option, round_as_typed
-from .camera import chosen_camera, is_real
+from .camera import chosen_camera, is_real, take_pairs_along
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 
 # Marks a camera object that was created here and so may be moved; others are the user's own.
@@ -71,6 +71,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             raise InputError(f"{file.name} is a video; open one of its frames as a picture and align that")
         target = find_object(scene, self.target) if self.target else mesh_of_photo(context)
         context.view_layer.update()
+        take_pairs_along(photo, target)
         self.schedule(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
         overlay = output_path("", result_name(scene, "alignment"), "PNG")
         self._camera, self._overlay = overlay.with_name(f"{overlay.stem}_camera.json"), overlay
@@ -78,7 +79,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         operation = Align(
             image=str(file),
             mesh=str(folder / "mesh.npz"),
-            rig=str(rig_path(scene, photo, folder, rig_file_for(photo, estimate))),
+            rig=rig_path(scene, photo, folder, rig_file_for(photo, estimate)),
             **self._place(context, photo, folder),
             **self._lens(scene, photo, folder),
             **reading(estimate, painted=painted_mask(estimate, folder)),
@@ -178,6 +179,8 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     data.lens = found.focal_35mm
     off = found.centre - np.array([found.width, found.height]) / 2
     data.shift_x, data.shift_y = -off[0] / longer, off[1] / longer
+    if target is not None:  # what moves the object moves the camera that it was seen by
+        camera.parent, camera.matrix_parent_inverse = target, target.matrix_world.inverted()
     camera.matrix_world = Matrix(found.world_from_camera.tolist())
     if target is not None:
         away = (camera.matrix_world.translation - middle_of(target)).length + max(target.dimensions)

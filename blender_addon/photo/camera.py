@@ -1,14 +1,25 @@
 """The camera of a photo: a chosen object, or the data stored with the photo when it was rendered or opened."""
 
+import json
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from mathutils import Matrix, Vector
+
 from mpsnet_core.scene.camera import write_camera
 
-from ..image_records import remembered
+from ..image_records import from_json, remember, remembered
 from ..images import picture_size
 from ..provenance import Provenance, made_by, rounded
 from ..scene.camera import scene_camera
+
+# Stored with a rendered photo and its normals: where its objects stood, by name.
+PLACES = "places"
+# Stored with a photo: where the object stood to which its pairs of points belong.
+_PAIRED = "paired"
+_PLACE = "Place of object and camera"
 
 
 def is_real(photo: Any) -> bool:
@@ -25,10 +36,14 @@ def chosen_camera(scene: Any, image: Any) -> Any:
     return camera
 
 
+def lacks_photo_camera(scene: Any, image: Any) -> bool:
+    """Whether the camera of a photo, or of a normal map's photo, is unknown."""
+    return remembered(image, "camera") is None and chosen_camera(scene, image) is None
+
+
 def lacks_camera(scene: Any, normals: Any) -> bool:
     """Whether normals were estimated from a real photo whose camera is unknown."""
-    known = remembered(normals, "camera") is not None or chosen_camera(scene, normals) is not None
-    return made_by(normals) == "estimate" and not known
+    return made_by(normals) == "estimate" and lacks_photo_camera(scene, normals)
 
 
 def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None) -> bool:
@@ -46,12 +61,57 @@ def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None
     return camera is not None
 
 
-def camera_provenance(scene: Any, image: Any) -> Provenance:
-    """The pose and lens of a photo's camera object, as provenance; empty if there is no such object."""
+def places_of(objects: Iterable[Any]) -> str:
+    """Where objects stand, as text to store with their photo."""
+    return json.dumps({obj.name: [value for row in obj.matrix_world for value in row] for obj in objects})
+
+
+def place_in_photo(image: Any, obj: Any) -> Matrix:
+    """Where an object stood when its photo was rendered, (4, 4); where it stands now if that is unknown.
+
+    The photo's camera and lights were stored as they stood then.
+    """
+    return _place(remembered(image, PLACES), obj)
+
+
+def _place(stored: str | None, obj: Any) -> Matrix:
+    """The place of an object in what :func:`places_of` stored; its present one if it is not there."""
+    flat: Any = from_json(stored, dict).get(obj.name)
+    with suppress(TypeError, ValueError):  # a hostile file may hold anything
+        then = Matrix([flat[row : row + 4] for row in range(0, 16, 4)])
+        if abs(then.determinant()) > 0:
+            return then
+    return obj.matrix_world.copy()
+
+
+def back_to_photo(image: Any, obj: Any) -> Matrix | None:
+    """The motion (4, 4) that takes an object to where it stood in its photo; None if it has not moved."""
+    then = place_in_photo(image, obj)
+    if max(abs(value) for row in then - obj.matrix_world for value in row) < 1e-6:
+        return None
+    return then @ obj.matrix_world.inverted_safe()
+
+
+def take_pairs_along(photo: Any, obj: Any) -> None:
+    """Move the photo's points on an object to where they are on it now."""
+    if len(photo.mps.pairs):
+        motion = obj.matrix_world @ _place(remembered(photo, _PAIRED), obj).inverted_safe()
+        for pair in photo.mps.pairs:
+            pair.point = motion @ Vector(pair.point)
+    remember(photo, _PAIRED, places_of([obj]))
+
+
+def camera_provenance(scene: Any, image: Any, target: Any = None) -> Provenance:
+    """The lens of a photo's camera, and its pose relative to the target, as provenance.
+
+    Object and camera may move together: for the bake, nothing changes then.
+    """
     camera = chosen_camera(scene, image) if image else None
+    pose = target.matrix_world if target is not None else Matrix.Identity(4)
     if camera is None:
-        return {}
-    return {"Camera": f"{rounded(camera.matrix_world, 4)} {lens_stamp(camera)}"}
+        stands = place_in_photo(image, target) if image and target is not None else pose
+        return {_PLACE: rounded(stands, 4)} if target is not None else {}
+    return {_PLACE: rounded(pose.inverted_safe() @ camera.matrix_world, 4), "Camera's lens": lens_stamp(camera)}
 
 
 def lens_stamp(camera: Any) -> str:

@@ -31,7 +31,8 @@ from ..settings.declared import BoolSetting, FileSetting, StringSetting, apply_g
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
-from .studio import RenderKind, render, scene_facts
+from .camera import PLACES, places_of
+from .studio import RenderKind, objects_in_photo, render, scene_facts
 
 _LIGHTS = ("first", "second", "third")
 
@@ -107,6 +108,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         apply_given_settings(self, scene.mps.photo)
         self._moves = self.animation
+        self._places = None if self._moves else places_of(objects_in_photo(scene))
         if self._moves:
             return "frames", output_frames(self.output, result_name(scene, "photo"))
         return "photo", render_path(output_path(self.output, result_name(scene, "photo"), "EXR"))
@@ -115,6 +117,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         result_is = f"its photo is in {result['output']}"
         rig = rig_at(self.scene(result_is), self._rig_place, result_is)
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
+        remember(image, PLACES, self._places)
         _set_photo(rig, image)
         if self._moves:
             image.source = "SEQUENCE"

@@ -16,7 +16,7 @@ from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
 from ..scene.camera import scene_camera
 from .align import MPS_OT_align_photo, mesh_of_photo
-from .camera import chosen_camera
+from .camera import chosen_camera, take_pairs_along
 from .markers import OPEN, colour_of, draw_line, draw_marker, draw_text
 from .places import Place, mesh_point, photo_pixel, photo_place, seen_at
 
@@ -342,6 +342,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
 
     def _start(self, context: Any) -> None:
         window, photo = context.window, context.scene.mps.photo.image
+        take_pairs_along(photo, mesh_of_photo(context))
         area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
         was = (area.spaces.active.image, area.spaces.active.ui_mode) if area else None
         if area is None:

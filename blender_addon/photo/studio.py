@@ -10,13 +10,14 @@ from typing import Any, Literal, NamedTuple
 
 import bpy
 import numpy as np
+from mathutils import Vector
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
 from mpsnet_core.io.metadata import content_fingerprint
 from mpsnet_core.io.provenance import digest
-from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import write_rig
 
 from ..errors import operator_report
@@ -268,8 +269,39 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     if bake.target is None:
         return _note_coinciding({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
     place = boxes.pop(bake.target, None)
-    if place is None:
+    within = [] if place is None else _in_place(place, boxes)
+    if not within:
         return []
+    studio.collection.objects.unlink(bake.target)
+    studio.view_layers[0].update()
+    names = sorted(obj.name for obj in within)
+    others = f'"{names[0]}" is' if len(names) == 1 else f'"{names[0]}" and {len(names) - 1} more are'
+    return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
+
+
+def objects_in_photo(scene: Any) -> list[Any]:
+    """The mesh objects whose middle a photo shows as the scene is now, and hidden ones in their place."""
+    view_layer(scene).update()
+    frame = scene_camera(rig_camera(scene), scene, (scene.mps.photo.width, scene.mps.photo.height))
+    shown = set(rendered(view_layer(scene).layer_collection))
+    boxes = {obj: _box(obj) for obj in scene.objects if obj.type == "MESH"}
+    visible = {obj: box for obj, box in boxes.items() if obj in shown and _is_inside(frame, box.mean(axis=0))}
+    return [obj for obj, box in boxes.items() if obj in visible or (obj not in shown and _in_place(box, visible))]
+
+
+def _is_inside(frame: Camera, point: NDArray[np.float64]) -> bool:
+    x, y, w = frame.projection_rows() @ [*point, 1]
+    return bool(w > 0 and 0 < x < w * frame.width and 0 < y < w * frame.height)
+
+
+def _box(obj: Any) -> NDArray[np.float64]:
+    """(2, 3) the lowest and the highest coordinates of an object in world space, of Blender's own bounding box."""
+    corners = np.array([obj.matrix_world @ Vector(corner) for corner in obj.bound_box])
+    return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+
+def _in_place(place: NDArray[np.float64], boxes: Mapping[Any, NDArray[np.float64]]) -> list[Any]:
+    """The objects that together are at a place, a box (2, 3)."""
     reach = _SAME_PLACE * np.linalg.norm(place[1] - place[0])
     within = {
         obj: box
@@ -279,13 +311,7 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     if not within:
         return []
     ends = np.stack(list(within.values()))
-    if not _coincide(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
-        return []
-    studio.collection.objects.unlink(bake.target)
-    studio.view_layers[0].update()
-    names = sorted(obj.name for obj in within)
-    others = f'"{names[0]}" is' if len(names) == 1 else f'"{names[0]}" and {len(names) - 1} more are'
-    return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
+    return list(within) if _coincide(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])) else []
 
 
 def _note_coinciding(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:

@@ -16,6 +16,12 @@ def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -
     Raises InputError for a panoramic or custom camera, and for one that its parents shear.
     """
     data = camera.data
+    scale = [abs(one) for one in camera.matrix_world.to_scale()]
+    if camera.parent and max(scale) > min(scale) * 1.001:
+        raise InputError(
+            f'camera "{camera.name}" is stretched, as the object that it belongs to is; apply the scale of that object '
+            "(Ctrl A), then align the photo again"
+        )
     if data.type not in {"PERSP", "ORTHO"}:
         raise InputError(
             f'camera "{camera.name}" is panoramic or has a shader of its own; make it orthographic or perspective in '

@@ -1,6 +1,7 @@
 """The surfaces of objects, with modifiers and instances, as points in world space, and a sphere around them."""
 
 from collections.abc import Iterable, Iterator
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,10 @@ from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import GeometryError, InputError
+
+from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION
+
+_STAMPED = 500  # vertices and corners
 
 # Types of objects that evaluate to a mesh.
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
@@ -24,6 +29,19 @@ def world_scale(obj: Any) -> float:
     if scale < 1e-9:
         raise GeometryError(f'"{obj.name}" is scaled to nothing in one direction; give it a scale above 0')
     return scale
+
+
+def mesh_stamp(obj: Any) -> str:
+    """A text that changes with a mesh object's shape, its UVs, or its modifiers: of a sample, as panels need it."""
+    mesh = obj.data
+    values = [len(mesh.vertices), len(mesh.polygons)]
+    layer = next((one for one in mesh.uv_layers if one.active_render), None)
+    for elements, name in ((mesh.vertices, "co"), (layer.uv if layer else (), "vector")):
+        step = -(-len(elements) // _STAMPED) or 1
+        values += [value for number in range(0, len(elements), step) for value in getattr(elements[number], name)]
+    own = (SUBDIVISION, DISPLACE, SMOOTHNESS)
+    shapes = [one.type for one in obj.modifiers if one.show_render and one.name not in own]
+    return " ".join([sha256(np.array(values, np.float32).tobytes()).hexdigest()[:12], *shapes])
 
 
 def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:

@@ -183,6 +183,7 @@ class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
         "target out where the detailed object is in its place",
         kind="MESH",
     )
+    baked: object_pointer("Baked", "Mesh object that the texture was baked onto, where it is a single one")
     image: image_pointer("Texture", "The baked normal texture")
     overlays: CollectionProperty(
         name="Overlays", description="The copies that show the coverage, while it is shown", type=MPS_PG_overlay

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
@@ -160,6 +160,13 @@ class BakesDetail(MakesTextures):
         path="folder",
         provenance="none",
     )
+    least_seen: float = option(
+        default=0.0,
+        low=0,
+        high=1,
+        help="write nothing if the views see less than this fraction of the surface",
+        provenance="none",
+    )
     onto: str | None = option(
         default=None,
         metavar="MAP",
@@ -191,6 +198,18 @@ class BakesDetail(MakesTextures):
             raise SettingsError(
                 "--onto-convention and --onto-shown describe the map of --onto; give it, or leave them out"
             )
+
+    def shares(self, written: "Sequence[WrittenTexture]") -> tuple[float, float | None]:
+        """The fractions of the surface that were seen and filled. Raises GeometryError if too little was seen."""
+        from mpsnet_core.bake.texture_files import shares_of
+
+        seen, filled = shares_of(written)
+        if seen < self.least_seen:
+            raise GeometryError(
+                f"the views see only {seen:.0%} of the surface, less than {self.least_seen:.0%} (--least-seen): "
+                "nothing is written; was the object or a camera moved, or its mesh or mask changed? [less-seen]"
+            )
+        return seen, filled
 
     def level_scale(self) -> float:
         """The levelling's scale as a fraction of the mesh's size, 0 for none. Raises SettingsError if it is invalid."""
@@ -369,7 +388,7 @@ class Bake(BakesDetail):
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
+        from mpsnet_core.bake.texture_files import format_textures, write_textures
         from mpsnet_core.io.files import writable_image, write_transaction
 
         writable_image(target.output, target.bits)
@@ -390,8 +409,9 @@ class Bake(BakesDetail):
         baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
         with write_transaction():
             written = [one for _, one, _ in write_textures(plan, baked)]
+            shares = self.shares(written)
         text = format_textures(written, self.texture_words(target))
-        return TexturesBaked(target.output, written, *shares_of(written), text=text)
+        return TexturesBaked(target.output, written, *shares, text=text)
 
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "BakeSettings", progress: Progress
@@ -455,8 +475,8 @@ class Bake(BakesDetail):
             raise SettingsError("--confidence takes one normal map per view; leave it out for a sequence")
         if self.albedo:
             raise SettingsError("--albedo takes one still photo per view; leave it out for a sequence")
-        if self.coverage:
-            raise SettingsError("--coverage is for a single pose; leave it out for a sequence")
+        if self.coverage or self.least_seen:
+            raise SettingsError("--coverage and --least-seen are for a single pose; leave them out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
@@ -681,7 +701,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     ) -> ViewsBaked:
         """Write textures, report and figures: all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import format_textures, shares_of, write_textures
+        from mpsnet_core.bake.texture_files import format_textures, write_textures
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, write_transaction
 
@@ -696,7 +716,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
             result = ViewsBaked(
                 plan.target.output,
                 written,
-                *shares_of(written),
+                *self.shares(written),
                 table_rows(table),
                 self.level_scale(),
                 model,

@@ -33,7 +33,7 @@ from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCameras
-from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
+from mpsnet_core.synthesis.operations import Example, MakeSamples, ShowSamples, Synthesize, Work
 
 # Bytes that the libraries and the smallest photo need.
 MIN_MEMORY = 256 << 20
@@ -81,6 +81,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     Integrate,
     MakeMaterial,
     ListModels,
+    Example,
     PreviewLights,
     Synthesize,
     MakeSamples,

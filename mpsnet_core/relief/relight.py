@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
@@ -15,6 +16,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 AMBIENT = 0.15
 
 
+@takes_files
 def relit(
     normals: NormalMap,
     direction: ArrayLike,

@@ -49,7 +49,7 @@ INK = 0.2  # what text differs by from what is behind it, at least
 
 STEPS = {
     "rig": ("MPS_PT_start", "MPS_PT_rig", "MPS_PT_rig_placement"),
-    "calibrate": ("MPS_PT_rig", "MPS_PT_calibrate", "MPS_PT_outline"),
+    "calibrate": ("MPS_PT_lights", "MPS_PT_calibrate", "MPS_PT_outline"),
     "photo": (
         "MPS_PT_photo",
         "MPS_PT_render",

@@ -19,7 +19,7 @@ from mpsnet_core.estimate.alignment import search
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
 from mpsnet_core.estimate.alignment.points import camera_from_points
-from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
 from mpsnet_core.estimate.alignment.search import search_cameras
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
@@ -54,8 +54,8 @@ def faces() -> MeshFaces:
     return MeshFaces.of(bumpy_ball.mesh())
 
 
-def evidence(photo: Photo) -> NormalMap:
-    return NormalMap(photo.normals, photo.mask)
+def evidence(photo: Photo) -> PhotoPyramid:
+    return PhotoPyramid(NormalMap(photo.normals, photo.mask))
 
 
 def pixels_of(camera: Camera, points: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ class TestFromAStart:
         photo = photographed()
         flat = photo.normals + photo.mask[..., None] * np.array([0.05, -0.05, 0.3], np.float32)
         flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-9)
-        fit = refine_camera(NormalMap(flat, photo.mask), faces(), looking(45, 10, 4))
+        fit = refine_camera(PhotoPyramid(NormalMap(flat, photo.mask)), faces(), looking(45, 10, 4))
         assert_the_same(fit.camera, photo.camera)
 
 

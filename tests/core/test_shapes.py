@@ -13,6 +13,7 @@ from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.shapes import KINDS, Shape, build_shape, draw_shape, mesh_files, meshes
 from mpsnet_core.synthesis.shapes.blobs import CHARACTERS as BLOBS
 from mpsnet_core.synthesis.shapes.drapery import CHARACTERS as DRAPERY
+from mpsnet_core.synthesis.shapes.hollows import CHARACTERS as HOLLOWS
 from mpsnet_core.synthesis.shapes.isosurface import isosurface, surface_nets
 from mpsnet_core.synthesis.shapes.reliefs import CHARACTERS as RELIEFS
 from mpsnet_core.synthesis.shapes.shape import smooth_shape
@@ -23,6 +24,7 @@ DRAWN = [
     *(("blobs", character) for character in BLOBS),
     *(("drapery", character) for character in DRAPERY),
     *(("reliefs", character) for character in RELIEFS),
+    *(("hollows", character) for character in HOLLOWS),
     ("groups", ""),
 ]
 

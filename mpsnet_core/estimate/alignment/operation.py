@@ -198,7 +198,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
         from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-        from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+        from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
         from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
@@ -214,7 +214,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
                 rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
         crop = _ObjectCrop.of(capture.mask)
         small = crop.capture(capture)
-        estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
+        estimate = PhotoPyramid(self.estimator(1)(small, part(progress, 0.05, 0.4)))
         if rough is None:
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
             begin, rest = crop.camera(lens or free), part(progress, 0.4, 0.9)
