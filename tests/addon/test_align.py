@@ -164,7 +164,7 @@ def test_a_mesh_of_something_else_fits_poorly_and_the_bake_reports_it_too(opened
     opened.camera = mine
     bpy.ops.mps.align_photo(start="CAMERA", lens=60)
     photo = opened.mps.photo.image.mps
-    assert photo.poor and "the fit is poor" in "".join(notes_of(opened, "align_photo"))
+    assert photo.poor and "poor fit" in "".join(notes_of(opened, "align_photo"))
     bpy.ops.mps.estimate(output=str(tmp_path / "normals.exr"))
     bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.exr"))
     assert "the mesh fits the photo poorly" in "".join(notes_of(opened, "bake"))

@@ -13,6 +13,7 @@ from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.rotations import cross_matrix
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
+from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
@@ -100,6 +101,7 @@ def refine_camera(
     *,
     fix_focal: bool = False,
     scales: tuple[tuple[int, int], ...] = SCALES,
+    progress: Progress = silent,
 ) -> Fit:
     """The camera near `start` through which the mesh fits the photo best.
 
@@ -115,6 +117,8 @@ def refine_camera(
         Whether to keep the focal length.
     scales
         Pixels of the object's longer side and maximum number of steps, coarse to fine.
+    progress
+        Called with the share done, 0 to 1, and a message.
 
     Notes
     -----
@@ -125,12 +129,17 @@ def refine_camera(
     height, width = photo.estimate.mask.shape
     local = _local(Poses.of(start), faces.scene)
     first = float(np.log(local.focal[0]))
+    # The first scale with the photo's own pixels is the finest. A step's time grows with its pixels.
+    finest = next((number for number, (longest, _) in enumerate(scales) if photo.at(longest).factor == 1), len(scales))
+    scales, done = scales[: finest + 1], 0
+    work = sum(photo.at(longest).inside.size * steps for longest, steps in scales)
     for longest, steps in scales:
         scale = photo.at(longest)
         # Rotate and shift a rough start first: a wrong focal length could compensate for its errors.
         fixed = fix_focal or longest <= FIXED_FOCAL_SCALE
         before = np.zeros((1, PARAMETERS))
-        for _ in range(steps):
+        for number in range(steps):
+            progress((done + number * scale.inside.size) / work, "refining")
             image = _image(scale, local, faces)
             step = _step(scale, image, local, first, fixed)
             if (step * before).sum() < 0:  # it went too far, and would go to and fro
@@ -138,8 +147,7 @@ def refine_camera(
             before, local = step, local.moved(step)
             if _motion(image, local.focal[0], step) < SETTLED * scale.factor:
                 break
-        if scale.factor == 1:
-            break
+        done += scale.inside.size * steps
     camera = _world(local, faces.scene).camera(width, height)
     return measure_fit(photo, faces, camera)
 

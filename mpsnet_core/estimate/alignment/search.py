@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
 from mpsnet_core.estimate.alignment.refine import SCALES, Fit, PhotoPyramid, measure_fit, refine_camera
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -19,6 +19,8 @@ SPREAD = 5.0  # the images extend to this multiple of the square root of the obj
 TRIED, ROUGH = 16, 5  # best views to refine roughly, and of those to refine fully
 ROUGH_SCALES = ((48, 12), (96, 8))
 COMPARED_SCALES = SCALES[:-1]  # the finest scale takes most of the time, and only the best view needs it
+# Shares of the search's time after which all views are compared, refined roughly, refined well, and tried with lenses.
+COMPARED, ROUGHLY, WELL, LENSES = 0.07, 0.25, 0.65, 0.87
 # Degrees between views that count as the same: after refinement, and before, when neighbours converge to the same view.
 SAME, NEIGHBOURS = 5.0, 12.0
 
@@ -52,26 +54,36 @@ def search_cameras(
     progress
         Called with the share done, 0 to 1, and a message.
     """
-    views = _views(photo.estimate, faces, lens, progress)
+    views = _views(photo.estimate, faces, lens, part(progress, 0.0, COMPARED))
     fits = []
     for number, camera in enumerate(views):
-        progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
-        fits.append(refine_camera(photo, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
+        shown = _one_of(progress, COMPARED, ROUGHLY, number, len(views), "view")
+        fits.append(refine_camera(photo, faces, camera, fix_focal=True, scales=ROUGH_SCALES, progress=shown))
     rough = _distinct_fits(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
     best = []
     for number, fit in enumerate(rough):
-        progress(0.7 + 0.2 * number / len(rough), f"best view {number + 1} of {len(rough)}")
-        best.append(refine_camera(photo, faces, fit.camera, fix_focal=fix_focal, scales=COMPARED_SCALES))
+        shown = _one_of(progress, ROUGHLY, WELL, number, len(rough), "best view")
+        best.append(
+            refine_camera(photo, faces, fit.camera, fix_focal=fix_focal, scales=COMPARED_SCALES, progress=shown)
+        )
     best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.
         factors = [*ZOOMS, *([usual_focal / float(best[0].camera.focal[0])] if usual_focal else [])]
         for number, factor in enumerate(factors):
-            progress(0.9 + 0.1 * number / len(factors), f"lens {number + 1} of {len(factors)}")
+            shown = _one_of(progress, WELL, LENSES, number, len(factors), "lens")
             zoomed = _zoomed(best[0].camera, faces.scene.middle, factor)
-            best.append(refine_camera(photo, faces, zoomed, scales=COMPARED_SCALES))
+            best.append(refine_camera(photo, faces, zoomed, scales=COMPARED_SCALES, progress=shown))
     found = _distinct_fits(sorted(best, key=lambda fit: fit.cost))[:count]
-    return [refine_camera(photo, faces, found[0].camera, fix_focal=fix_focal, scales=SCALES[-1:]), *found[1:]]
+    last = part(progress, WELL if fix_focal else LENSES, 1.0)
+    first = refine_camera(photo, faces, found[0].camera, fix_focal=fix_focal, scales=SCALES[-1:], progress=last)
+    return [first, *found[1:]]
+
+
+def _one_of(progress: Progress, start: float, end: float, number: int, count: int, what: str) -> Progress:
+    """Progress of one of several steps from `start` to `end` that take equally long."""
+    first, last = (start + (end - start) * (number + step) / count for step in (0, 1))
+    return part(progress, first, last, f"{what} {number + 1} of {count}")
 
 
 def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
@@ -117,7 +129,7 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     looks = _view_directions(DIRECTIONS)
     for number, rotation in enumerate(looks):
         if number % 16 == 0:
-            progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
+            progress(number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
         normals, mask = _picture(faces, rotation, *small)
         frames.append(_ObjectExtent.of(mask))
         scores[number] = _similarity(photo, _standardised_picture(normals, mask, frames[-1], 0.0))
