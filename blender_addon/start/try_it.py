@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 from bpy.props import IntProperty
-from mathutils import Euler, Vector
+from mathutils import Euler, Quaternion, Vector
 
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.io.files import ensure_folder
@@ -75,9 +75,7 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         detailed.select_set(True)
         run_operator(bpy.ops.mps.add_rig)
         scene.mps.bake.target = low
-        for view in _viewports(context):
-            view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
-            view.view_perspective = "PERSP"
+        look_at(context, Vector(), _AWAY, _LOOK)
 
     def _photograph(self, context: Any) -> Call:
         return "render_photo", {"samples": self.samples, "output": self._file(context, "photo.exr")}
@@ -114,7 +112,10 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
 
-def _viewports(context: Any) -> list[Any]:
-    """The views of the window's 3D viewports."""
-    areas = context.window.screen.areas if context.window else ()
-    return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
+def look_at(context: Any, centre: Vector, away: float, rotation: Quaternion) -> None:
+    """Let the window's 3D viewports look at a point from a distance, turned as a camera is."""
+    for area in context.window.screen.areas if context.window else ():
+        if area.type == "VIEW_3D":
+            view = area.spaces.active.region_3d
+            view.view_location, view.view_distance, view.view_rotation = centre, away, rotation
+            view.view_perspective = "PERSP"
