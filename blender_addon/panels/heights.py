@@ -43,7 +43,9 @@ class MPS_PT_displace(Step):
     def draw(self, context: Any) -> None:
         displace = context.scene.mps.displace
         self.column(context.scene.mps.bake, "target", target=target_name(context))
-        subdivision = bool(displace.levels) and "subdivision"
-        self.column(displace, "method", "levels", subdivision, "scale", "keep_normals", "file_format", "output")
+        manual = not displace.automatic
+        subdivision = bool(displace.automatic or displace.levels) and "subdivision"
+        chosen = ("method", "automatic", manual and "levels", subdivision, manual and "scale")
+        self.column(displace, *chosen, "keep_normals", "file_format", "output")
         self.progress_or(context, "displace", "MOD_DISPLACE")
         self.picture(displace.image, folded="displacement")

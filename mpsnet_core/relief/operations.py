@@ -23,7 +23,7 @@ from mpsnet_core.defaults import (
 )
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
+from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, silent
 
@@ -263,10 +263,9 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         positional=True, help="photo of a flat material that fills the photo, or its --crop", provenance="files"
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    # On cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks trained on whole
-    # objects.
+    # On matt cloth, where the photo proves the colour, it solves equation 2; on glossy leather that is far too steep.
     model: str = option(
-        default=LAMBERTIAN_GREY_WORLD,
+        default=DEFAULT_MODEL,
         help="model that estimates the normals, by name or as an .onnx file",
     )
     crop: str | None = option(
