@@ -32,6 +32,7 @@ COMMAND = "mpsnet"
 LISTED = 12
 VERBS = (
     "try_it",
+    "scan",
     "add_rig",
     "calibrate_lights",
     "calibrate_mixing",
@@ -43,6 +44,7 @@ VERBS = (
     "show_mask",
     "render_truth",
     "estimate",
+    "unwrap",
     "bake",
     "bake_views",
     "displace",
@@ -50,6 +52,12 @@ VERBS = (
     "make_material",
     "render_samples",
 )
+
+# The operators whose results are those of a verb that runs several.
+_PARTS = {
+    "try_it": ("render_photo", "estimate", "bake"),
+    "scan": ("align_photo", "calibrate_lights", "estimate", "bake"),
+}
 
 
 def main(argv: Sequence[str]) -> int:
@@ -139,7 +147,7 @@ def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
 
 def _result(verb: str, *, every_rig: bool) -> dict[str, Any]:
     """What a verb made: what there is to say of it and "written", the files of all rigs if it worked with every rig."""
-    verbs = ("render_photo", "estimate", "bake") if verb == "try_it" else (verb,)
+    verbs = _PARTS.get(verb, (verb,))
     mps = bpy.context.scene.mps
     results = [result_of(one, step) for step in verbs for one in (all_rigs(bpy.context.scene) if every_rig else [mps])]
     files = [file for result in results for file in result.get("written", [])]

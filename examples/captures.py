@@ -26,7 +26,7 @@ from mpsnet_core.calibrate.lights import find_lights
 from mpsnet_core.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.capture.decode import PhotoReadOptions
 from mpsnet_core.io.image_writing import write_picture
-from mpsnet_core.scene.pictures import contact_sheet, cropped, normals_picture, photo_picture
+from mpsnet_core.scene.pictures import contact_sheet, cropped, photo_picture
 from mpsnet_core.scene.rig import angles_of
 
 OUTPUT = Path(__file__).resolve().parent / "output"
@@ -122,8 +122,8 @@ def estimated(
             f"{name}, {model}: shots under different lights differ by {apart:.1f}°, from twelve lights by "
             f"{np.mean(errors):.1f}°, rank correlation of confidence with that {np.mean(sure):.2f}"
         )
-        tiles.append((f"{model}, shots differ by {apart:.1f}°", normals_picture(normals[0])))
-    tiles.append(("twelve lights", normals_picture(reference)))
+        tiles.append((f"{model}, shots differ by {apart:.1f}°", normals[0].picture()))
+    tiles.append(("twelve lights", reference.picture()))
     tiles = list(zip([title for title, _ in tiles], cropped([tile for _, tile in tiles], mask), strict=True))
     return tiles, [(f"{name}, {title}", tile) for title, tile in tiles[1:]]
 

@@ -19,7 +19,7 @@ from mpsnet_core import NormalMap
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.relief.integration.integrate import METHODS, integrate
-from mpsnet_core.scene.pictures import contact_sheet, cropped, legend, normals_picture
+from mpsnet_core.scene.pictures import contact_sheet, cropped, legend
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 WIDE, THICK = 0.68, 0.28  # the ring's radius and its own; the picture shows -1 to 1
@@ -43,7 +43,7 @@ def main() -> None:
             f"{method}: off by {off.mean():.1f} pixels on average, steps and all; by {np.median(off):.2f} in the middle"
         )
     column = options.size // 2
-    pictures = [normals_picture(normals), *(height_picture(values, true, mask) for values in heights.values())]
+    pictures = [normals.picture(), *(height_picture(values, true, mask) for values in heights.values())]
     for picture in pictures[1:]:
         picture[:, column] = (1.0, 0.2, 0.2)
     titles = ["normals", "true heights", *METHODS]

@@ -30,7 +30,6 @@ from mpsnet_core.scene.pictures import (
     contact_sheet,
     cropped,
     error_picture,
-    normals_picture,
     photo_picture,
 )
 
@@ -82,8 +81,8 @@ def main() -> None:
     pictures = cropped(
         [
             photo_picture(read_image(photo).pixels, mask),
-            normals_picture(estimate),
-            normals_picture(truth),
+            estimate.picture(),
+            truth.picture(),
             error_picture(error, mask, HIGHEST_ERROR),
             plain,
             textured,

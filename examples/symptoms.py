@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, relit
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.pictures import normals_picture, on_background, photo_picture
+from mpsnet_core.scene.pictures import on_background, photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output" / "symptoms"
 SIDE = 256
@@ -66,10 +66,10 @@ def main() -> None:
     as_colour = NormalMap(unit(2 * colours**2.2 - 1), mask)
     steps = NormalMap(unit(np.round(truth * 8) / 8), mask)
     pairs = {
-        "leaning": (normals_picture(right), normals_picture(leaning)),
-        "flat": (normals_picture(right), normals_picture(estimated(photo + 0.5, mask, rig))),
-        "stains": (photo_picture(painted, mask), normals_picture(estimated(painted, mask, rig))),
-        "highlights": (photo_picture(glossy, mask), normals_picture(estimated(glossy, mask, rig))),
+        "leaning": (right.picture(), leaning.picture()),
+        "flat": (right.picture(), estimated(photo + 0.5, mask, rig).picture()),
+        "stains": (photo_picture(painted, mask), estimated(painted, mask, rig).picture()),
+        "highlights": (photo_picture(glossy, mask), estimated(glossy, mask, rig).picture()),
         "green": (relit_picture(right), relit_picture(flipped)),
         "colour_space": (relit_picture(right), relit_picture(as_colour)),
         "steps": (relit_picture(right), relit_picture(steps)),

@@ -13,7 +13,7 @@ from mpsnet_core import estimate_normals
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.learning.evaluation.colour import painted_blob
-from mpsnet_core.scene.pictures import normals_picture, photo_picture
+from mpsnet_core.scene.pictures import photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 SIDE = 256
@@ -26,7 +26,7 @@ def main() -> None:
     pictures = [photo_picture(photo, mask) for photo in (both.capture.image, both.capture.white)]
     for name, case in (("one photo", alone), ("with the white photo", both)):
         normals = estimate_normals(case.capture)
-        pictures.append(normals_picture(normals))
+        pictures.append(normals.picture())
         error = angular_error(normals.vectors, case.truth)[case.scored]
         print(f"{name}: {error.mean():.1f} degrees off")
     OUTPUT.mkdir(exist_ok=True)

@@ -13,9 +13,11 @@ from mpsnet_core.bake.operations import BakeViews as BakeViews
 from mpsnet_core.bake.presets import PRESETS as PRESETS
 from mpsnet_core.bake.presets import Preset as Preset
 from mpsnet_core.bake.projection import View as View
+from mpsnet_core.bake.scan import Scan as Scan
 from mpsnet_core.bake.settings import BakeSettings as BakeSettings
 from mpsnet_core.calibrate.lights import LightsFound as LightsFound
 from mpsnet_core.calibrate.lights import find_lights as find_lights
+from mpsnet_core.calibrate.mesh_operation import CalibrateMesh as CalibrateMesh
 from mpsnet_core.calibrate.mixing import MixingFound as MixingFound
 from mpsnet_core.calibrate.mixing import mixing_from_ball as mixing_from_ball
 from mpsnet_core.calibrate.operations import CalibrateLights as CalibrateLights
@@ -40,6 +42,7 @@ from mpsnet_core.estimate.albedo import read_albedo as read_albedo
 from mpsnet_core.estimate.albedo import write_albedo as write_albedo
 from mpsnet_core.estimate.alignment.operation import Align as Align
 from mpsnet_core.estimate.estimator import estimate_normals as estimate_normals
+from mpsnet_core.estimate.lights.operation import CalibratePhoto as CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate as Estimate
 from mpsnet_core.estimate.sequence.run import estimate_sequence as estimate_sequence
 from mpsnet_core.io.image_reading import read_image as read_image
@@ -77,9 +80,12 @@ from mpsnet_core.scene.mesh import Mesh as Mesh
 from mpsnet_core.scene.mesh import read_mesh as read_mesh
 from mpsnet_core.scene.mesh_depth import depth_of_mesh as depth_of_mesh
 from mpsnet_core.scene.mesh_labels import Labels as Labels
+from mpsnet_core.scene.normal_errors import NormalErrors as NormalErrors
+from mpsnet_core.scene.normal_errors import normal_errors as normal_errors
 from mpsnet_core.scene.normal_map import NormalMap as NormalMap
 from mpsnet_core.scene.normal_map import read_normals as read_normals
 from mpsnet_core.scene.normal_map import write_normals as write_normals
+from mpsnet_core.scene.operations import CompareNormals as CompareNormals
 from mpsnet_core.scene.operations import WriteCameras as WriteCameras
 from mpsnet_core.scene.photogrammetry import Lens as Lens
 from mpsnet_core.scene.photogrammetry import PosedPhoto as PosedPhoto
@@ -96,6 +102,7 @@ from mpsnet_core.scene.texture import write_texture as write_texture
 from mpsnet_core.scene.texture_sets import TextureSet as TextureSet
 from mpsnet_core.scene.view_photos import posed_photos as posed_photos
 from mpsnet_core.scene.world_lights import WorldLights as WorldLights
+from mpsnet_core.synthesis.operations import Example as Example
 from mpsnet_core.synthesis.operations import Synthesize as Synthesize
 from mpsnet_core.synthesis.sample import Sample as Sample
 from mpsnet_core.synthesis.sample import read_sample as read_sample

@@ -19,7 +19,7 @@ from types import UnionType
 from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args, get_origin, get_type_hints
 
 from mpsnet_core.errors import SettingsError, check_choice
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Bar, Progress, can_show_bar, silent
 
 # What the provenance of a result records of an option: its value, a hash of the file that it names, the names and
 # hashes of the files that it names, or nothing. It applies to each value of an option that takes several.
@@ -55,6 +55,35 @@ class Option:
     """What the provenance of a result records of it."""
     numbers: bool
     """Whether its text may be a number, or several with commas. Python may pass these as they are."""
+
+    def words(self, default: Any, several: bool = False) -> str:
+        """What it does, its choices, its range, and what applies if it is not given.
+
+        several: whether the command line takes it repeatedly.
+        """
+        text = self.help
+        choices = [f"{value} ({meaning})" if meaning else str(value) for value, meaning in self.choices.items()]
+        if choices:
+            text += f": {', '.join(choices[:-1])} or {choices[-1]}"
+        if several and not self.positional:
+            text += "; may be repeated"
+        facts = [*filter(None, [self.range, self._default(default)])]
+        return text + (f" ({'; '.join(facts)})" if facts else "")
+
+    @property
+    def range(self) -> str:
+        """The numbers that it takes, in words; "" if it takes all."""
+        if self.low is None and self.high is None:
+            return ""
+        least = _number(-math.inf if self.low is None else self.low)
+        return f"{least} or more" if self.high is None else f"{least} to {_number(self.high)}"
+
+    def _default(self, default: Any) -> str:
+        if default is dataclasses.MISSING:
+            return "" if self.positional else "required"
+        values = default if isinstance(default, tuple) else (default,)
+        shown = self.unset or ", ".join(_number(one) for one in values if one is not None and one is not False)
+        return f"default: {shown}" if shown else ""
 
 
 def option(
@@ -115,6 +144,10 @@ class Result:
     written: list[str] | None = field(kw_only=True, default=None)
     """The absolute paths of all files that it wrote, by name; None if there are none."""
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Show a notebook what a terminal shows."""
+        printer.text(self.text)
+
     def facts(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold."""
         return _facts(self)
@@ -171,8 +204,9 @@ class Operation:
                 _check(setting, one)
 
     def __init_subclass__(cls) -> None:
-        """Have :meth:`run` tell what it writes under whose names, see :data:`running`."""
+        """Have :meth:`run` tell what it writes under whose names, see :data:`running`; explain the options."""
         super().__init_subclass__()
+        cls.__doc__ = _with_parameters(cls)
         if "run" in vars(cls):
             setattr(cls, "run", _as_running(cls.run))  # noqa: B010 - mypy takes methods for constants
 
@@ -184,13 +218,29 @@ class Operation:
                 yield from value if setting.several else (value,)
 
     def run(self, progress: Progress = silent) -> Result:
-        """Carry out the operation. Raises InputError on bad input, and Cancelled if `progress` raises it."""
+        """Carry out the operation.
+
+        progress: called with the share done, 0 to 1, and a message; True for a bar on stderr, False for none. By
+        default a bar in a terminal or a notebook. Raises InputError on bad input, Cancelled if `progress` raises it.
+        """
         raise NotImplementedError
 
     @classmethod
     def help(cls) -> str:
         """What the command does, in a line."""
         return (cls.__doc__ or "").split("\n")[0].rstrip(".")
+
+
+def _with_parameters(kind: type[Operation]) -> str:
+    """An operation's docstring with its options. Its class is not a dataclass yet."""
+    lines = [inspect.cleandoc(kind.__doc__ or ""), "", "Parameters", "----------"]
+    for part in reversed(kind.__mro__):
+        own = vars(part).get("__dataclass_fields__") or vars(part)
+        for name, hint in inspect.get_annotations(part).items():
+            described = getattr(own.get(name), "metadata", {}).get(_METADATA)
+            if described and described.help:
+                lines += [f"{name} : {inspect.formatannotation(hint)}", f"    {described.words(own[name].default)}"]
+    return "\n".join(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,13 +271,17 @@ class Running:
 running: ContextVar[Running | None] = ContextVar("running", default=None)
 
 
-def _as_running(run: Callable[..., Any]) -> Callable[..., Any]:
+def _as_running(run: Callable[[Any, Progress], Any]) -> Callable[..., Any]:
     @functools.wraps(run)
-    def wrapped(self: Operation, *arguments: Any, **named: Any) -> Any:
+    def wrapped(self: Operation, progress: Progress | bool | None = None) -> Any:
+        if progress is None:  # the outermost run shows a bar where somebody watches
+            progress = running.get() is None and can_show_bar()
+        if isinstance(progress, bool):
+            progress = Bar() if progress else silent
         task = Running(self)
         token = running.set(task)
         try:
-            result = run(self, *arguments, **named)
+            result = run(self, progress)
             written = sorted(filter(os.path.exists, task.written))
             return dataclasses.replace(result, written=written or None) if isinstance(result, Result) else result
         except BaseException:
@@ -237,6 +291,8 @@ def _as_running(run: Callable[..., Any]) -> Callable[..., Any]:
             raise
         finally:
             running.reset(token)
+            if isinstance(progress, Bar):
+                progress.close()
 
     return wrapped
 
@@ -310,9 +366,7 @@ def _check(setting: Setting, value: Any) -> None:
         check_choice(name, value, choices)
     # "not" rejects NaN, too.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
-        least = _number(-math.inf if low is None else low)
-        known = f"{least} or more" if high is None else f"{least} to {_number(high)}"
-        raise SettingsError(f"{name} {_number(value)} is out of range; choose {known}")
+        raise SettingsError(f"{name} {_number(value)} is out of range; choose {setting.option.range}")
 
 
 def _number(value: float) -> str:

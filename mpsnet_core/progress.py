@@ -1,9 +1,16 @@
 """Progress reports and cancellation of long tasks."""
 
+import sys
+import threading
+import time
 from collections.abc import Callable
+from typing import Any
 
 # Called with the fraction done (0 to 1) and the current activity. It raises Cancelled to stop the work.
 Progress = Callable[[float, str], None]
+
+# A remaining time is told once this much is done, and that many seconds have passed.
+TOLD_FROM, TOLD_AFTER = 0.03, 3.0
 
 
 def silent(fraction: float, message: str) -> None:
@@ -13,3 +20,52 @@ def silent(fraction: float, message: str) -> None:
 def part(progress: Progress, start: float, end: float, label: str | None = None) -> Progress:
     """Progress of a step that takes the total from `start` to `end`. `label` replaces the step's own messages."""
     return lambda fraction, message: progress(start + (end - start) * fraction, message if label is None else label)
+
+
+def remaining_words(fraction: float, seconds: float) -> str:
+    """How long a task has taken, and about how long it still will if it goes on as it went so far."""
+    told = f"{_duration(seconds)} so far"
+    if not TOLD_FROM <= fraction < 1 or seconds < TOLD_AFTER:
+        return told
+    return f"{told}, about {_duration(seconds * (1 - fraction) / fraction)} left"
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+class Bar:
+    """A progress bar on stderr, in a terminal or a notebook, which tells the time anew every second."""
+
+    def __init__(self) -> None:
+        from tqdm import tqdm
+
+        layout = "{desc}: {percentage:.0f}%|{bar:20}| {postfix}"
+        self._bar: Any = tqdm(total=100, bar_format=layout, leave=False, dynamic_ncols=True)
+        self._started, self._fraction, self._closed = time.monotonic(), 0.0, threading.Event()
+        threading.Thread(target=self._tick, daemon=True).start()
+
+    def __call__(self, fraction: float, message: str) -> None:
+        self._fraction = fraction
+        self._bar.n = round(100 * fraction)
+        self._bar.set_description_str(message, refresh=False)
+        self._show()
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._closed.set()
+        self._bar.close()
+
+    def _tick(self) -> None:
+        while not self._closed.wait(1.0):
+            self._show()
+
+    def _show(self) -> None:
+        words = remaining_words(self._fraction, time.monotonic() - self._started)
+        self._bar.set_postfix_str(words, refresh=not self._closed.is_set())
+
+
+def can_show_bar() -> bool:
+    """Whether somebody watches stderr: a terminal, or a notebook."""
+    return "ipykernel" in sys.modules or bool(sys.stderr and sys.stderr.isatty())

@@ -10,6 +10,7 @@ from ..bake.bake_operator import check_shows_normals
 from ..bake.base_maps import usable_maps
 from ..bake.coverage import hides_materials
 from ..bake.texture_sets import BakeTarget, with_tokens
+from ..bake.unwrap import lacks_uvs
 from ..image_records import remembered
 from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
@@ -18,7 +19,7 @@ from ..scene.objects import check_in_scene, target_of
 from ..settings.record import error_of
 from .photo_inputs import lacks_file, lacks_named
 from .step import Step, target_name
-from .text import wrapped
+from .text import across_sidebar, wrapped
 
 
 class MPS_PT_bake(Step):
@@ -37,11 +38,13 @@ class MPS_PT_bake(Step):
         target = bake.objects == "ACTIVE" and "target"
         several = bool(context.scene.mps.rigs) and "all_rigs"
         self.column(bake, "objects", target, "preset", "size", moves, several, target=target_name(context))
+        if lacks_uvs(target_of(context)):
+            self.layout.operator("mps.unwrap", icon="UV")
+            self.failure(context.scene, "unwrap")
         self.progress_or(context, "bake", "TEXTURE")
         offer_anyway(self.layout, context.scene, "bake")
         if bake.image and hides_materials(context.space_data):
             wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
-        self.picture(bake.image, folded="texture")
         lit = context.scene.mps.relight.lamp is not None
         if bake.image or lit or bake.overlays:
             row = self.layout.row(align=True)
@@ -49,6 +52,7 @@ class MPS_PT_bake(Step):
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
             for verb in ("relight", "show_coverage"):
                 self.failure(context.scene, verb)
+        self.picture(bake.image, across_sidebar())
 
 
 def offer_anyway(layout: Any, scene: Any, verb: str) -> None:
@@ -115,7 +119,7 @@ def _lacks_target(scene: Any, obj: Any) -> str:
     if not obj.data.polygons:
         return f'"{obj.name}" has no faces; choose an object with a surface'
     if not obj.data.uv_layers:
-        return f'"{obj.name}" has no UV map; unwrap it first'
+        return f'"{obj.name}" has no UV map; press Unwrap, or unwrap it by hand'
     uv_map = scene.mps.bake.uv_map
     if uv_map and uv_map not in obj.data.uv_layers:
         return f'"{obj.name}" has no UV map "{uv_map}"; choose another in Texture'

@@ -4,9 +4,9 @@ from typing import Any
 
 from ..image_records import remembered
 from .models import MPS_MT_material_models, model_menu
-from .photo_inputs import lacks_file, lights_of
+from .photo_inputs import NO_LIGHTS, lacks_file, lights_of
 from .step import Step
-from .text import wrapped
+from .text import across_sidebar, wrapped
 
 
 class MPS_PT_material(Step):
@@ -21,7 +21,10 @@ class MPS_PT_material(Step):
         photo = context.scene.mps.photo.image
         if photo is not None and photo.source in {"SEQUENCE", "MOVIE"}:
             return "A flat material is made of one photo, and this is a sequence; open one of its frames"
-        lacking = super().lacks(context) or lacks_file(photo, "photo") or lights_of(context.scene).lacks
+        lights = lights_of(context.scene)
+        lacking = super().lacks(context) or lacks_file(photo, "photo") or lights.lacks
+        if not lacking and lights.error is not None:
+            return NO_LIGHTS
         if not lacking and not context.scene.mps.material.width and remembered(photo, "camera") is None:
             return "Enter the photo width: what the whole photo measures on the material"
         return lacking
@@ -33,7 +36,7 @@ class MPS_PT_material(Step):
         self.progress_or(context, "make_material", "MATERIAL")
         if material.summary:
             wrapped(self.layout, material.summary)
-        self.picture(material.image, scale=12, folded="material")
+        self.picture(material.image, across_sidebar())
 
 
 class MPS_PT_material_crop(Step):

@@ -1,13 +1,16 @@
 """The lights and the camera that apply to the photo, in a line each, and what is missing for an estimate."""
 
+import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import is_folder_or_pattern
@@ -18,11 +21,12 @@ from ..photo.camera import chosen_camera, is_real
 from ..photo.options import rig_file_for
 from ..provenance import is_there
 from ..rig.light_rig import last_evaluated_rig
+from ..settings.record import result_of
 
 _VIRTUAL = "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"
 # The setting that holds the file of a mask, where its kind has one.
 NEEDED_FILE = {"FILE": "mask_file", "BACKGROUND": "background"}
-NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
+NO_LIGHTS = "Where are the lights? Choose their rig file, or press Find Lights in the step Lights"
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Lights:
     """Why they cannot be used."""
     doubt: str = ""
     """Why they may not be the photo's."""
+    error: float | None = None
+    """Their expected error in degrees if they were found in the photo itself; infinite before the first estimate."""
 
 
 def lights_of(scene: Any) -> Lights:
@@ -49,7 +55,19 @@ def lights_of(scene: Any) -> Lights:
         return Lights("the rig file beside the photo" if is_real(photo) else "as the photo was rendered")
     if scene.mps.rig.lights:
         return replace(virtual_rig(scene), doubt=_VIRTUAL if photo is None or is_real(photo) else "")
-    return Lights("not known", lacks=NO_LIGHTS)
+    return _found_in_photo(scene.mps)
+
+
+def _found_in_photo(mps: Any) -> Lights:
+    """The lights that the estimate found in the photo, or will find."""
+    normals, photo = mps.estimate.image, mps.photo.image
+    if photo is not None and normals is not None and normals.mps.photo == photo:
+        with suppress(KeyError, TypeError, ValueError, InputError):  # a file may hold any facts
+            found = result_of(mps, "estimate")["lights"]
+            error = max(float(light["uncertainty"]) for light in found)
+            rig = LightRig(np.array([light["direction"] for light in found]))
+            return Lights(f"found in the photo, ± {error:.0f}°", rig, error=error)
+    return Lights("found in the photo", error=math.inf)
 
 
 def virtual_rig(scene: Any) -> Lights:
@@ -115,7 +133,7 @@ def _lacks_other_files(settings: Any, *, moves: bool) -> str:
     if settings.model == "FILE" and (lacking := lacks_named(settings, "model_file", optional=False)):
         return lacking
     if settings.albedo and not settings.white and not moves:
-        return "The albedo is made from a white photo; choose one in 2 Photo, or switch Albedo off"
+        return "The albedo is made from a white photo; choose one in Photo > Colour, or switch Albedo off"
     return next(filter(None, (lacks_named(settings, name, optional=True) for name in ("dark", "flat", "white"))), "")
 
 

@@ -21,7 +21,7 @@ from ..rig.several_rigs import OnEachRig
 from ..scene.objects import target_of
 from ..settings.messages import in_blender
 from ..settings.record import error_of, notes_of
-from .text import fitted, wrapped
+from .text import fitted, verdict, wrapped
 
 FOLDED = True  # whether images of results are folded at first
 
@@ -152,19 +152,21 @@ class Step(bpy.types.Panel):
         if scene.mps.rigs and issubclass(_operator(verb), OnEachRig):
             row.operator(f"mps.{verb}", text="All Rigs").all_rigs = True
         self.failure(scene, verb)
-        for note in () if lacking else notes_of(scene, verb):  # no notes on a result whose inputs are missing
-            wrapped(self.layout, sentence(note), icon="INFO")
+        if not lacking:  # no notes on a result whose inputs are missing
+            verdict(self.layout, verb, [sentence(note) for note in notes_of(scene, verb)])
 
     def progress_of(self, context: Any, verb: str) -> bool:
         """Show the progress of a running operator. Returns whether it runs."""
         job = context.window_manager.mps
-        if verb_of(job.running) != verb:
+        if verb not in map(verb_of, (job.running, job.chain)):
             return False
         row = self.layout.row(align=True)
         row.scale_y = 1.3
         row.progress(factor=job.progress, text=f"{job.progress:.0%}  {job.left}".strip())
         row.operator("mps.cancel", text="", icon="X")
-        wrapped(self.layout, sentence(job.message))
+        part = verb_of(job.running) if verb == verb_of(job.chain) else verb
+        label = f"{_operator(part).bl_label}: " if part not in ("", verb) else ""
+        wrapped(self.layout, sentence(f"{label}{job.message}"))
         return True
 
     def failure(self, scene: Any, verb: str) -> None:

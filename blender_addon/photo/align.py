@@ -79,7 +79,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         operation = Align(
             image=str(file),
             mesh=str(folder / "mesh.npz"),
-            rig=str(rig_path(scene, photo, folder, rig_file_for(photo, estimate))),
+            rig=rig_path(scene, photo, folder, rig_file_for(photo, estimate)),
             **self._place(context, photo, folder),
             **self._lens(scene, photo, folder),
             **reading(estimate, painted=painted_mask(estimate, folder)),
@@ -134,7 +134,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         camera = _camera_object(scene, photo, read_camera(self._camera), by_session_uid(bpy.data.objects, self._target))
         photo.mps.camera = camera
         photo.mps.poor, photo.mps.outline_pixels = result["poor"], result["outline_pixels"]
-        fit = fit_in_words(result["outline_pixels"], result["normals_degrees"], result["overlap"])
+        fit = fit_in_words(result["outline_pixels"], result["normals_degrees"], result["overlap"], result["poor"])
         photo.mps.fit = f"{fit}, but the mesh seems to be mirrored" if result["mirrored"] else fit
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual

@@ -36,10 +36,14 @@ def chosen_camera(scene: Any, image: Any) -> Any:
     return camera
 
 
+def lacks_photo_camera(scene: Any, image: Any) -> bool:
+    """Whether the camera of a photo, or of a normal map's photo, is unknown."""
+    return remembered(image, "camera") is None and chosen_camera(scene, image) is None
+
+
 def lacks_camera(scene: Any, normals: Any) -> bool:
     """Whether normals were estimated from a real photo whose camera is unknown."""
-    known = remembered(normals, "camera") is not None or chosen_camera(scene, normals) is not None
-    return made_by(normals) == "estimate" and not known
+    return made_by(normals) == "estimate" and lacks_photo_camera(scene, normals)
 
 
 def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None) -> bool:

@@ -9,7 +9,6 @@ import bpy
 from mpsnet_core.capture.operations import Check
 from mpsnet_core.errors import InputError
 
-from ..image_records import remembered
 from ..images import image_file
 from ..operators.core_run import RunsCore
 from .options import reading, rig_file_for, rig_path
@@ -30,9 +29,7 @@ class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
         if image.source == "MOVIE":
             raise InputError("a video is not checked as a whole; open one of its frames as a picture")
         photo = image_file(image, "photo", "render or open one first")
-        rig_file = rig_file_for(image, scene.mps.estimate)
-        known = rig_file or remembered(image, "rig") is not None or scene.mps.rig.lights
-        rig = str(rig_path(scene, image, folder, rig_file)) if known else None
+        rig = rig_path(scene, image, folder, rig_file_for(image, scene.mps.estimate))
         return Check(image=str(photo), rig=rig, **reading(scene.mps.estimate)), []
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ import bpy
 from mpsnet_core.defaults import BY_PHOTO, MASK
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import Estimate
-from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
+from mpsnet_core.scene.rig import read_rig, write_rig
 
 from ..image_records import remembered
 from ..images import paint_grey, pixels_of
@@ -44,41 +44,47 @@ def rig_and_camera_options(
     if rig_file is None:
         rig_file = rig_file_for(image, scene.mps.estimate)
     rig = rig_path(scene, image, folder, rig_file)
-    return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, schedule)}
+    near = rig is not None and read_rig(rig).near is not None
+    return {"rig": rig, **_viewpoint_options(context, image, folder, schedule, near=near)}
 
 
-def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
+def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> str | None:
     """The file of a photo's rig: `rig_file`, else the one stored with the photo, else the scene's rig.
 
-    Raises SettingsError if the rig of a real photo is unknown.
+    None for a real photo whose rig is unknown: the core finds its lights in the photo.
     """
     if rig_file:
-        return Path(bpy.path.abspath(rig_file))
+        return bpy.path.abspath(rig_file)
+    if finds_lights(scene, image, rig_file):
+        return None
     rig, taken_with = folder / "rig.json", remembered(image, "rig")
-    if taken_with is None and is_real(image) and not scene.mps.rig.lights:
-        raise SettingsError("nothing says where this photo's lights are; choose their rig file, or calibrate them")
     if taken_with is None:
         write_rig(rig, light_rig(scene))
     else:
         rig.write_text(taken_with, encoding="utf-8")
-    return rig
+    return str(rig)
+
+
+def finds_lights(scene: Any, image: Any, rig_file: str) -> bool:
+    """Whether a photo's lights are unknown, and so are found in it. rig_file: see :func:`rig_path`."""
+    return not rig_file and remembered(image, "rig") is None and is_real(image) and not scene.mps.rig.lights
 
 
 def _viewpoint_options(
-    context: Any, image: Any, rig: LightRig, folder: Path, schedule: Callable[[Slices], None]
+    context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], *, near: bool
 ) -> dict[str, Any]:
     """The core's options for the photo's camera and, for near lights, its distance to the object."""
     scene = context.scene
     settings = scene.mps.estimate
     viewpoint = seen_through(scene, image, settings.lens, folder)
-    if rig.near is not None and not viewpoint:
+    if near and not viewpoint:
         raise GeometryError(
             "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
             "whose camera is used"
         )
-    if rig.near is not None and settings.distance:
+    if near and settings.distance:
         viewpoint["distance"] = round_as_typed(settings.distance)
-    elif rig.near is not None and settings.surface is not None and not settings.lens:
+    elif near and settings.surface is not None and not settings.lens:
         check_in_scene(scene, settings.surface, "surface")
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()

@@ -1,4 +1,4 @@
-"""Calibration of real lights from photos of a mirror ball (directions) and a grey ball (mixing)."""
+"""Calibration of real lights: directions by a mirror ball, a mesh or the photo itself, mixing by a grey ball."""
 
 import json
 from collections.abc import Sequence
@@ -10,14 +10,21 @@ from zlib import crc32
 import bpy
 from bpy.app.handlers import persistent
 
+from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.lights.operation import CalibratePhoto
+from mpsnet_core.operation import Operation
 
 from ..image_records import from_json
-from ..images import fine_preview, load_image
-from ..operators.core_run import RunsCore
+from ..images import fine_preview, frame_pattern, image_file, load_image
+from ..operators.core_run import RunsCore, idle
 from ..outputs import file_name, is_permanent, requested_path
+from ..photo.align import mesh_of_photo
+from ..photo.camera import lacks_photo_camera, write_photo_camera
+from ..photo.options import painted_mask, reading
 from ..preferences import output_folder
+from ..scene.mesh_file import begin_mesh
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import apply_given_settings, options_of
 from .several_rigs import all_rigs, result_name, rig_at
@@ -28,19 +35,25 @@ CHANNEL, UNEXPLAINED, EQUATION_2 = "Channel", "Unexplained", "Equation 2 Error"
 
 
 class _Calibrates(RunsCore, CalibrateSettings):
-    """Common to both calibrations: photos of a ball as input, a rig file and an overlay image as output."""
+    """Common to both calibrations: a rig file as output, of photos of a ball with an overlay image."""
 
-    def _options(self, what: str, balls: int) -> dict[str, Any]:
-        """The core's options for the ball and the output files."""
+    _overlay: Path | None = None
+
+    def _outputs_named(self, what: str = "") -> list[Path]:
+        """The files to write: the rig's, and what is drawn over the photo of a ball."""
         rig = self._rig = self._rig_path(file_name(result_name(bpy.context.scene, "rig")))
-        self._overlay = rig.with_name(f"{rig.stem}_{what}.png")
+        self._overlay = rig.with_name(f"{rig.stem}_{what}.png") if what else None
+        return [rig, self._overlay] if self._overlay else [rig]
+
+    def _options(self, balls: int) -> dict[str, Any]:
+        """The core's options for the ball and the output files."""
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
         circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
         return {
             **options_of(CalibrateLights, self),
             "circle": tuple(f"{x:g},{y:g},{radius:g}" for x, y, radius in circles) if circles[0][2] > 0 else (),
             "overlay": str(self._overlay),
-            "output": str(rig),
+            "output": str(self._rig),
         }
 
     def _rig_path(self, name: str) -> Path:
@@ -51,7 +64,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         return path
 
     def _show_results(self, table: Sequence[Sequence[str]]) -> None:
-        """Show the overlay and the table of results (headings first), and use the rig for estimates.
+        """Show the overlay, if any, and the table of results (headings first), and use the rig for estimates.
 
         Rows with only two cells are shown as separate lines below the table.
         """
@@ -59,31 +72,80 @@ class _Calibrates(RunsCore, CalibrateSettings):
         scene = self.scene(result_is)
         estimate = rig_at(scene, self._rig_place, result_is).estimate
         settings = scene.mps.calibrate
-        image = load_image(self._overlay, _OVERLAY, is_data=False)
-        if not bpy.app.background:
-            fine_preview(image)
-        self.made(image)
-        settings.image = image
+        settings.image = image = load_image(self._overlay, _OVERLAY, is_data=False) if self._overlay else None
+        if image is not None:
+            if not bpy.app.background:
+                fine_preview(image)
+            self.made(image)
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
+        if from_ball(self) and self.lens and not estimate.lens:
+            estimate.lens = self.lens
+            self.tell(f"The lens of {self.lens:g} mm counts for the photo, too")
         text = None if is_permanent(self._rig) else self._rig.read_text(encoding="utf-8")
         estimate.kept_rig = json.dumps([str(self._rig), text]) if text else ""
         self.tell(f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 
 class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
-    """Find the three lights in the photo of a mirror ball, and write a rig file that the estimate then uses"""
+    """Find the three lights by a mirror ball, the target's mesh or the photo, and write a rig file for the estimate"""
 
     bl_idname = "mps.calibrate_lights"
     bl_label = "Find Lights"
 
-    def prepare(self, context: Any, folder: Path) -> tuple[CalibrateLights, Sequence[Path]]:
-        apply_given_settings(self, context.scene.mps.calibrate)
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        scene = context.scene
+        if from_ball(scene.mps.calibrate):
+            return "" if scene.mps.calibrate.ball else "Choose a photo of a mirror ball in the object's place"
+        photo = scene.mps.photo.image
+        if photo is None:
+            return "Open a photo first"
+        if scene.mps.calibrate.source == "PHOTO":
+            return ""
+        if mesh_of_photo(context) is None:
+            return "Choose the target, the mesh object that the photo shows"
+        lacking = lacks_photo_camera(scene, photo)
+        return "Align the photo with the mesh first: press Align Photo in the step Photo" if lacking else ""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)  # what a script gives may not be in the scene yet
+
+    def prepare(self, context: Any, folder: Path) -> tuple[Operation, Sequence[Path]]:
+        given, calibrate = self.properties.is_property_set, context.scene.mps.calibrate
+        if given("ball") and not given("source"):
+            self.source = calibrate.source if from_ball(calibrate) else "BALL"
+        apply_given_settings(self, calibrate)
+        self.refuse_lacking(context)
+        if not from_ball(self):
+            return self._by_photo(context, folder)
         photos = [_photo(self.ball, "the mirror ball")]
-        if self.second_ball:
+        if self.source == "LAMPS":
+            photos += [_photo(self.second_light, "the second light"), _photo(self.third_light, "the third light")]
+        elif self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
-        operation = CalibrateLights(ball=tuple(photos), **self._options("lights", len(photos)))
-        return operation, [self._rig, self._overlay]
+        outputs, per_light = self._outputs_named("lights"), self.source == "LAMPS"
+        return CalibrateLights(ball=tuple(photos), per_light=per_light, **self._options(places_of_ball(self))), outputs
+
+    def _by_photo(self, context: Any, folder: Path) -> tuple[Operation, Sequence[Path]]:
+        """The core's operation for the lights of the photo, alone or by the mesh that it shows."""
+        scene = context.scene
+        image, estimate, outputs = scene.mps.photo.image, scene.mps.estimate, self._outputs_named()
+        photo = image_file(image, "photo", "open it again")
+        if image.source == "MOVIE":
+            raise InputError(f"{photo.name} is a video; open one of its frames as a picture")
+        read = reading(estimate, painted=painted_mask(estimate, folder))
+        if self.source == "PHOTO":
+            photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
+            return CalibratePhoto(image=(str(photo),), output=str(self._rig), **read), outputs
+        camera, mesh = folder / "camera.json", folder / "mesh.npz"
+        write_photo_camera(camera, scene, image)
+        context.view_layer.update()
+        self.schedule(begin_mesh(mesh, mesh_of_photo(context), context.evaluated_depsgraph_get(), None).slices)
+        return CalibrateMesh(
+            image=(str(photo),), mesh=str(mesh), camera=str(camera), output=str(self._rig), **read
+        ), outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         lights = [
@@ -106,8 +168,8 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Rig")
         photo = _photo(self.grey, "the grey ball")
-        operation = CalibrateMixing(photo=(photo,), rig=bpy.path.abspath(lights), **self._options("mixing", 1))
-        return operation, [self._rig, self._overlay]
+        outputs = self._outputs_named("mixing")
+        return CalibrateMixing(photo=(photo,), rig=bpy.path.abspath(lights), **self._options(1)), outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         rows = zip("RGB", result["mixing"], strict=True)
@@ -116,6 +178,16 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         off = result["equation_2_error"]
         equation_2 = [] if off is None else [(EQUATION_2, f"{off:.1f}°")]
         self._show_results([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
+
+
+def from_ball(settings: Any) -> bool:
+    """Whether the lights are found by photos of a mirror ball."""
+    return settings.source in {"BALL", "LAMPS"}
+
+
+def places_of_ball(settings: Any) -> int:
+    """At how many places the photos show the mirror ball."""
+    return 2 if settings.source == "BALL" and settings.second_ball else 1
 
 
 def _photo(path: str, what: str) -> str:

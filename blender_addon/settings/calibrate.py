@@ -5,15 +5,27 @@ from bpy.props import StringProperty
 
 from mpsnet_core.calibrate.operations import CalibrateLights
 
-from .declared import OWN_SENSE, FileSetting, FloatSetting, from_option, image_pointer
+from .declared import OWN_SENSE, EnumSetting, FileSetting, FloatSetting, from_option, image_pointer
 
 
 class CalibrateSettings:
-    """Photos of balls to calibrate the positions of real lights and the mixing of their colours."""
+    """From what the lights are found; photos of balls, for their positions and the mixing of their colours, too."""
 
+    source: EnumSetting(
+        "From",
+        "What shows where the lights are",
+        items=[
+            ("PHOTO", "Photo", "The photo itself, by its shading and outline: within about 10°"),
+            ("MESH", "Mesh", "The photo and the target's mesh, once the photo is aligned with it: within about 1.5°"),
+            ("BALL", "Ball", "Photo of a mirror ball under all three lights: within about 0.5°"),
+            ("LAMPS", "3 Photos", "Three photos of a mirror ball, each of them under one light alone"),
+        ],
+        default="BALL",
+    )
     ball: FileSetting(
         "Mirror Ball",
-        "Photo of a mirror ball where the object stands, under the red, green and blue light at once",
+        "Photo of a mirror ball where the object stands, under the red, green and blue light at once. "
+        "From three photos: under the first light alone",
         translation_context=OWN_SENSE,
     )
     second_ball: FileSetting(
@@ -21,6 +33,8 @@ class CalibrateSettings:
         "Photo of the same ball at another place. With two places the lights' positions are found, "
         "not only their directions. Needs the lens",
     )
+    second_light: FileSetting("Green", "Photo of the same ball in the same place, under the second light alone")
+    third_light: FileSetting("Blue", "Photo of the same ball in the same place, under the third light alone")
     ball_radius: from_option(CalibrateLights, "radius", name="Ball Radius", default=1.0, low=1e-6)
     grey: FileSetting("Grey Ball", "Photo of a matt grey ball under the red, green and blue light at once")
     lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is assumed to be far away")

@@ -69,7 +69,7 @@ class EstimateSettings:
         "Rig File",
         "Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
         "estimated with the rig that it was rendered with. Empty: the rig beside the photo when it was opened, else "
-        "the rig in this scene",
+        "the rig in this scene, else the lights are found in the photo",
     )
     lens: from_option(
         Estimate,

@@ -33,6 +33,7 @@ class SamplesSettings:
             ("RELIEFS", "Reliefs", "Slabs with a relief"),
             # 8 was another kind, which old .blend files may still contain.
             ("GROUPS", "Groups", "Several objects beside each other on a ground", "NONE", 16),
+            ("HOLLOWS", "Hollows", "Bowls, niches, limbs and held cloth that few lights reach", "NONE", 32),
         ],
         default={"BLOBS", "DRAPERY", "RELIEFS", "GROUPS"},
         options={"ENUM_FLAG", *GIVEN},

@@ -103,6 +103,7 @@ class MPS_PG_job(bpy.types.PropertyGroup):
     """The child process that runs at the moment: ``window_manager.mps``. Neither saved nor undone."""
 
     running: StringProperty(name="Running", description="Operator whose work runs. Empty: none")
+    chain: StringProperty(name="Chain", description="Operator that runs several, one of which runs now. Empty: none")
     progress: FloatProperty(name="Progress", description="How much is done, as a fraction", min=0.0, max=1.0)
     message: StringProperty(name="Message", description="What is being done")
     left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")

@@ -1,7 +1,7 @@
 """Try It: the four steps on a new scene, without any files."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +9,14 @@ import bpy
 from bpy.props import IntProperty
 from mathutils import Euler, Vector
 
-from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.errors import Cancelled
 from mpsnet_core.io.files import ensure_folder
 
-from ..errors import operator_report
-from ..operators.core_run import TICK_SECONDS, idle
-from ..operators.progress import redraw_panels
-from ..operators.reporting import ReportingOperator
+from ..operators.chain import Call, RunsSteps, run_operator
+from ..operators.core_run import idle
 from ..outputs import file_name, requested_path
 from ..scene.objects import by_session_uid
 from ..settings.declared import FolderSetting
-from ..settings.record import error_of
 from .demo import make_demo, remove_demo
 
 # The view from the front, a little to the right and above, at a distance that shows the whole object.
@@ -27,13 +24,13 @@ _LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
 _AWAY = 5.5
 
 
-class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
+class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
     """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
     from it, and a low-poly copy that uses them. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
     bl_label = "Try It"
-    bl_options = {"UNDO"}
+    first_message = "making an object"
 
     pixels: IntProperty(
         name="Photo Size", description="Width and height of the demo's photo in pixels", default=512, min=32, max=4096
@@ -54,69 +51,10 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
 
     _before = 0  # session UID of the scene that was shown before
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
+    def steps(self) -> Sequence[Callable[[Any], Call | None]]:
+        return self._build, self._photograph, self._estimate, self._bake, self._present
 
-    def act(self, context: Any) -> None:
-        try:
-            self._build(context)
-            self._photograph(context, "EXEC_DEFAULT")
-            self._estimate(context, "EXEC_DEFAULT")
-            self._bake(context, "EXEC_DEFAULT")
-            self._present(context)
-        except BaseException:
-            self._take_away(context)
-            raise
-
-    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
-        if bpy.app.background:
-            return self.execute(context)
-        self.begin(context)
-        manager = context.window_manager
-        manager.mps.running, manager.mps.cancel = self.bl_idname, False
-        manager.mps.progress, manager.mps.message = 0.0, "making an object"
-        self._left = [self._build, self._photograph, self._estimate, self._bake, self._present]
-        self._ticks = 0
-        self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
-        manager = context.window_manager
-        running = manager.mps.running
-        if running not in {"", self.bl_idname}:
-            return {"PASS_THROUGH"}
-        if manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
-            self.tell("Cancelled")
-            self._take_away(context)
-            return self._end(context, "CANCELLED")
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        redraw_panels(manager)
-        self._ticks += 1
-        if running and self._ticks % 3:  # let the window redraw first, to show the next step
-            return {"PASS_THROUGH"}
-        try:
-            went_well = self.done(lambda: self._step(context))
-        except BaseException:  # otherwise all operators would wait for this one for ever
-            self._end(context, "CANCELLED")
-            raise
-        if not went_well:
-            return self._end(context, "CANCELLED")
-        return {"PASS_THROUGH"} if self._left else self._end(context, "FINISHED")
-
-    def cancel(self, context: Any) -> None:
-        self._end(context, "CANCELLED")
-
-    def _step(self, context: Any) -> None:
-        try:
-            self._left.pop(0)(context)
-        except BaseException:
-            self._take_away(context)
-            raise
-
-    def _take_away(self, context: Any) -> None:
+    def take_away(self, context: Any) -> None:
         """Remove an unfinished demo, and return to the scene in which Try It was pressed, which shows the error."""
         demo, before = by_session_uid(bpy.data.scenes, self._scene_uid), by_session_uid(bpy.data.scenes, self._before)
         if demo is None or before in (None, demo) or context.scene != demo:
@@ -126,13 +64,6 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         remove_demo(
             demo, [one for one in (by_session_uid(demo.objects, uid) for uid in self._shown) if one is not None]
         )
-
-    def _end(self, context: Any, how: str) -> set[Any]:
-        context.window_manager.event_timer_remove(self._timer)
-        if context.window_manager.mps.running == self.bl_idname:
-            context.window_manager.mps.running = ""
-        redraw_panels(context.window_manager)
-        return {how}
 
     def _build(self, context: Any) -> None:
         if self.output:  # report a folder that cannot be created before making a scene
@@ -144,31 +75,23 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
         detailed.select_set(True)
-        _run(bpy.ops.mps.add_rig)
+        run_operator(bpy.ops.mps.add_rig)
         scene.mps.bake.target = low
         for view in _viewports(context):
             view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
             view.view_perspective = "PERSP"
 
-    def _photograph(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
-        context.window_manager.mps.running = ""
-        _run(bpy.ops.mps.render_photo, how, samples=self.samples, output=self._file(context, "photo.exr"))
+    def _photograph(self, context: Any) -> Call:
+        return "render_photo", {"samples": self.samples, "output": self._file(context, "photo.exr")}
 
-    def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
-        demo = self._demo(context)
-        if demo.mps.photo.image is None:
-            raise _why(demo, "render_photo")
-        _run(bpy.ops.mps.estimate, how, output=self._file(context, "normals.png"))
+    def _estimate(self, context: Any) -> Call:
+        return "estimate", {"output": self._file(context, "normals.png")}
 
-    def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
-        if self._demo(context).mps.estimate.image is None:
-            raise _why(context.scene, "estimate")
-        _run(bpy.ops.mps.bake, how, size=self.size, output=self._file(context, "texture.png"))
+    def _bake(self, context: Any) -> Call:
+        return "bake", {"size": self.size, "output": self._file(context, "texture.png")}
 
     def _present(self, context: Any) -> None:
         scene = self._demo(context)
-        if scene.mps.bake.image is None:
-            raise _why(scene, "bake")
         for uid, shown in self._shown.items():
             obj = by_session_uid(scene.objects, uid)
             if obj is None:
@@ -178,7 +101,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             obj.select_set(shown)
             context.view_layer.objects.active = obj
         if not bpy.app.background:
-            _run(bpy.ops.mps.relight)
+            run_operator(bpy.ops.mps.relight)
         self.tell("The low-poly copy uses the photo's normals. To stop the lamp press Relight in 4 Bake")
 
     def _demo(self, context: Any) -> Any:
@@ -207,23 +130,9 @@ class MPS_OT_back_to_scene(bpy.types.Operator):
     def execute(self, context: Any) -> set[Any]:
         before = context.scene.mps.before
         if context.scene.mps.relight.lamp is not None:
-            _run(bpy.ops.mps.relight)
+            run_operator(bpy.ops.mps.relight)
         context.window.scene = before
         return {"FINISHED"}
-
-
-def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
-    """Call one of the add-on's operators. Raises InputError if it fails, with its report."""
-    try:
-        operator(*how, **settings)
-    except RuntimeError as error:
-        raise InputError(operator_report(error)) from None
-
-
-def _why(scene: Any, verb: str) -> Exception:
-    """Why a step has no result: its error, or cancellation."""
-    error = error_of(scene, verb)
-    return InputError(error) if error else Cancelled()
 
 
 def _viewports(context: Any) -> list[Any]:

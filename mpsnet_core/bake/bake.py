@@ -21,6 +21,7 @@ from mpsnet_core.bake.texel_surface import Barycentric, TexelSampler
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, masks_hide_all, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
@@ -41,6 +42,7 @@ POINTS_HELD = 1 << 22
 FADE = 1e-3
 
 
+@takes_files
 def bake_normals(
     mesh: Mesh,
     views: Sequence[View],
@@ -89,6 +91,7 @@ def bake_normals(
     return texture
 
 
+@takes_files
 def bake_texture_sets(
     meshes: Sequence[Mesh],
     views: Sequence[View],

@@ -19,6 +19,7 @@ from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.errors import check_choice
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_hits import MeshHits, mesh_hits
@@ -80,6 +81,7 @@ def remove_base_details(
     return normals, tuple(found)
 
 
+@takes_files
 def remove_base_detail(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap, share: float | None = None
 ) -> tuple[NormalMap, float]:

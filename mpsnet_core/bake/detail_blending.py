@@ -11,6 +11,7 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.normal_encoding import Convention, read_vectors
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 from mpsnet_core.scene.texture import Texture
@@ -66,6 +67,7 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     return extend_to_nearest(vectors, normals, MARGIN)
 
 
+@takes_files
 def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
     """Blend the texture's normals as detail onto the base map.
 

@@ -21,6 +21,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
 from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_hits import mesh_hits
@@ -67,6 +68,7 @@ def parse_scale(text: str) -> float:
     return scale
 
 
+@takes_files
 def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> NormalMap:

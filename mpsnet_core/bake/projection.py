@@ -13,6 +13,7 @@ from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
 from mpsnet_core.bake.texel_surface import SurfacePoints
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
@@ -24,6 +25,7 @@ MIN_FACING = 0.1
 FACING_POWER = 4
 
 
+@takes_files
 @dataclass(frozen=True, eq=False)
 class View:
     """One photo's normals and its camera.

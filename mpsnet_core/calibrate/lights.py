@@ -11,6 +11,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.calibrate.highlights import Highlight
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import camera_of_lens
 
 log = logging.getLogger(__name__)
@@ -89,6 +90,7 @@ class LightsFound:
     """(N,) float64. RMS distance of the rays to a light from their best intersection, in the same unit."""
 
 
+@takes_files
 def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     """Directions or positions of lights from mirror balls.
 

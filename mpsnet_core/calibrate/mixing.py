@@ -12,6 +12,7 @@ from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
 from mpsnet_core.scene.rig_check import check_rig, misfit_words
@@ -76,6 +77,7 @@ class MixingFound:
     """Share of the photo's variance that the fit leaves, outliers included."""
 
 
+@takes_files
 def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     """The mixing matrix from one photo of a matt grey ball under all three lights.
 

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,9 @@ from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.white_edges import shows_another_scene
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
+from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, NearLights
 
@@ -46,8 +48,9 @@ WHITE_MISFIT = (
 DEPTH_MARGIN = 32
 
 
-@dataclass(frozen=True, eq=False)
-class Capture:
+@takes_files
+@dataclass(frozen=True, eq=False, repr=False)
+class Capture(Shown):
     """One photo under three lights at once, optionally with a second one under white light.
 
     Raises
@@ -66,6 +69,8 @@ class Capture:
     >>> capture.image.dtype, bool(capture.saturated.any())
     (dtype('float32'), False)
     """
+
+    array_name: ClassVar[str] = "image"
 
     image: NDArray[np.floating[Any]]
     """(H, W, 3) float32 or float16. The photo, linear; the channels are the camera's R, G, B. float16 is kept, other
@@ -136,6 +141,16 @@ class Capture:
         for name, shape in parts.items():
             if shape is not None:
                 check_same_size(name, shape, "the photo", photo[:2])
+
+    def facts(self) -> str:
+        extras = (("camera", self.camera), ("depth", self.depth), ("white photo", self.white))
+        known = [name for name, value in extras if value is not None]
+        return ", ".join([f"object of {self.mask.sum():,} pixels", *known])
+
+    def picture(self, step: int = 1) -> NDArray[np.float32]:
+        from mpsnet_core.scene.pictures import mask_bands
+
+        return mask_bands(self.image[::step, ::step], self.mask[::step, ::step])(slice(None))
 
     @property
     def saturated(self) -> NDArray[np.bool_]:

@@ -25,6 +25,7 @@ from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, NoObject, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_mask
@@ -57,6 +58,7 @@ CLEAR = 0.75
 NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
 
 
+@takes_files
 def find_mask(
     image: Image,
     choice: str | os.PathLike[str] = MASK,

@@ -29,6 +29,7 @@ from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 from mpsnet_core.io.files import prefix_errors, resolved
 from mpsnet_core.io.frames import expand_images
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
 from mpsnet_core.scene.camera import Camera, camera_for
@@ -49,6 +50,7 @@ def open_captures(sources: Iterable[Source], options: PhotoReadOptions = AS_STAT
     return map(photos.open, photos.sources)
 
 
+@takes_files
 def read_capture(
     path: str | os.PathLike[str],
     rig: LightRig,

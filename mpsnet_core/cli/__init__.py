@@ -4,6 +4,7 @@ Exit codes: 0; 2 and one line on stderr for bad input; 1 and one line for a faul
 """
 
 import _thread
+import contextlib
 import signal
 import sys
 import threading
@@ -33,6 +34,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         return run(arguments)
     except KeyboardInterrupt:
+        with contextlib.suppress(OSError):
+            print("mpsnet: stopped", file=sys.stderr)
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
         from mpsnet_core.cli.reporter import refuse

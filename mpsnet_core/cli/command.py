@@ -1,6 +1,7 @@
 """The command line: parses its arguments, runs an operation, and reports the result."""
 
 import argparse
+import contextlib
 import errno
 import importlib.util
 import io
@@ -33,12 +34,47 @@ from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCameras
-from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
+from mpsnet_core.synthesis.operations import Example, MakeSamples, ShowSamples, Synthesize, Work
 
 # Bytes that the libraries and the smallest photo need.
 MIN_MEMORY = 256 << 20
+# Most further files to name after a command's answer.
+MAX_NAMED = 5
 
-LEARNING: tuple[type[Operation], ...] = ()
+# What the help lists, under headings and in this order, each command with the arguments of an example.
+SECTIONS: dict[str, dict[type[Operation], str]] = {
+    "everyday": {
+        Estimate: "photo.dng -o normals.png",
+        Superpose: "--channels photo_1.png photo_4.png photo_7.png -o photo.png",
+        FindMask: "photo.dng -o mask.png --overlay overlay.png",
+        Check: "photo.dng --rig rig.json",
+        Scan: "photo.dng --mesh statue.obj -o scanned/",
+        Align: "photo.dng --mesh statue.obj --overlay found.png -o camera.json",
+        Integrate: "normals.png --camera camera.json --relit relit.png --mesh relief.glb",
+        CompareNormals: "normals.png --truth true_normals.png -o errors.png",
+        Example: "-o example/",
+        ListModels: "",
+    },
+    "calibrate": {
+        CalibrateLights: "ball.dng --focal 50 --overlay found.png -o rig.json",
+        CalibrateMixing: "grey.dng --focal 50 --rig rig.json -o rig.json",
+        CalibratePhoto: "photo.dng -o rig.json",
+        CalibrateMesh: "photo.dng --mesh statue.obj --camera camera.json -o rig.json",
+        WriteCameras: "colmap/ --photos photos/ -o cameras/",
+    },
+    "textures": {
+        Bake: "--mesh statue.obj --view camera.json=normals.png --level on -o statue_normal.png",
+        BakeViews: "--mesh statue.obj --cameras colmap/ --photos photos/ --rig rig.json -o statue_normal.png",
+        MakeMaterial: "cloth.exr --rig rig.json --width 120mm -o cloth/",
+    },
+    "training": {
+        Synthesize: "--count 1000 --seed 1 -o samples/",
+        MakeSamples: "samples/",
+        ShowSamples: "samples/ -o sheet.png",
+    },
+}
+HIDDEN: tuple[type[Operation], ...] = (PreviewLights, Work)
+
 if importlib.util.find_spec("mpsnet_core.learning"):  # Blender's extension comes without training and evaluation
     from mpsnet_core.learning.evaluation.operations import (
         EvaluateColour,
@@ -51,43 +87,21 @@ if importlib.util.find_spec("mpsnet_core.learning"):  # Blender's extension come
     )
     from mpsnet_core.learning.operations import Train
 
-    LEARNING = (
-        Train,
-        EvaluateDiligent,
-        EvaluateMaterials,
-        EvaluateRendered,
-        EvaluateStatues,
-        EvaluateColour,
-        EvaluateSamples,
-        EvaluatePatchSizes,
-    )
+    SECTIONS["training"] |= {
+        Train: "--recipe multiscale --samples training --validation validation -o multiscale.onnx",
+        EvaluateDiligent: "pmsData",
+        EvaluateMaterials: "--merl fits.npz",
+        EvaluateRendered: "meshes",
+        EvaluateStatues: "meshes",
+        EvaluateColour: "--size 128 --white",
+        EvaluateSamples: "validation",
+        EvaluatePatchSizes: "--samples training --validation validation --runs runs/",
+    }
 
-# The help lists them in this order.
-OPERATIONS: tuple[type[Operation], ...] = (
-    Estimate,
-    Superpose,
-    FindMask,
-    Check,
-    CalibrateLights,
-    CalibrateMixing,
-    CalibratePhoto,
-    CalibrateMesh,
-    WriteCameras,
-    Align,
-    CompareNormals,
-    Bake,
-    BakeViews,
-    Scan,
-    Integrate,
-    MakeMaterial,
-    ListModels,
-    PreviewLights,
-    Synthesize,
-    MakeSamples,
-    ShowSamples,
-    Work,
-    *LEARNING,
-)
+EXAMPLES = {
+    kind: f"mpsnet {kind.command} {words}".strip() for section in SECTIONS.values() for kind, words in section.items()
+}
+OPERATIONS: tuple[type[Operation], ...] = (*EXAMPLES, *HIDDEN)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -151,9 +165,20 @@ def _run(arguments: Sequence[str], notes: NoteCollector) -> bool:
         print(f"note: {line}", file=sys.stderr)
     if result.get("text"):
         print(printable(result["text"]), flush=True)
+    for line in _also_written(result):
+        print(printable(line), flush=True)
     for sentence in result.get("failed", ()):
         print(f"mpsnet: {sentence}", file=sys.stderr)
     return "failed" in result
+
+
+def _also_written(result: dict[str, Any]) -> list[str]:
+    """The files that a command wrote and its answer does not name; of many, how many."""
+    others = [file for file in result.get("written", ()) if Path(file).name not in result["text"]]
+    if len(others) > MAX_NAMED:
+        return [f"{len(others)} more files beside {others[0]}"]
+    here = Path.cwd()
+    return [f"{file.relative_to(here) if file.is_relative_to(here) else file}, too" for file in map(Path, others)]
 
 
 def _reserve_memory() -> None:
@@ -201,7 +226,12 @@ def argument_parser() -> argparse.ArgumentParser:
         description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",
     )
     parser.add_argument("--version", action="version", version=f"mpsnet {__version__}")
+    with contextlib.suppress(ImportError):  # the extra "completion"
+        import shtab
+
+        shtab.add_argument_to(parser, help="print a script for completion with Tab, and exit")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    parser.sections = {heading: [kind.command.split()[0] for kind in kinds] for heading, kinds in SECTIONS.items()}
     common = Parser(add_help=False)
     common.add_argument(
         "--progress",
@@ -210,7 +240,7 @@ def argument_parser() -> argparse.ArgumentParser:
         help="how to report progress (default: %(default)s)",
     )
     for operation in OPERATIONS:
-        add_operation(subparsers, common, operation)
+        add_operation(subparsers, common, operation, EXAMPLES.get(operation, ""))
     _add_job(subparsers, common)
     return parser
 

@@ -9,15 +9,20 @@ from mpsnet_core.operation import Operation, Setting, settings
 
 # Commands of two words, by the first word: its help, and the placeholder for the second word.
 GROUPS = {
-    "calibrate": ("find where the lights are and how their colours mix, from photos of balls", "WHAT"),
+    "calibrate": ("find where the lights are and how their colours mix, by a ball, a mesh or any photo", "WHAT"),
     "evaluate": ("measure models against known normals", "TEST"),
 }
 
 
-def add_operation(subparsers: Subparsers, common: Parser, kind: type[Operation]) -> None:
-    """Add the command of an operation, with a positional argument or a flag for each option."""
+def add_operation(subparsers: Subparsers, common: Parser, kind: type[Operation], example: str = "") -> None:
+    """Add the command of an operation, with a positional argument or a flag for each option.
+
+    example: a command line that the help shows at its end.
+    """
     group, _, name = kind.command.rpartition(" ")
     facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}
+    if example:
+        facts["epilog"] = f"example: {example}"
     place = _group(subparsers, group) if group else subparsers
     parser = place.add_parser(name, parents=[common], **facts)
     groups: dict[str, argparse._ActionsContainer] = {"": parser}
@@ -72,23 +77,6 @@ def _add(parser: argparse._ActionsContainer, setting: Setting) -> None:
 
 
 def _help(setting: Setting) -> str:
-    """An option's help: what it does, its choices, whether it may be repeated, and its default."""
-    described = setting.option
-    if not described.help:
+    if not setting.option.help:
         return argparse.SUPPRESS
-    choices = [f"{value} ({meaning})" if meaning else str(value) for value, meaning in described.choices.items()]
-    text = described.help
-    if choices:
-        text += f": {', '.join(choices[:-1])} or {choices[-1]}"
-    if setting.several and not described.positional:
-        text += "; may be repeated"
-    default = _default(setting)
-    return (text + (f" (default: {default})" if default else "")).replace("%", "%%")
-
-
-def _default(setting: Setting) -> str:
-    """What applies if the option is not given, or "" if nothing does."""
-    if setting.option.unset or setting.required or setting.default is None or setting.kind is bool:
-        return setting.option.unset
-    values = setting.default if setting.several else (setting.default,)
-    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+    return setting.option.words(setting.default, setting.several).replace("%", "%%")

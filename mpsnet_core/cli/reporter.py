@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from mpsnet_core.errors import SettingsError, in_one_line
+from mpsnet_core.progress import Bar, can_show_bar
 
 _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
@@ -45,9 +46,9 @@ class Reporter:
 
     def __init__(self, style: str) -> None:
         if style == "auto":
-            style = "bar" if sys.stderr.isatty() else "none"
+            style = "bar" if can_show_bar() else "none"
         self.style, self.shown, self.when = style, -1.0, 0.0
-        self.bar: Any = None
+        self.bar: Bar | None = None
 
     def progress(self, fraction: float, message: str) -> None:
         if self.style == "json":
@@ -58,13 +59,8 @@ class Reporter:
                 self.shown, self.when = fraction, now
                 print_json(progress=round(fraction, 4), message=message)
         elif self.style == "bar":
-            if self.bar is None:
-                from tqdm import tqdm
-
-                self.bar = tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed} left {remaining}", leave=False)
-            self.bar.set_description_str(in_one_line(message), refresh=False)
-            self.bar.n = round(100 * fraction)
-            self.bar.refresh()
+            self.bar = self.bar or Bar()
+            self.bar(fraction, in_one_line(message))
 
     def close(self) -> None:
         if self.bar is not None:

@@ -22,6 +22,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.distant_lights import bands_with_lights
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
@@ -43,6 +44,7 @@ DARK = 0.02
 BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
 
 
+@takes_files
 def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float32]:
     """Albedo of a matt surface from the capture's white photo.
 

@@ -17,6 +17,7 @@ from mpsnet_core.estimate.fireflies import remove_fireflies
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refine_normals
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -102,6 +103,7 @@ class Estimator:
         return normals
 
 
+@takes_files
 def estimate_normals(
     capture: Capture,
     model: str | os.PathLike[str] = DEFAULT_MODEL,

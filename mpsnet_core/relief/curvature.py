@@ -9,6 +9,7 @@ from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.defaults import CURVATURE_RADIUS
 from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
@@ -20,6 +21,7 @@ PICTURE_QUANTILE = 0.99
 _SAMPLED = 1_000_000
 
 
+@takes_files
 def curvature(
     normals: NormalMap,
     camera: Camera,

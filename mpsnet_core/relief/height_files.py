@@ -28,6 +28,7 @@ from mpsnet_core.io.files import (
     write_json,
     write_transaction,
 )
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
@@ -125,6 +126,7 @@ def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:
     return [path, scale, mask]
 
 
+@takes_files
 def write_height(
     path: str | os.PathLike[str],
     heights: HeightMap,

@@ -1,18 +1,21 @@
 """Height maps: the surface's height towards the camera at every pixel, also as a field over the image."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import Camera
 
 
-@dataclass(frozen=True, eq=False)
-class HeightMap:
+@takes_files
+@dataclass(frozen=True, eq=False, repr=False)
+class HeightMap(Shown):
     """Heights in camera space along the z axis, which points towards the camera.
 
     Raises
@@ -27,6 +30,8 @@ class HeightMap:
     >>> heights.points()[0, 0]
     array([-1. ,  0.5,  1. ])
     """
+
+    array_name: ClassVar[str] = "values"
 
     values: NDArray[np.float32]
     """(H, W) float32. Heights in the camera's unit, 0 outside the mask. With an orthographic camera, each connected
@@ -47,6 +52,18 @@ class HeightMap:
             raise GeometryError("the height map holds values that are not finite inside its mask; integrate again")
         object.__setattr__(self, "values", np.where(mask, values, np.float32(0)))
         object.__setattr__(self, "mask", mask)
+
+    def facts(self) -> str:
+        inside = self.values[self.mask]
+        return f"{len(inside):,} heights from {inside.min():.4g} to {inside.max():.4g}"
+
+    def picture(self, step: int = 1) -> NDArray[np.float32]:
+        from mpsnet_core.scene.pictures import error_picture
+
+        inside = self.values[self.mask]
+        low, high = float(inside.min()), float(inside.max())
+        values = self.values[::step, ::step] - low
+        return error_picture(values, self.mask[::step, ::step], max(high - low, 1e-30))
 
     def points(self) -> NDArray[np.floating[Any]]:
         """(H, W, 3) points in camera space, meaningless outside the mask."""

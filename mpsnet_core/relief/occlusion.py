@@ -11,6 +11,7 @@ from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.height_map import HeightMap, mean_depth, parallel_heights
 from mpsnet_core.relief.horizons import BLOCK, OcclusionGrid, cell_bands, from_cells, horizons, sectors, to_cells
@@ -27,6 +28,7 @@ NEIGHBOURS = ((1, 2), (2, 1))
 OFF, TURNED = np.float32(0.5), np.float32(0.05)
 
 
+@takes_files
 def ambient_occlusion(
     heights: HeightMap, normals: NormalMap, *, reach: int | None = None, progress: Progress = silent
 ) -> NDArray[np.float32]:

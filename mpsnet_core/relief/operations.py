@@ -38,7 +38,7 @@ _NEEDED = {
     **dict.fromkeys(("faces", "open", "up"), "mesh"),
     **dict.fromkeys(("curvature_radius", "curvature_range"), "curvature"),
     "occlusion_reach": "occlusion",
-    **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
+    **dict.fromkeys(("light", "albedo"), "relit"),
     **dict.fromkeys(("space", "base", "object_space", "scale", "mean", "margin"), "uvs"),
 }
 
@@ -132,11 +132,6 @@ class MakesProducts(Operation):
     )
     albedo: str | None = option(
         default=None, metavar="PHOTO", help="the surface's colour for --relit", unset="light grey", provenance="files"
-    )
-    turntable: int | None = option(
-        default=None,
-        metavar="N",
-        help="move the light around in N steps: on one sheet, or as frames if FILE has ####",
     )
 
 

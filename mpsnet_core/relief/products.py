@@ -1,10 +1,9 @@
 """Products of a photo's normal map: heights, a mesh, curvature, ambient occlusion and relit images, and their files."""
 
 import logging
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.integration.integrate import grained_box, integrate
 from mpsnet_core.relief.occlusion import ambient_occlusion, check_reach
 from mpsnet_core.relief.operations import Integrate
-from mpsnet_core.relief.relight import relit, turntable_sheet, turntable_tilts
+from mpsnet_core.relief.relight import relit
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.relief.surface_mesh import (
     NoFaceError,
@@ -80,14 +79,6 @@ class OcclusionFacts:
 
 
 @dataclass(frozen=True)
-class RelitFacts:
-    """Facts of relit images."""
-
-    tilts: list[float]
-    """Tilts of the lights in degrees."""
-
-
-@dataclass(frozen=True)
 class MeshFacts:
     """Facts of a mesh."""
 
@@ -113,14 +104,12 @@ class SurfaceMade(Result):
     """Facts of the curvature image; None if it was not requested."""
     occlusion: OcclusionFacts | None = None
     """Facts of the occlusion image; None if it was not requested."""
-    relit: RelitFacts | None = None
-    """Facts of the relit images; None if they were not requested."""
     mesh: MeshFacts | None = None
     """Facts of the mesh; None if it was not requested."""
 
 
-# A product's description and its facts.
-Made: TypeAlias = tuple[str, HeightFacts | CurvatureFacts | OcclusionFacts | RelitFacts | MeshFacts]
+# A product's description and its facts, if it has any.
+Made: TypeAlias = tuple[str, HeightFacts | CurvatureFacts | OcclusionFacts | MeshFacts | None]
 
 
 def make_products(options: Integrate, progress: Progress) -> SurfaceMade:
@@ -129,21 +118,24 @@ def make_products(options: Integrate, progress: Progress) -> SurfaceMade:
     progress(0.0, f"reading {Path(options.normals).name}")
     surface = _surface(options, part(progress, 0.05, 0.75))
     outputs: list[Path] = []
-    facts, lines, no_mesh = {}, [], None
+    facts: dict[str, Any] = {}
+    lines, no_mesh = [], None
     with write_transaction():
         for number, (name, files) in enumerate(products.items()):
             first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
             try:
-                words, facts[name] = _WRITERS[name](options, surface, files, part(progress, first, last))
+                words, fact = _WRITERS[name](options, surface, files, part(progress, first, last))
             except NoFaceError as error:  # not known before; the other products are kept
                 no_mesh = error
                 continue
+            if fact:
+                facts[name] = fact
             outputs += files
             lines.append(f"{getattr(options, name)}: {words}")
     if no_mesh is not None:
         raise no_mesh
     progress(1.0, "done")
-    return SurfaceMade(list(map(str, outputs)), surface.unit, **facts, text="\n".join(lines))  # type: ignore[arg-type]
+    return SurfaceMade(list(map(str, outputs)), surface.unit, **facts, text="\n".join(lines))
 
 
 def _product_files(options: Integrate) -> dict[str, list[Path]]:
@@ -173,27 +165,14 @@ def _checked_files(options: Integrate, name: str, path: Path) -> list[Path]:
         check_surface_mesh(options.faces, options.open)
         return [writable_mesh(path)]
     if name == "relit":
-        return _relit_files(options, path)
+        slant_and_tilt("--light", options.light)
+        if path.suffix.lower() == ".exr":
+            raise FileError(f"cannot write {path}: a relit picture is for the screen; use .png or .tif")
     if name == "curvature":
         check_curvature(options.curvature_radius, options.curvature_range)
     else:
         check_reach(options.occlusion_reach)
     return [writable_image(path)]
-
-
-def _relit_files(options: Integrate, path: Path) -> list[Path]:
-    """One image or, if the name has a run of #, a frame for each light of the turntable."""
-    slant_and_tilt("--light", options.light)
-    count = 1 if options.turntable is None else len(turntable_tilts(options.turntable, 0))
-    if path.suffix.lower() == ".exr":
-        raise FileError(f"cannot write {path}: a relit picture is for the screen; use .png or .tif")
-    if "#" not in path.name:
-        return [writable_image(path)]
-    if options.turntable is None:
-        raise SettingsError(f"{path} stands for frames, and there is one light; give --turntable, or a name without #")
-    head, run, tail = re.split("(#+)", path.name, maxsplit=1)
-    names = [f"{head}{number:0{len(run)}d}{tail}" for number in range(1, count + 1)]
-    return [writable_image(path.with_name(name)) for name in names]
 
 
 # --- inputs -----------------------------------------------------------------------------------------------------------
@@ -316,19 +295,11 @@ def _write_occlusion(options: Integrate, surface: Surface, files: list[Path], pr
 
 def _write_relit(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:
     slant, tilt = slant_and_tilt("--light", options.light)
-    normals, occlusion, albedo = surface.normals, surface.occlusion, surface.albedo
-    assert normals is not None
-    tilts = [tilt] if options.turntable is None else turntable_tilts(options.turntable, tilt)
-    if len(tilts) > 1 and len(files) == 1:
-        progress(0.0, f"making {files[0].name}")
-        write_picture(files[0], turntable_sheet(normals, slant, tilts, occlusion=occlusion, albedo=albedo))
-    else:
-        for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
-            progress(number / len(files), f"making {file.name}")
-            direction = direction_from_angles(slant, angle)
-            write_picture(file, relit(normals, direction, occlusion=occlusion, albedo=albedo))
-    around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
-    return f"{around} slant {slant:g}°, tilt {tilt:g}°", RelitFacts(tilts)
+    assert surface.normals is not None
+    progress(0.0, f"making {files[0].name}")
+    direction = direction_from_angles(slant, tilt)
+    write_picture(files[0], relit(surface.normals, direction, occlusion=surface.occlusion, albedo=surface.albedo))
+    return f"a white light at slant {slant:g}°, tilt {tilt:g}°", None
 
 
 def _write_mesh(options: Integrate, surface: Surface, files: list[Path], progress: Progress) -> Made:

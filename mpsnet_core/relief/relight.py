@@ -1,24 +1,22 @@
 """Relighting: the surface under a white light from any direction, to judge normals by."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.pictures import contact_sheet, on_background
-from mpsnet_core.scene.rig import direction_from_angles
 
 # The fraction of ambient light, which ambient occlusion reduces.
 AMBIENT = 0.15
-MAX_TILTS = 360
 
 
+@takes_files
 def relit(
     normals: NormalMap,
     direction: ArrayLike,
@@ -70,28 +68,3 @@ def relit(
         picture[rows, :, :3] = np.where(normals.mask[rows, :, None], linear_to_srgb(radiance), 0)
     picture[..., 3] = normals.mask
     return picture
-
-
-def turntable_tilts(count: int, first: float) -> list[float]:
-    """`count` tilts in degrees, evenly spaced from `first` on. Raises SettingsError if `count` is 0 or too large."""
-    if not 1 <= count <= MAX_TILTS:
-        raise SettingsError(f"a turntable has 1 to {MAX_TILTS} lights, not {count}")
-    return [(first + 360 * number / count) % 360 for number in range(count)]
-
-
-def turntable_sheet(
-    normals: NormalMap,
-    slant: float,
-    tilts: Sequence[float],
-    *,
-    occlusion: NDArray[np.floating[Any]] | None = None,
-    albedo: NDArray[np.floating[Any]] | None = None,
-) -> NDArray[np.float32]:
-    """(H, W, 3) sRGB values: a small image for each light, titled with its tilt. The rest as for :func:`relit`."""
-    columns = int(np.ceil(np.sqrt(len(tilts))))
-    tiles = []
-    for tilt in tilts:
-        picture = relit(normals, direction_from_angles(slant, tilt), occlusion=occlusion, albedo=albedo)
-        framed = on_background(picture[..., :3], picture[..., 3] > 0)
-        tiles.append((f"tilt {tilt:.4g}°", framed))
-    return contact_sheet(tiles, columns)

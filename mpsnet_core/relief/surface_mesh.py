@@ -12,6 +12,7 @@ from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, writable_path
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.adaptive_triangles import adaptive_triangles
 from mpsnet_core.relief.height_map import HeightMap, parallel_heights, pixel_size
@@ -45,6 +46,7 @@ class SurfaceMesh:
     """(V, 2) float32. Positions in the photo: (0, 0) is its lower left corner, (1, 1) its upper right one."""
 
 
+@takes_files
 def surface_mesh(
     heights: HeightMap,
     normals: NormalMap,
@@ -156,6 +158,7 @@ def writable_mesh(path: str | os.PathLike[str]) -> Path:
     return path
 
 
+@takes_files
 def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: Up = "z") -> None:
     """Write a mesh with normals and UVs atomically as PLY, GLB or OBJ.
 

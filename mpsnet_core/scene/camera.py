@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import prefix_errors, read_json, write_json
+from mpsnet_core.io.from_files import takes_files
 
 log = logging.getLogger(__name__)
 
@@ -270,6 +271,7 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
         return camera_from_data(data)
 
 
+@takes_files
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
     """Write a JSON camera file atomically.
 

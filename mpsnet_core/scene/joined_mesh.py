@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.mesh import Mesh
 
 T = TypeVar("T", bound=np.generic)
 
 
+@takes_files
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     """Join meshes into one in world space, with their triangles in order.
 

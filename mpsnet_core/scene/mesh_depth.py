@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
 
@@ -12,6 +13,7 @@ from mpsnet_core.scene.rays import RayScene
 MASK_PIXELS = 2048
 
 
+@takes_files
 def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
     """Depth map of a mesh, by a ray through each pixel's centre.
 

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,21 +10,33 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_layers import image_layers
 from mpsnet_core.io.image_reading import read_data
+from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
 
-@dataclass(frozen=True)
-class NormalErrors:
+@dataclass(frozen=True, eq=False, repr=False)
+class NormalErrors(Shown):
     """Angular errors between two normal maps."""
+
+    array_name: ClassVar[str] = "degrees"
 
     degrees: NDArray[np.float32]
     """(H, W) float32. Angles in degrees."""
     mask: NDArray[np.bool_]
     """(H, W) bool. Where both normals are known; not empty."""
+
+    def facts(self) -> str:
+        return f"mean {self.mean:.2f}°, median {self.median:.2f}°, over {self.mask.sum():,} pixels"
+
+    def picture(self, step: int = 1) -> NDArray[np.float32]:
+        from mpsnet_core.scene.pictures import scaled_error_bands
+
+        return scaled_error_bands(self.degrees[::step, ::step], self.mask[::step, ::step])[1](slice(None))
 
     @property
     def mean(self) -> float:
@@ -67,8 +80,15 @@ def read_true_normals(
     return NormalMap(world @ read_camera(camera).rotation.astype(np.float32), known)
 
 
+@takes_files
 def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
-    """The angles between two normal maps of one view. Raises GeometryError if they cannot be of the same view."""
+    """The angles between two normal maps of one view.
+
+    Raises
+    ------
+    GeometryError
+        If they cannot be of the same view.
+    """
     return errors_inside(estimate.mask, estimate.vectors[estimate.mask], truth)
 
 

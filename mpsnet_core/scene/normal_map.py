@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import InitVar, dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,10 @@ from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
 from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError, GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, read_vectors, write_vectors
+from mpsnet_core.io.shown import Shown
+from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, encode, read_vectors, write_vectors
 
 # The fraction of a map's normals that must face the camera (camera space) or outwards (tangent and object space).
 OUTWARDS_SHARE = 0.9
@@ -19,8 +22,8 @@ OUTWARDS_SHARE = 0.9
 BACKGROUND = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class NormalMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class NormalMap(Shown):
     """Surface normals in camera space (x right, y up, z towards the camera).
 
     Raises
@@ -34,6 +37,8 @@ class NormalMap:
     >>> NormalMap(vectors, np.array([[True, False]])).vectors.tolist()
     [[[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]]
     """
+
+    array_name: ClassVar[str] = "vectors"
 
     vectors: NDArray[np.float32]
     """(H, W, 3) float32 or float16. The normals, normalised here to unit length inside the mask, set to zero
@@ -73,7 +78,17 @@ class NormalMap:
         object.__setattr__(self, "mask", mask)
         object.__setattr__(self, "confidence", trust)
 
+    def facts(self) -> str:
+        trust = self.confidence.sum(dtype=np.float64) / self.mask.sum()
+        return f"{self.mask.sum():,} normals, mean confidence {trust:.2f}"
 
+    def picture(self, step: int = 1) -> NDArray[np.float32]:
+        from mpsnet_core.scene.pictures import on_background
+
+        return on_background(encode(self.vectors[::step, ::step]), self.mask[::step, ::step])
+
+
+@takes_files
 def write_normals(
     path: str | os.PathLike[str],
     normals: NormalMap,

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, dilated
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.normal_map import NormalMap
 
 BACKGROUND = 0.13
 TITLE_HEIGHT = 30
@@ -66,11 +64,6 @@ def mask_bands(image: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Cal
 def on_background(colours: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The colours (H, W, 3) inside the mask, dark grey outside."""
     return np.where(mask[..., None], colours, np.float32(BACKGROUND))
-
-
-def normals_picture(normals: NormalMap) -> NDArray[np.float32]:
-    """(H, W, 3) colour-coded normals on a dark background."""
-    return on_background(encode(normals.vectors), normals.mask)
 
 
 def error_picture(error: NDArray[np.floating[Any]], mask: NDArray[np.bool_], highest: float) -> NDArray[np.float32]:

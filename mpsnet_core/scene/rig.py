@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, check_small, existing_file, prefix_errors, read_json, write_json
+from mpsnet_core.io.from_files import takes_files
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -414,6 +415,7 @@ def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
     return LightRig(directions)
 
 
+@takes_files
 def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
     """Write a JSON rig file atomically.
 

@@ -2,7 +2,7 @@
 
 import os
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +10,19 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
 from mpsnet_core.defaults import MAX_TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
-from mpsnet_core.scene.normal_encoding import Convention, write_vectors
+from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.shown import Shown
+from mpsnet_core.scene.normal_encoding import Convention, encode, write_vectors
 
 Space = Literal["tangent", "object"]
 SPACES: tuple[Space, ...] = ("tangent", "object")
 
 
-@dataclass(frozen=True, eq=False)
-class Texture:
+@dataclass(frozen=True, eq=False, repr=False)
+class Texture(Shown):
     """Baked normals for every texel."""
+
+    array_name: ClassVar[str] = "vectors"
 
     vectors: NDArray[np.float32]
     """(H, W, 3) float32. Unit vectors in `space`, row 0 at v = 1; +z where there is no surface."""
@@ -38,6 +42,12 @@ class Texture:
     filled: NDArray[np.bool_] | None = None
     """(H, W) bool. Unseen texels that were filled from the seen ones around them; None without filling."""
 
+    def facts(self) -> str:
+        return f"{self.space} space, {self.seen_fraction:.1%} of its surface seen"
+
+    def picture(self, step: int = 1) -> NDArray[np.float32]:
+        return encode(self.vectors[::step, ::step])
+
     def rows(self, rows: slice) -> "Texture":
         """A view of some of its rows, which shares memory with it."""
         arrays: dict[str, Any] = {
@@ -56,6 +66,7 @@ class Texture:
         return None if self.filled is None else float(self.filled.sum() / max(self.covered.sum(), 1))
 
 
+@takes_files
 def write_texture(
     path: str | os.PathLike[str],
     texture: Texture,

@@ -18,7 +18,7 @@ CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
 MERL_PARTS = ("all", "training", "validation")
 STYLES = ("photographs", "paper", "paper-all-materials", "paper-one-rig")
-SHAPES = ("blobs", "drapery", "reliefs", "groups", "meshes", "scene")
+SHAPES = ("blobs", "drapery", "reliefs", "groups", "hollows", "meshes", "scene")
 MAX_COUNT = 10_000_000
 MAX_BOUNCES = 3  # of the synthesis
 # Workers claim samples by number; this number claims the folder's other files.

@@ -1,5 +1,6 @@
 """Operations on training samples: make them without Blender, resume a job, and show samples."""
 
+import os
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -33,6 +34,42 @@ class SamplesMade(Result):
     """Number of samples that were already there."""
     contact_sheet: str
     """File of the folder's contact sheet."""
+
+
+@dataclass(frozen=True)
+class ExampleWritten(Result):
+    """The files to try everything with."""
+
+    output: str
+    """The folder."""
+    commands: list[str]
+    """What to type in that folder, line by line."""
+
+
+@dataclass(frozen=True)
+class Example(Operation):
+    """Write photos, a scan and true normals to try everything with, and say what to type."""
+
+    command: ClassVar[str] = "example"
+
+    output: str = option(
+        default="example", metavar="FOLDER", help="folder for the files", path="folder", provenance="none"
+    )
+
+    def run(self, progress: Progress = silent) -> ExampleWritten:
+        """Write the files that :func:`mpsnet_core.synthesis.example.write_example` names, unless all are there."""
+        progress(0.0, "making the example")
+        from mpsnet_core.io.files import ensure_folder, write_transaction
+        from mpsnet_core.synthesis.example import COMMANDS, FILES, write_example
+
+        folder = ensure_folder(self.output, "example")
+        if self.overwrite or not all((folder / name).is_file() for name in FILES):
+            with write_transaction():
+                write_example(folder)
+        lines = [f"{folder}{os.sep}{name}: {what}" for name, what in FILES.items()]
+        lines += ["", "Now type:", "", f'cd "{folder}"' if " " in str(folder) else f"cd {folder}"]
+        lines += [line for command, what in COMMANDS.items() for line in (f"# {what}", command)]
+        return ExampleWritten(self.output, list(COMMANDS), text="\n".join(lines))
 
 
 @dataclass(frozen=True)
@@ -100,7 +137,7 @@ class Synthesize(RunsWorkers):
     shapes: str | None = option(
         default=None,
         metavar="KIND,...",
-        help="kinds of shapes: blobs, drapery, reliefs, groups, meshes; if not given, meshes with --meshes, "
+        help="kinds of shapes: blobs, drapery, reliefs, groups, hollows, meshes; if not given, meshes with --meshes, "
         "else all others",
     )
     meshes: str = option(default="", metavar="FOLDER", help="folder of mesh files to take shapes from", path="folder")

@@ -26,7 +26,7 @@ from mpsnet_core.synthesis.shapes.shape import turn_about
 
 # Relative frequency of each kind of shape among those that a job requests. Meshes from files are most frequent, if
 # there are any. The largest errors on photographs are in hollows and in wide shadows that one part casts on another.
-SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "groups": 1.5, "meshes": 6, "scene": 2}
+SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "groups": 1.5, "hollows": 3, "meshes": 6, "scene": 2}
 
 SENSOR_WIDTH = 36.0  # mm
 ORTHOGRAPHIC_SHARE = 0.3
@@ -42,6 +42,7 @@ SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
 # Shares of the samples with no, one, two and three bounces between surfaces, limited by the job's maximum.
 BOUNCE_SHARES = (0.2, 0.55, 0.15, 0.1)
+BOUNCE_SHARES_IN_HOLLOWS = (0.05, 0.3, 0.35, 0.3)
 
 # Slants and tilts in degrees of the paper's own rig, and of the four triples of DiLiGenT's lights that it is evaluated
 # on. They are few and all counter-clockwise: the paper's network knows the rig from the initial normals only.
@@ -119,7 +120,10 @@ def draw_scene(job: SampleJob, number: int) -> SceneDescription:
         paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
         dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
         bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
-        bounces=min(job.bounces, choice(rng, range(4), BOUNCE_SHARES)),
+        bounces=min(
+            job.bounces,
+            choice(rng, range(4), BOUNCE_SHARES_IN_HOLLOWS if shape["kind"] == "hollows" else BOUNCE_SHARES),
+        ),
     )
 
 

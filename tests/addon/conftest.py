@@ -27,7 +27,7 @@ from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json, to_json
 from mpsnet_core.progress import silent
 
-from .rendering import matte
+from .rendering import STATUE, matte, statue
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -132,3 +132,36 @@ def photographed(sphere: "bpy.types.Object") -> "bpy.types.Object":
 def estimated(photographed: "bpy.types.Object") -> "bpy.types.Object":
     """The sphere with rig, photo and estimated normals, normals.png in the test's folder."""
     return photographed
+
+
+@pytest.fixture(scope="session")
+def shot(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the statue's scene, its photo, the rig's file and the true camera's."""
+    folder = tmp_path_factory.mktemp("shot")
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    obj = statue()
+    bpy.ops.mps.add_rig(projection="PERSPECTIVE", focal_length=60)
+    bpy.context.scene.mps.rig.target.rotation_euler.rotate_axis("Y", 0.1)
+    given = {"width": STATUE[0], "height": STATUE[1], "samples": 16}
+    bpy.ops.mps.render_photo(**given, output=str(folder / "photo.exr"))
+    bpy.ops.mps.remove_rig()
+    (folder / "photo.camera.json").rename(folder / "true.json")
+    (folder / "photo.rig.json").rename(folder / "rig.json")
+    bpy.context.scene.mps.photo.image = None
+    bpy.data.images.remove(bpy.data.images["MPS Photo"])
+    bpy.context.scene.mps.bake.target = obj
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), copy=True)
+    return folder
+
+
+@pytest.fixture
+def opened(shot: Path, scene: "bpy.types.Scene", tmp_path: Path) -> "bpy.types.Scene":
+    """The scene with the mesh alone, and the photo opened as one from a real camera; results go to `tmp_path`."""
+    bpy.ops.wm.open_mainfile(filepath=str(shot / "scene.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert not [obj for obj in bpy.data.objects if obj.type != "MESH"]
+    bpy.ops.mps.open_photo(filepath=str(shot / "photo.exr"))
+    scene = bpy.context.scene
+    scene.mps.estimate.rig_file = str(shot / "rig.json")
+    scene.mps.estimate.model = "LAMBERTIAN"
+    return scene

@@ -73,3 +73,22 @@ def save_png(path: Path, colours: np.ndarray) -> Path:
 def pixels(path: Path) -> np.ndarray:
     """(H, W, C) of the first part of an EXR."""
     return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+
+
+# Size of the photo of the statue.
+STATUE = (320, 256)
+
+
+def statue() -> "bpy.types.Object":
+    """A smooth monkey with a box on its head: no two views of it look alike."""
+    bpy.ops.mesh.primitive_monkey_add()
+    obj = bpy.context.object
+    bpy.ops.mesh.primitive_cube_add(size=0.7, location=(0.5, 0.1, 0.9))
+    obj.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.join()
+    obj.modifiers.new("Smooth", "SUBSURF").render_levels = 2
+    obj.rotation_euler, obj.location = (0.2, -0.15, 0.5), (0.3, -0.2, 0.4)
+    bpy.ops.object.shade_smooth()
+    obj.data.materials.append(matte())
+    return obj

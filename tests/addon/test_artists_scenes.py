@@ -66,14 +66,6 @@ def test_an_artists_image_is_known_by_the_file_that_it_is_of(estimated, scene, t
         bpy.ops.mps.bake(output=f"{tmp_path}/link/")
 
 
-def test_an_image_behind_a_link_to_itself_is_in_nobodys_way(estimated, scene, tmp_path):
-    (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    image = bpy.data.images.new("lost", 4, 4)
-    image.source, image.filepath, image.use_fake_user = "FILE", str(tmp_path / "loop" / "lost.png"), True
-    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
-    assert (tmp_path / "texture.png").is_file()
-
-
 def test_an_artists_image_stays_as_it_is_when_its_file_is_opened_as_the_photo(scene, tmp_path):
     for number, change in enumerate((brighten, lambda image: (brighten(image), image.pack()))):
         image = painted(tmp_path / f"{number}.png", 0.5)
@@ -187,18 +179,6 @@ def test_a_rig_that_is_disabled_in_viewports_is_where_the_photo_has_it(sphere, s
     assert found.slants[0] == pytest.approx(45, abs=0.1)
 
 
-def test_drivers_on_the_scenes_properties_and_frame_rate_hold_in_the_photo(sphere, scene, tmp_path):
-    bpy.ops.mps.add_rig()
-    scene["shift"] = 0.8
-    sphere.driver_add("location", 0).driver.expression = "shift"
-    variable = sphere.animation_data.drivers[0].driver.variables.new()
-    variable.name, variable.type = "shift", "CONTEXT_PROP"
-    variable.targets[0].context_property, variable.targets[0].data_path = "ACTIVE_SCENE", '["shift"]'
-    bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
-    seen = np.nonzero(pixels(tmp_path / "photo.exr")[..., 3].any(axis=0))[0]
-    assert seen.min() > 7 and seen.max() == 23
-
-
 def test_time_is_remapped_in_the_photo_as_in_the_scene(sphere, scene, tmp_path):
     bpy.ops.mps.add_rig()
     for frame, place in ((1, 0.0), (10, 0.9)):
@@ -221,27 +201,6 @@ def test_strokes_which_take_no_light_are_not_in_the_photo(sphere, scene, tmp_pat
     bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0, -2, 0))
     bpy.ops.mps.render_photo(output=str(tmp_path / "with.exr"))
     assert np.array_equal(pixels(tmp_path / "with.exr"), pixels(tmp_path / "without.exr"))
-
-
-@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="adaptive subdivision is no longer experimental")
-def test_adaptive_subdivision_is_in_the_photo(sphere, scene, tmp_path):
-    scene.render.engine, scene.cycles.feature_set = "CYCLES", "EXPERIMENTAL"
-    material = sphere.material_slots[0].material
-    tree, material.displacement_method = material.node_tree, "DISPLACEMENT"
-    waves, height = tree.nodes.new("ShaderNodeTexWave"), tree.nodes.new("ShaderNodeDisplacement")
-    waves.inputs["Scale"].default_value, height.inputs["Scale"].default_value = 4, 0.3
-    tree.links.new(waves.outputs["Fac"], height.inputs["Height"])
-    tree.links.new(height.outputs["Displacement"], tree.get_output_node("CYCLES").inputs["Displacement"])
-    bpy.ops.mesh.primitive_plane_add(size=2)
-    plane = bpy.context.object
-    plane.data.materials.append(material)
-    plane.modifiers.new("Subdivision", "SUBSURF").subdivision_type = "SIMPLE"
-    plane.cycles.use_adaptive_subdivision = True
-    bpy.data.objects.remove(sphere)
-    bpy.ops.mps.add_rig(view="TOP")
-    bpy.ops.mps.render_photo(width=48, height=48, samples=1, output=str(tmp_path / "photo.exr"))
-    photo = pixels(tmp_path / "photo.exr")
-    assert photo[photo[..., 3] == 1].std() > 0.05
 
 
 @pytest.mark.parametrize("kinds", [("POINT", "SUN", "SPOT"), ("AREA", "POINT", "SUN")])
@@ -382,13 +341,6 @@ def test_a_muted_light_in_a_material_does_not_glow(sphere, scene, tmp_path):
         bpy.ops.mps.render_photo(**SMALL, output=str(tmp_path / "photo.exr"))
     next(node for node in material.node_tree.nodes if node.type == "EMISSION").mute = True
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
-
-
-def test_the_copies_that_show_coverage_are_no_linked_duplicates(estimated, scene, tmp_path):
-    bpy.ops.mps.bake(size=16, output=str(tmp_path / "texture.png"))
-    bpy.ops.mps.show_coverage()
-    bpy.ops.mps.displace(target=estimated.name, output=str(tmp_path / "height.png"))
-    assert [slot.link for slot in estimated.material_slots] == ["DATA"]
 
 
 def test_a_material_that_the_object_holds_and_not_its_mesh_gets_its_texture(estimated, scene, tmp_path):

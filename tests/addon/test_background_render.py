@@ -7,7 +7,6 @@ import select
 import subprocess
 import sys
 import time
-from contextlib import nullcontext
 
 import bpy
 import numpy as np
@@ -262,15 +261,6 @@ def test_what_the_other_blender_refuses_is_its_own_sentence(small, tmp_path):
     assert not list(tmp_path.glob("photo*")) and not list(tmp_path.glob(".*"))
 
 
-def test_what_nobody_foresaw_is_a_sentence_with_a_log_that_outlives_the_job(tmp_path):
-    folder = tmp_path / "job"
-    folder.mkdir()
-    with pytest.raises(InputError, match=r"this is a fault of the program, not yours \(TypeError: ") as caught:
-        CoreProcess({"bakes": [], "colour": 1}, [], rendering_blender(folder)).result()
-    (log,) = tmp_path.glob("mpsnet-*.log")
-    assert str(log) in str(caught.value) and "Traceback" in log.read_text()
-
-
 def test_a_copy_that_cannot_be_written_is_said_in_one_sentence(small, tmp_path):
     with pytest.raises(InputError, match=r"cannot write .*mine\.blend \(.*\); make room for a copy"):
         written_job(bpy.context, "photo", tmp_path / "photo.exr", tmp_path / "nowhere")
@@ -321,26 +311,3 @@ def test_where_blender_is_killed_the_one_that_renders_ends_too(small, scene, tmp
     with killed, os.fdopen(os.pidfd_open(int(list(killed.stdout)[-1])), "rb") as rendering:
         assert select.select([rendering], [], [], 10)[0], "it still renders"
     assert not list(tmp_path.glob("*photo*"))
-
-
-@pytest.mark.parametrize("changed", [False, True])
-def test_the_copy_is_saved_without_a_preview_and_the_preferences_are_as_they_were(small, tmp_path, changed):
-    preferences, seen = bpy.context.preferences, []
-
-    def saving(*_):
-        seen.append(preferences.filepaths.file_preview_type)
-
-    preferences.filepaths.file_preview_type = "SCREENSHOT"
-    preferences.is_dirty = changed
-    bpy.app.handlers.save_pre.append(saving)
-    try:
-        for name in ("job", "nowhere"):
-            (tmp_path / "job").mkdir(exist_ok=True)
-            with nullcontext() if name == "job" else pytest.raises(InputError):
-                written_job(bpy.context, "photo", tmp_path / "photo.exr", tmp_path / name)
-            assert preferences.filepaths.file_preview_type == "SCREENSHOT" and preferences.is_dirty == changed
-    finally:
-        bpy.app.handlers.save_pre.remove(saving)
-        preferences.filepaths.file_preview_type = "AUTO"
-        preferences.is_dirty = False
-    assert set(seen) == {"NONE"}

@@ -135,15 +135,6 @@ def test_a_mesh_is_written_as_it_was_when_its_file_was_begun(heavy, tmp_path):
             np.testing.assert_array_equal(one[name], other[name])
 
 
-def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
-    """To read 4096² pixels takes half a second."""
-    for _ in range(2):  # the second time the image is there already
-        bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.png"))
-        image = scene.mps.bake.image
-        assert not image.has_data
-        assert tuple(image.size) == (32, 32) and image.has_data
-
-
 def linked_sphere(folder):
     """A sphere, its mesh and its material in a file of their own, and the names they have there."""
     bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
@@ -182,19 +173,6 @@ def test_a_linked_material_is_left_to_its_file_and_a_copy_worn(estimated, scene,
     worn = estimated.material_slots[0].material
     assert worn != linked and worn.library is None
     assert "MPS Normal" in worn.node_tree.nodes and "MPS Normal" not in linked.node_tree.nodes
-
-
-def test_a_material_is_shared_by_what_it_is_not_by_its_name(estimated, scene, tmp_path):
-    linked_sphere(tmp_path)
-    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
-        wanted.materials = ["Elsewhere"]
-    mine = estimated.material_slots[0].material
-    mine.name = "Elsewhere"
-    assert mine.name == wanted.materials[0].name
-    bpy.ops.mesh.primitive_cube_add()
-    bpy.context.object.data.materials.append(wanted.materials[0])
-    bpy.ops.mps.bake(target=estimated.name, size=32, output=str(tmp_path / "texture.png"))
-    assert estimated.material_slots[0].material == mine
 
 
 def test_the_mesh_file_is_the_mesh_of_the_render_and_the_viewport_keeps_its_own(scene, tmp_path):

@@ -176,18 +176,6 @@ def test_names_that_become_one_in_a_file_do_not_cost_the_first_its_texture(spher
     bpy.ops.mps.bake(output="", **given)
 
 
-def test_heights_of_a_name_that_becomes_the_same_file_do_not_go_over_the_first(spheres, scene, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
-    for obj, name in zip(spheres, ("Oak 1", "Oak_1"), strict=True):
-        obj.name = name
-        obj.data.materials[0] = obj.data.materials[0].copy()
-        bpy.ops.mps.bake(target=name, size=16, output=str(tmp_path / f"{obj.location.x}.png"))
-    for method in ("MODIFIER", "MATERIAL"):
-        bpy.ops.mps.displace(target="Oak 1", levels=0, method=method)
-        with pytest.raises(RuntimeError, match=r'would overwrite .*Oak_1_height\.\w+, which is for "Oak 1"; choose'):
-            bpy.ops.mps.displace(target="Oak_1", levels=0, method=method)
-
-
 def test_what_is_for_a_mesh_may_be_made_again_whichever_duplicates_wear_it_too(spheres, scene, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
     bpy.ops.mps.bake(target="Left", size=16)
@@ -216,19 +204,6 @@ def test_no_object_loses_its_part_of_a_texture_that_several_share(spheres, scene
         bpy.ops.mps.bake(**given)
     spheres[1].data.materials.clear()
     bpy.ops.mps.bake(**given)
-
-
-def test_a_slot_without_faces_asks_for_no_file(spheres, scene, tmp_path):
-    given = {"objects": "SELECTED", "split": "MATERIAL", "size": 16, "output": str(tmp_path / "<MATERIAL>.png")}
-    spheres[1].data.materials[0] = glaze = matte()
-    glaze.name = "Glaze"
-    spheres[0].data.materials.append(glaze)
-    spheres[0].select_set(False)
-    bpy.ops.mps.bake(**given)
-    spheres[0].select_set(True)
-    spheres[1].select_set(False)
-    bpy.ops.mps.bake(**given)
-    assert {file.name for file in tmp_path.glob("*.png")} == {"Glaze.png", "Matte.png"}
 
 
 def test_what_a_collection_brings_by_instances_keeps_its_texture(spheres, scene, tmp_path):

@@ -247,29 +247,6 @@ def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_no
     assert scene.mps.bake.image.get("mpsnet_base") is None
 
 
-def test_what_the_core_refuses_is_reported_too(worn, tmp_path):
-    with pytest.raises(RuntimeError, match="bake in tangent space"):
-        bpy.ops.mps.bake(size=32, onto=True, space="OBJECT", output=str(tmp_path / "texture.png"))
-    with pytest.raises(RuntimeError, match="would overwrite"):
-        bpy.ops.mps.bake(size=32, onto=True, space="TANGENT", output=str(tmp_path / "waves.png"))
-    assert degrees_between(vectors_in(tmp_path / "waves.png"), waves()).max() < 0.01
-
-
-@pytest.mark.parametrize("strength", [0.0, 1.5])
-def test_strength_and_detail_only_reach_the_core(estimated, scene, tmp_path, strength):
-    bpy.ops.mps.bake(size=64, output=str(tmp_path / "plain.png"))
-    bpy.ops.mps.bake(strength=strength, output=str(tmp_path / "strong.png"))
-    plain, strong = vectors_in(tmp_path / "plain.png"), vectors_in(tmp_path / "strong.png")
-    gradients = [vectors[..., :2] / vectors[..., 2:] for vectors in (plain, strong)]
-    gentle = plain[..., 2] > 0.9
-    assert np.abs(gradients[1] - strength * gradients[0])[gentle].max() < 0.01
-    # The estimate errs where lights do not reach; what is large of it goes, and the sphere is smooth.
-    bpy.ops.mps.bake(strength=1.0, level=True, level_scale=0.02, output=str(tmp_path / "detail.png"))
-    flat = np.array([0, 0, 1.0])
-    detail = vectors_in(tmp_path / "detail.png")
-    assert degrees_between(detail, flat).mean() < 0.5 * degrees_between(plain, flat).mean()
-
-
 def leaning(path: Path, x: float, y: float) -> "bpy.types.Image":
     """A normal map that leans the same way everywhere."""
     vector = np.array([x, y, np.sqrt(1 - x * x - y * y)])
@@ -335,15 +312,6 @@ def test_what_wears_no_map_is_baked_as_it_is_and_reported(estimated, second, sce
     assert leans(tmp_path / "Sphere_normal.png") == (0, 0) and leans(tmp_path / "Second_normal.png") == (-0.2, 0.4)
     told = scene.mps.records["bake"].notes
     assert told.count("nothing lies beneath its texture") == told.count("object Sphere: there is no existing map") == 1
-
-
-def test_maps_of_another_name_are_named_by_tokens(estimated, second, tmp_path):
-    for name, lean in (("Sphere", (0.1, 0.2)), ("Second", (0.3, 0.4))):
-        leaning(tmp_path / f"was_{name}.png", *lean)
-    named = {"onto_file": str(tmp_path / "was_<OBJECT>.png"), "output": f"{tmp_path}/"}
-    bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", **named, **NOTHING_OF_THE_PHOTO)
-    found = [leans(tmp_path / f"{name}_normal.png") for name in ("Sphere", "Second")]
-    assert found == [(0.1, 0.2), (0.3, 0.4)]
 
 
 def test_tiles_go_on_top_of_tiles(estimated, scene, tmp_path):

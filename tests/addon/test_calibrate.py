@@ -11,7 +11,7 @@ from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
 from blender_addon.commands import main
-from blender_addon.panels.rig import lacks_of_mixing
+from blender_addon.panels.lights import lacks_of_mixing
 from mpsnet_core.io.image_reading import read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
@@ -41,7 +41,8 @@ def grey(balls, tmp_path):
 
 
 def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirror, grey):
-    bpy.ops.mps.calibrate_lights(ball=mirror, output=str(tmp_path / "rig.json"))
+    bpy.ops.mps.calibrate_lights(ball=mirror, lens=800, output=str(tmp_path / "rig.json"))
+    assert scene.mps.estimate.lens == 800  # the same camera takes the photo
     calibrate = scene.mps.calibrate
     rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["", "Red", "Green", "Blue"]
@@ -139,7 +140,7 @@ def test_a_circle_drawn_by_hand_is_taken(scene, tmp_path, mirror):
 
 
 def test_what_is_missing_is_reported(scene, tmp_path, mirror, grey):
-    with pytest.raises(RuntimeError, match="no photo of the mirror ball is named"):
+    with pytest.raises(RuntimeError, match="choose a photo of a mirror ball"):
         bpy.ops.mps.calibrate_lights()
     with pytest.raises(RuntimeError, match=r"where are the lights.* in the step Rig"):
         bpy.ops.mps.calibrate_mixing(grey=grey)

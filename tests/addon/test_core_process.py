@@ -76,21 +76,6 @@ def test_result_and_progress():
     assert seen and all(0 <= fraction <= 1 for fraction in seen)
 
 
-def test_a_batch_with_a_broken_photo_has_a_result(tmp_path):
-    for name in ("a.exr", "b.exr"):
-        buffer = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.FLOAT))
-        buffer.set_pixels(oiio.ROI.All, np.random.default_rng(0).uniform(0.1, 1, (8, 8, 3)).astype(np.float32))
-        buffer.write(str(tmp_path / name))
-    photos = (str(tmp_path / "a.exr"), str(tmp_path / "b.exr"))
-    (tmp_path / "b.exr").write_bytes(b"no photo")
-    write_rig(tmp_path / "rig.json", published_rig())
-    result = run(
-        Estimate(image=photos, rig=str(tmp_path / "rig.json"), model="lambertian", output=str(tmp_path / "out"))
-    )
-    assert result["made"] == 1
-    assert [str(tmp_path / "b.exr") in sentence for sentence in result["failed"]] == [True]
-
-
 def test_bad_input_is_the_cores_own_sentence(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.png does not exist"):
         rig, output = str(tmp_path / "rig.json"), str(tmp_path / "out.png")

@@ -106,28 +106,6 @@ def covered(folder: Path) -> np.ndarray:
     return triangle_of_texel(texel_coordinates(read_mesh(folder / "mesh.npz").uvs, SIZE), SIZE) >= 0
 
 
-def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene, tmp_path):
-    """Whether the photo shows the detail on something smooth, or on the object with the relief of its existing map."""
-    set_up_cycles(SIZE)
-    low, large, both = low_poly(), ball(True, False), ball(True, True)
-    present = blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION)
-    path = save_png(tmp_path / "present.png", 0.5 + 0.5 * present)
-    reference = blenders_bake(both, low, SIZE, "TANGENT", EXTRUSION)
-    for shown, all_of_it in ((both, True), (ball(False, True), False)):
-        views = photographed(shown, tmp_path)
-        texture = baked(low, views, tmp_path, "--onto", str(path))
-        there = covered(tmp_path)
-        error = degrees_between(texture, reference)[there]
-        added = baked(low, views, tmp_path, "--onto", str(path), "--onto-shown", "no")
-        simply = degrees_between(added, reference)[there]
-        print(f"all of the relief {all_of_it}: {error.mean():.2f}°, {np.percentile(error, 95):.2f}° at 95%")
-        bare = degrees_between(present, reference)[there]
-        print(f"simply added {simply.mean():.2f}°, the existing map alone {bare.mean():.2f}°")
-        assert error.mean() < 1
-        assert bare.mean() > 4
-        assert (simply.mean() > 2) == all_of_it
-
-
 def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(scene, tmp_path):
     """The photos show the relief of the first one's map, and on the second one the detail alone."""
     set_up_cycles(512)  # the objects are less than half as large in the views

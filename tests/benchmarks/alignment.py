@@ -18,7 +18,7 @@ from mpsnet_core.arrays.rotations import rotation_matrices
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
 from mpsnet_core.estimate.alignment.pose import Poses, spread_rotations
-from mpsnet_core.estimate.alignment.refine import refine_camera
+from mpsnet_core.estimate.alignment.refine import PhotoPyramid, refine_camera
 from mpsnet_core.estimate.alignment.search import search_cameras
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.scene.camera import Camera
@@ -88,14 +88,13 @@ def aligned(
 ) -> Camera:
     if way == "search":
         lens = Camera("perspective", camera.width, camera.height, np.full(2, camera.width * USUAL_FOCAL))
-        return search_cameras(evidence, faces, lens)[0].camera
+        return search_cameras(PhotoPyramid(evidence), faces, lens)[0].camera
     if way == "pairs":
         points = surface[rng.choice(len(surface), 8, replace=False)]
         seen = np.c_[points, np.ones(8)] @ camera.projection_rows().T
         clicked = seen[:, :2] / seen[:, 2:] + rng.normal(size=(8, 2)) * np.sqrt(2) * camera.width / 1024
-        return refine_camera(
-            evidence, faces, camera_from_points(clicked, points, camera.width, camera.height).camera
-        ).camera
+        start = camera_from_points(clicked, points, camera.width, camera.height).camera
+        return refine_camera(PhotoPyramid(evidence), faces, start).camera
     poses = Poses.of(camera)
     axis = rng.normal(size=3)
     turned = rotation_matrices(np.radians(8) * axis[None] / np.linalg.norm(axis)) @ poses.rotation
@@ -103,8 +102,8 @@ def aligned(
     shift *= 0.08 * faces.scene.size / np.linalg.norm(shift)
     middle = poses.in_camera(faces.scene.middle[None])[0, 0] + shift
     focal = poses.focal * 1.08 ** rng.choice([-1, 1])
-    start = Poses(turned, (middle - turned[0] @ faces.scene.middle)[None], focal, poses.centre)
-    return refine_camera(evidence, faces, start.camera(camera.width, camera.height)).camera
+    moved = Poses(turned, (middle - turned[0] @ faces.scene.middle)[None], focal, poses.centre)
+    return refine_camera(PhotoPyramid(evidence), faces, moved.camera(camera.width, camera.height)).camera
 
 
 def off(found: Camera, true: Camera, vertices: np.ndarray, faces: MeshFaces) -> np.ndarray:

@@ -264,7 +264,7 @@ def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
     rig = tmp_path / "rig.json"
     settings = {"ball": str(tmp_path / "mirror.exr"), "grey": str(tmp_path / "grey.exr"), "output": str(rig)}
     window.ask("set", "calibrate", settings)
-    window.ask("alone", "MPS_PT_rig", "MPS_PT_calibrate")
+    window.ask("alone", "MPS_PT_lights", "MPS_PT_calibrate")
     _, top, _, _ = window.state["sidebar"]
     lights = window.find("mps.calibrate_lights", below=140)
 

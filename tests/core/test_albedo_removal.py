@@ -84,11 +84,6 @@ def test_a_surface_of_one_paint_needs_no_second_look() -> None:
     assert divide_out_clustered_albedo(replace(painted.capture, white=None), bent(painted, 2)) is None
 
 
-def test_what_hardly_any_pixel_shows_has_no_colours() -> None:
-    painted = Painted(size=16)
-    assert divide_out_clustered_albedo(replace(painted.capture, white=None), bent(painted, 0)) is None
-
-
 def test_with_a_white_photo_only_the_brightness_of_each_paint_is_left_to_even_out() -> None:
     painted = Painted()
     grey = normalise_by_white_photo(painted.capture)
@@ -108,13 +103,6 @@ def test_black_around_the_object_does_not_count() -> None:
     )
     expected = divide_out_chromaticity_albedo(painted.capture, normalise_by_white_photo(painted.capture), normals)
     np.testing.assert_allclose(found.image[painted.lit], expected.image[painted.lit], rtol=0.2, atol=0.01)
-
-
-def test_a_white_photo_of_one_chromaticity_changes_nothing() -> None:
-    painted = Painted(colours=1)
-    grey = normalise_by_white_photo(painted.capture)
-    found = divide_out_chromaticity_albedo(painted.capture, grey, bent(painted, 2))
-    assert unevenness(painted, found, painted.lit) == pytest.approx(unevenness(painted, grey, painted.lit), abs=0.01)
 
 
 @pytest.mark.parametrize("white", [False, True])

@@ -1,8 +1,6 @@
 """AliceVision scenes written by hand in the several versions of its files, and what is refused."""
 
 import copy
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -107,25 +105,3 @@ def test_bad_scenes_are_refused(tmp_path: Path, data: object, said: str) -> None
     message = refusal(lambda: read_cameras(write(tmp_path, data)))
     assert said in message
     assert str(tmp_path / "cameras.sfm") in message
-
-
-def file_of(content: bytes) -> Callable[[Path], Path]:
-    def made(folder: Path) -> Path:
-        (folder / "cameras.sfm").write_bytes(content)
-        return folder / "cameras.sfm"
-
-    return made
-
-
-@pytest.mark.parametrize(
-    ("made", "said"),
-    [
-        (file_of(b""), "it is not valid JSON"),
-        (file_of(json.dumps(scene()).encode()[:300]), "it is not valid JSON"),
-        (file_of(b"[" * 100_000), "it is not valid JSON"),
-        (file_of(b"\xff\xfeA\x00"), "it is not text"),
-        (lambda folder: folder / "cameras.sfm", "does not exist"),
-    ],
-)
-def test_what_is_no_scene_is_refused(tmp_path: Path, made: Callable[[Path], Path], said: str) -> None:
-    assert said in refusal(lambda: read_cameras(made(tmp_path)))

@@ -32,13 +32,6 @@ def test_shadows_are_as_bright_as_the_ambient_light(ambient: float, colour: floa
     assert found is not None and 0.5 * ambient <= found <= 1.4 * ambient + 1e-6
 
 
-def test_the_warning(caplog: pytest.LogCaptureFixture) -> None:
-    warn_of_ambient_light(lit_by(0.03), SURE)
-    assert not caplog.records
-    warn_of_ambient_light(lit_by(0.1), SURE)
-    assert "its channel still shows 9% of it" in caplog.text and "[room-light]" in caplog.text
-
-
 def test_crosstalk_that_the_rig_does_not_say_is_light_from_elsewhere_too(caplog: pytest.LogCaptureFixture) -> None:
     mixed = (BALL.image @ np.transpose(CROSSTALK)).astype(np.float32)
     warn_of_ambient_light(BALL.capture(image=mixed, rig=LightRig(RIG.directions, np.array(CROSSTALK))), SURE)

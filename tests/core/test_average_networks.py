@@ -1,6 +1,5 @@
 """examples/average_networks.py: the mean of networks' weights, and the record of how it came about."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ onnx = pytest.importorskip("onnx")
 from average_networks import average
 from onnx import numpy_helper
 
-from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
 
@@ -33,31 +31,6 @@ def test_the_mean_of_weights_by_their_shares(tmp_path: Path) -> None:
     onnx.save(mean, str(tmp_path / "mean.onnx"))
     record = OnnxModel(tmp_path / "mean.onnx").record
     assert record and [leg["share"] for leg in record["mean_of"]] == [0.25, 0.75]
-
-
-def test_a_networks_own_errors_are_not_those_of_the_mean() -> None:
-    psfcn = onnx.load(str(find_network("psfcn").path))
-    entry = next(entry for entry in psfcn.metadata_props if entry.key == TRAINING_KEY)
-    entry.value = json.dumps(json.loads(entry.value) | {"validation_mae_deg": 11.3})
-    record = {entry.key: entry.value for entry in average([psfcn, psfcn], [0.5, 0.5]).metadata_props}[TRAINING_KEY]
-    assert json.loads(record)["validation_mae_deg"] is None
-
-
-def test_cards_may_leave_out_what_has_a_default() -> None:
-    network = find_network("psfcn")
-    first, older = onnx.load(str(network.path)), onnx.load(str(network.path))
-    for model, magnified in ((first, {"magnified": 1.0}), (older, {})):
-        card = next(entry for entry in model.metadata_props if entry.key == CARD_KEY)
-        stated = json.loads(card.value)
-        stated.pop("magnified", None)
-        card.value = json.dumps(stated | magnified)
-    average([first, older], [0.5, 0.5])
-
-
-def test_the_shipped_default_says_what_it_is_the_mean_of() -> None:
-    own = {entry.key: entry.value for entry in scaled(1).metadata_props}
-    legs = json.loads(own[TRAINING_KEY])["mean_of"]
-    assert sum(leg["share"] for leg in legs) == pytest.approx(1) and len({leg["seed"] for leg in legs}) == len(legs)
 
 
 def test_other_networks_and_shares_are_refused() -> None:

@@ -106,14 +106,6 @@ def test_views_that_share_nothing_stay_as_they_are(caplog: pytest.LogCaptureFixt
     assert "2 of 2 views share too little of the surface" in caplog.text
 
 
-def test_what_no_view_sees_takes_its_colour_from_what_is_near() -> None:
-    texture = bake_normals(sphere_mesh(), [painted_view((1, 0, 0))], size=SIZE)
-    assert texture.colours is not None
-    unseen = texture.colours[..., 3] == 0
-    assert unseen[texture.covered].mean() > 0.3
-    assert texture.colours[unseen][:, :3].min() > 0.05
-
-
 def shuffled(mesh: Mesh, parts: int) -> Mesh:
     """The mesh with its UVs cut into vertical strips, which take one another's places upside down in random order."""
     across = (mesh.uvs[..., 0] - 0.01) / 0.98 * parts
@@ -153,14 +145,6 @@ def test_an_island_that_nothing_seen_touches_has_the_mean_colour() -> None:
     right, covered = (values[:, SIZE // 2 :] for values in (texture.colours, texture.covered))
     assert not right[covered][:, 3].any()
     assert np.abs(right[covered][:, :3] - texture.colours[texture.seen][:, :3].mean(axis=0)).max() < 0.02
-
-
-def test_normals_are_the_same_with_colours_and_without() -> None:
-    views = [painted_view(side) for side in SIX_SIDES[:3]]
-    coloured = bake_normals(sphere_mesh(), views, size=SIZE, feather=0.05)
-    plain = bake_normals(sphere_mesh(), [View(one.camera, one.normals) for one in views], size=SIZE, feather=0.05)
-    np.testing.assert_array_equal(coloured.vectors, plain.vectors)
-    assert plain.colours is None
 
 
 def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsnet) -> None:

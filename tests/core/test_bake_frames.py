@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
-from synthetic import left_by, listing, write_file
+from synthetic import left_by, listing
 
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import image_description
@@ -136,17 +136,3 @@ def test_bad_input_gets_one_sentence(
     assert bake(bench, *arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(sentence, line), line
-
-
-def test_frames_on_top_of_a_map_are_made_again_when_the_map_changes(bench: Path) -> None:
-    more = ["--space", "tangent", "--onto", str(bench / "map.png")]
-    textures = []
-    for lean in (0.0, 0.4):
-        leaning = np.broadcast_to(np.array([lean, 0, 1]) / np.hypot(lean, 1), (16, 16, 3))
-        write_file(bench / "map.png", 0.5 + 0.5 * leaning, "uint16")
-        assert bake(bench, "normals", "skin", *more) == 0
-        textures.append([(bench / "skin" / f"skin_{number:04d}.png").read_bytes() for number in NUMBERS])
-        before = {file.name: file.stat().st_mtime_ns for file in (bench / "skin").iterdir()}
-        assert bake(bench, "normals", "skin", *more) == 0
-        assert before == {file.name: file.stat().st_mtime_ns for file in (bench / "skin").iterdir()}
-    assert all(one != other for one, other in zip(*textures, strict=True))

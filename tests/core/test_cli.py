@@ -21,7 +21,9 @@ from progress_lines import events
 from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
 
 from mpsnet_core.capture.open import read_capture
+from mpsnet_core.cli.command import EXAMPLES, OPERATIONS, argument_parser
 from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core.operation import Operation
 from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import read_rig
@@ -71,14 +73,6 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet: Mpsnet, rig_file
     expected = np.linalg.solve(sphere.rig.directions, linear[..., None].astype(float))[..., 0]
     assert degrees_between(normals.vectors, expected)[normals.mask].max() < 0.01
     np.testing.assert_array_equal(normals.mask, linear.max(axis=-1) > 0.5 * np.percentile(linear.max(axis=-1), 99.9))
-
-
-def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path) -> None:
-    done = mpsnet("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
-    assert done.returncode == 0
-    assert done.stdout == f"{tmp_path / 'n.png'}: normals by multiscale\n"
-    assert all(line.startswith("note: ") for line in done.stderr.splitlines())
-    assert "the whole photo is assumed to be the object" in done.stderr
 
 
 @pytest.mark.parametrize(("level", "shown"), [("info", 2), ("warning", 1), ("ERROR", 0), ("loud", None)])
@@ -148,7 +142,7 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
 
 
 def test_an_unknown_verb_gets_those_that_the_help_lists(mpsnet: Mpsnet) -> None:
-    listed = re.findall(r"^    (\w+)(?: |$)", mpsnet().stdout, re.MULTILINE)
+    listed = re.findall(r"^  (\w+)(?: |$)", mpsnet().stdout, re.MULTILINE)
     offered = mpsnet("paint").stderr.partition("(choose from ")[2].partition(")")[0].split(", ")
     assert offered == listed and "estimate" in listed and "job" not in listed
 
@@ -207,7 +201,44 @@ def test_a_run_that_is_stopped_while_libraries_load_is_cancelled(
 ) -> None:
     estimate = ("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
     done = while_loading(f"os.kill(os.getpid(), signal.{how})", *estimate, temporary=tmp_path)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "mpsnet: stopped\n")
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_help_ends_with_an_example_that_fits_the_command(
+    kind: type[Operation], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert argument_parser().parse_args(shlex.split(EXAMPLES[kind])[1:]).verb
+    with pytest.raises(SystemExit):
+        argument_parser().parse_args([*kind.command.split(), "--help"])
+    assert " ".join(capsys.readouterr().out.split()).endswith(f"example: {EXAMPLES[kind]}")
+
+
+def test_the_help_lists_each_command_below_one_heading() -> None:
+    assert set(EXAMPLES) == {kind for kind in OPERATIONS if kind.listed}
+    shown = argument_parser().format_help()
+    for verb in {kind.command.split()[0] for kind in EXAMPLES}:
+        assert len(re.findall(rf"^  {verb}\b", shown, re.MULTILINE)) == 1
+
+
+@pytest.mark.parametrize(
+    "line, meant",
+    [("estmate photo.png", "estimate"), ("calibrate light", "lights"), ("models --overwitre", "--overwrite")],
+)
+def test_a_misspelt_word_is_told_what_was_probably_meant(mpsnet: Mpsnet, line: str, meant: str) -> None:
+    done = mpsnet(*line.split())
+    assert done.returncode == 2 and f"did you mean {meant}?" in done.stderr
+
+
+def test_a_missing_rig_says_how_to_get_one(mpsnet: Mpsnet) -> None:
+    assert "mpsnet calibrate photo" in mpsnet("material", "cloth.exr", "-o", "cloth").stderr
+
+
+def test_files_that_the_answer_does_not_name_are_named(mpsnet: Mpsnet, photo_file: Path, rig_file: Path) -> None:
+    sure = photo_file.with_name("sure.png")
+    estimate = ("estimate", photo_file, "--rig", rig_file, "--model", "lambertian")
+    done = mpsnet(*estimate, "--confidence", sure, "-o", photo_file.with_name("n.png"))
+    assert done.stdout.count("sure.png") == 1 and done.stdout.count("n.png") == 1
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no /dev/full")
@@ -241,7 +272,7 @@ class TestCancelling:
         child.send_signal(how)
         rest, words = child.communicate(timeout=30)
         assert child.returncode == 130
-        assert words == ""
+        assert words == "mpsnet: stopped\n"
         assert all("progress" in json.loads(line) for line in rest.splitlines())
 
     @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])

@@ -15,7 +15,7 @@ import pytest
 from dask import config as dask_config
 from distributed import Client, LocalCluster
 from distributed.security import Security
-from farm_runs import alive, job, posix, start, until, workers
+from farm_runs import alive, job, posix, until, workers
 from stand_in import COMMAND, begun, whole
 from synthetic import listing
 
@@ -107,24 +107,10 @@ def test_cancelling_ends_tasks_and_processes(cluster: LocalCluster, tmp_path: Pa
     assert outcome.made + outcome.there == 40 and whole(tmp_path) == set(range(40))
 
 
-def test_a_run_here_and_one_on_the_cluster_share_a_folder(cluster: LocalCluster, tmp_path: Path) -> None:
-    (tmp_path / "slow").write_text("0.02")
-    here = start(tmp_path, 40)
-    there = run(cluster, tmp_path, 40)
-    made, found, failed = map(int, here.communicate(timeout=60)[0].split())
-    assert (there.made + made, there.made + there.there, made + found, failed) == (40, 40, 40, 0)
-    assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(40), 1)
-
-
 def test_a_folder_that_the_machines_do_not_see_is_reported(cluster: LocalCluster, tmp_path: Path) -> None:
     answers = dask.results_from_cluster(cluster.scheduler_address, COMMAND, tmp_path / "elsewhere", [0])
     with pytest.raises(InputError, match=r"worker tcp://.* does not see .*job\.json; choose a folder that all"):
         list(answers)
-
-
-def test_a_worker_that_cannot_start_on_the_cluster_is_one_sentence(cluster: LocalCluster, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot run no-such-blender .*; check the path"):
-        make_samples(tmp_path, job(3), ["no-such-blender"], cluster=cluster.scheduler_address)
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "gopher://127.0.0.1:8786", "tcp://127.0.0.1:x"])

@@ -84,19 +84,6 @@ def test_which_of_several_models_is_read_is_said(tmp_path: Path, given: str, cap
     assert "sparse holds several models; the first, 0, is read" in caplog.text
 
 
-def test_either_file_of_a_model_names_it_and_binary_goes_first(tmp_path: Path) -> None:
-    write_binary(write_text(tmp_path))
-    assert len(read_cameras(tmp_path)) == 2
-    for name, count in {"cameras.txt": 3, "images.txt": 3, "cameras.bin": 2, "images.bin": 2}.items():
-        assert len(read_cameras(tmp_path / name)) == count
-
-
-def test_a_quaternion_in_few_digits_is_made_a_rotation(tmp_path: Path) -> None:
-    write_text(tmp_path, images="1 0.801 0.2 -0.4 0.4 0 0 0 3 a.jpg\n\n")
-    (posed,) = read_cameras(tmp_path)
-    np.testing.assert_allclose(posed.camera.rotation @ posed.camera.rotation.T, np.eye(3), atol=1e-12)
-
-
 POSE = "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n"
 
 

@@ -9,7 +9,7 @@ import pytest
 from surface_shapes import camera_looking
 
 from mpsnet_core.cli import main
-from mpsnet_core.io.image_reading import read_data, read_image
+from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
@@ -63,14 +63,6 @@ def test_each_map_has_its_convention(tmp_path: Path, capsys: pytest.CaptureFixtu
         capsys, gl, "--truth", dx, "--truth-convention", "directx", "--camera", tmp_path / "c.json"
     )
     assert code == 2 and "is a render's passes, without a convention" in sentence
-
-
-def test_the_picture_is_linear_in_an_exr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_normals(tmp_path / "n.exr", NormalMap(tilted(angles()), np.ones((SIZE, SIZE), bool)))
-    for name in ("e.png", "e.exr"):
-        compare(capsys, tmp_path / "n.exr", "--truth", tmp_path / "n.exr", "-o", tmp_path / name)
-    shown, linear = read_image(tmp_path / "e.png").pixels, read_image(tmp_path / "e.exr").pixels
-    np.testing.assert_allclose(linear, shown, atol=0.01)
 
 
 def test_with_a_camera_the_true_normals_are_the_worlds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,11 +8,10 @@ import OpenImageIO as oiio
 import pytest
 from bad_input import cut, gets_one_clear_sentence
 from conftest import Mpsnet
-from farm_runs import posix
 from progress_lines import events
 from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
-from synthetic import Sphere, listing, write_file
+from synthetic import listing, write_file
 
 from mpsnet_core.synthesis.contact_sheet import (
     LIT_COLOURS,
@@ -81,13 +80,6 @@ def test_a_samples_tiles_show_what_it_holds(sample: Sample) -> None:
     assert all(np.ptp(values) == 0 for values in outside.values())
 
 
-def test_a_black_sample_is_shown_black(sample: Sample) -> None:
-    tiles = dict(sample_row("dark", replace(sample, lights=0 * sample.lights)))
-    assert not tiles["photo"].any()
-    empty = replace(sample, lights=0 * sample.lights, alpha=0 * sample.alpha, material=0 * sample.material - 1)
-    assert np.isfinite(dict(sample_row("empty", empty))["photo"]).all()
-
-
 def test_a_broken_file_gives_its_row_to_the_next_whole_one(folder: Path) -> None:
     files = folder_samples(folder)
     rows = [sheet_of_samples(files, count) for count in (1, 2, 3, 4, 8)]
@@ -131,32 +123,6 @@ def test_show_writes_into_the_current_folder(
     assert one.stdout.startswith("2 sample(s), 2 by Cycles")
     assert "skipped" not in one.stdout
     assert mpsnet("show", folder / "sample_00000?.exr").stdout.startswith("4 sample(s)")
-
-
-def test_show_takes_photos_and_samples_together(
-    tmp_path: Path, mpsnet: Mpsnet, folder: Path, sphere: Sphere, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    photo = write_file(tmp_path / "photo.exr", np.dstack([sphere.image, sphere.mask]), "half")
-    alone, both = tmp_path / "alone.png", tmp_path / "both.png"
-    assert mpsnet("show", photo, "-o", alone).returncode == 0
-    done = mpsnet("show", folder, photo, "--count", "1", "-o", both)
-    assert done.returncode == 0
-    assert done.stdout.splitlines()[0] == "4 sample(s), 2 by Cycles, 2 by a test"
-    lower = pixels(both)[-pixels(alone).shape[0] :, : pixels(alone).shape[1]]
-    np.testing.assert_array_equal(lower, pixels(alone))
-    assert mpsnet("show", photo).stdout == "photo_sheet.png\n"
-
-
-@posix
-def test_the_contact_sheet_is_not_drawn_through_a_link(tmp_path: Path, sample: Sample) -> None:
-    folder, precious = tmp_path / "samples", tmp_path / "precious.png"
-    folder.mkdir()
-    write_sample(folder / "template.exr", sample)
-    precious.write_text("mine")
-    (folder / "contact_sheet.png").symlink_to(precious)
-    assert make_samples(folder, SampleJob("synthesis", 2), COMMAND, processes=1).made == 2
-    assert precious.read_text() == "mine"
 
 
 def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, sample: Sample) -> None:

@@ -56,11 +56,6 @@ def test_fine_grain_fades_with_the_radius_and_broad_shapes_stay() -> None:
     assert abs(float(off[-1].mean())) < 0.03
 
 
-def test_a_radius_larger_than_the_picture_is_the_whole_picture() -> None:
-    surface = ball(orthographic(40, 30, 10), (0, 0, -5), 4)
-    assert of(surface, radius=10**12) == pytest.approx(of(surface, radius=40))
-
-
 def test_single_pixels_and_lines_of_the_mask_do_no_harm() -> None:
     mask = np.zeros((9, 9), bool)
     mask[1, 1] = mask[4, 2:8] = True

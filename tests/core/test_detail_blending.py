@@ -152,14 +152,6 @@ def test_on_the_command_line_the_map_stays_and_the_detail_is_added(bench: Bench)
     assert degrees_between(laid, reoriented(detail, alone)).mean() < 0.3
 
 
-def test_the_present_maps_convention_is_reported(bench: Bench) -> None:
-    up = bench.map(waves(96, 2))
-    down = bench.map(waves(96, 2) * [1, -1, 1], "down.png")
-    same = degrees_between(bench.baked("--onto", up), bench.baked("--onto", down, "--onto-convention", "directx"))
-    assert same.max() < 0.1
-    assert degrees_between(bench.baked("--onto", up), bench.baked("--onto", down)).mean() > 5
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -12,7 +12,7 @@ from synthetic import degrees_between, diligent_object, mat_file
 
 from mpsnet_core.learning.evaluation.diligent import read_diligent, read_truth
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
-from mpsnet_core.learning.evaluation.measure import Row, measure
+from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 
 COLOURED = (0.3, 0.2, 0.1)
@@ -69,11 +69,6 @@ def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Pat
     assert max(lit["ball", protocol] for protocol in CHANNELS) < 0.02
     assert lit["cow", "white"] < 0.02 < 5 < lit["cow", "published"] < lit["cow", "separated"]
     assert test.skipped() == ["absent, skipped: bear, buddha, cat, goblet, harvest, pot1, pot2, reading"]
-
-
-def row(name: str, lights: tuple[int, ...], protocol: str, error: float) -> Row:
-    labels = {"object": name, "lights": list(lights), "protocol": protocol, "model": "ours"}
-    return Row(labels, 1, {"mae_deg": error})
 
 
 PUBLISHED = {

@@ -1,6 +1,5 @@
 """Heights on UVs, where they are known: spheres and tori displaced by waves in space, in several islands."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,11 +7,11 @@ import numpy as np
 import pytest
 from bumpy_sphere import AMPLITUDE, bumpy_sphere, unit
 from mesh_file import write_mesh
-from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_gradient
+from relief_shapes import cube_sphere, tangent_normals, waves
 from surface_shapes import grid_triangles, sphere_mesh, texels_of
 
 from mpsnet_core.cli import main
-from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
@@ -91,38 +90,6 @@ def test_a_sphere_of_six_islands(stretch: float, touching: bool) -> None:
     assert np.abs(apart).max() < 0.04 * AMPLITUDE * np.ptp(waves(unit(points)))
 
 
-def test_a_torus_whose_one_island_meets_itself() -> None:
-    mesh = torus(64, 32, bend=0.25)
-
-    def normals(points: np.ndarray, _: np.ndarray) -> np.ndarray:
-        """Of the tube r = 0.4 + AMPLITUDE waves around the circle of radius 1, as the gradient of what is 0 on it."""
-        middle = points * (1, 1, 0) / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
-        out = unit(points - middle)
-        on = middle + 0.4 * out  # where the tube of radius 0.4 is, and the waves are asked
-        gradient = AMPLITUDE * waves_gradient(on)
-        around = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(on))], axis=1)
-        about = np.cross(around, out)
-        wide, radius = np.linalg.norm(on[:, :2], axis=1), 0.4 + AMPLITUDE * waves(on)
-        bumped = middle + radius[:, None] * out
-        wider = np.linalg.norm(bumped[:, :2], axis=1)
-        # The bumped surface's tangents, per length on the even tube, and what is at right angles to both.
-        one = around * (wider / wide)[:, None] + out * (gradient * around).sum(1, keepdims=True)
-        other = about * (radius / 0.4)[:, None] + out * (gradient * about).sum(1, keepdims=True)
-        return unit(np.cross(other, one) * np.sign((np.cross(other, one) * out).sum(1, keepdims=True)))
-
-    found = displacement(tangent_normals(mesh, SIZE, normals), mesh)
-    heights, points = heights_on(found, mesh)
-    middle = points * (1, 1, 0) / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
-    out = unit(points - middle)
-    truth = 0.4 + AMPLITUDE * waves(middle + 0.4 * out) - np.linalg.norm(points - middle, axis=1)
-    wrong = error(heights, truth)
-    print(f"rms {wrong.std():.4f}, most {np.abs(wrong).max():.4f}")
-    assert wrong.std() < 0.04
-    one, other = both_sides_of_seams(mesh)
-    assert len(one) == 64 + 32
-    assert np.abs(bilinear(found.values, one) - bilinear(found.values, other)).max() < 0.1 * AMPLITUDE
-
-
 @pytest.mark.parametrize("sign", [1, -1], ids=["turned and scaled", "mirrored"])
 def test_heights_are_in_world_units(sign: int) -> None:
     a = 0.7
@@ -138,17 +105,6 @@ def test_heights_are_in_world_units(sign: int) -> None:
     heights, points = heights_on(displacement(tangent_normals(mesh, SIZE, normals), mesh), mesh)
     truth = 2.5 * (1 + AMPLITUDE * waves(unit(points)) - np.linalg.norm(points, axis=1))
     assert error(heights, truth).std() < 0.03
-
-
-def test_normals_in_object_space_give_the_same() -> None:
-    mesh = cube_sphere(10)
-    texels = texels_of(mesh.uvs, SIZE)
-    points = texels.of(mesh.vertices[mesh.triangles])
-    vectors = np.zeros((SIZE, SIZE, 3), np.float32)
-    vectors[tuple(texels.place.T)] = bumpy_sphere(points)
-    of_object = displacement(vectors, mesh, space="object")
-    of_tangents = displacement(tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points)), mesh)
-    assert of_object.values == pytest.approx(of_tangents.values, abs=1e-3 * AMPLITUDE)
 
 
 def test_a_base_that_lies_further_in_is_brought_out_to_where_the_mesh_lies() -> None:
@@ -278,15 +234,6 @@ def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:
         assert abs(found.values[half][found.covered[half]].mean()) < 2e-3
 
 
-def test_steep_normals_stay_finite() -> None:
-    mesh = cube_sphere(6)
-    vectors = np.zeros((64, 64, 3), np.float32)
-    vectors[...] = 0.9987, 0, 0.05
-    assert np.isfinite(displacement(vectors, mesh).values).all()
-    vectors[::5, ::5] = 0, 0, -1
-    assert np.isfinite(displacement(vectors, mesh).values).all()
-
-
 def test_a_texture_of_another_space_is_refused() -> None:
     mesh = cube_sphere(6)
     tangent = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
@@ -354,21 +301,6 @@ def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:
     assert found.contradicted > wall.mean() / 2
 
 
-def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mesh = cube_sphere(8)
-    vectors = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
-    write_mesh(tmp_path / "mesh.npz", mesh)
-    write_image(tmp_path / "t.png", encode(vectors, "directx"))
-    command = ["integrate", str(tmp_path / "t.png"), "--uvs", str(tmp_path / "mesh.npz"), "--convention", "directx"]
-    assert main([*command, "--height", str(tmp_path / "h.png"), "--unit", "mm"]) == 0
-    assert "Displace: strength" in capsys.readouterr().out
-    found = displacement(vectors, mesh)
-    read = read_height(tmp_path / "h.png")
-    assert json.loads((tmp_path / "h.png.json").read_text())["camera"] is None
-    assert read.camera.focal == pytest.approx(1 / found.texel)
-    assert read.values[found.covered] == pytest.approx(found.values[found.covered], abs=0.01 * AMPLITUDE)
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -407,19 +339,6 @@ def test_what_does_not_fit_is_refused() -> None:
         displacement(np.full((32, 32, 3), np.nan, np.float32), cube_sphere(2))
     with pytest.raises(InputError, match="choose a larger texture"):
         displacement(flat, replace(cube_sphere(2), uvs=cube_sphere(2).uvs * 1e-4 + 0.5))
-
-
-def test_it_can_be_cancelled_and_reports_progress() -> None:
-    flat, told = np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3)), []
-    displacement(flat, cube_sphere(4), progress=lambda share, _: told.append(share))
-    assert told[0] == 0 and told[-1] == 1 and told == sorted(told)
-
-    def stop(share: float, _: str) -> None:
-        if share > 0.5:
-            raise Cancelled
-
-    with pytest.raises(Cancelled):
-        displacement(flat, cube_sphere(4), progress=stop)
 
 
 @pytest.mark.parametrize("far", [1e5, 1e30])

@@ -126,14 +126,3 @@ def test_tiles_that_are_too_many_are_refused_when_one_is_read() -> None:
 
     with pytest.raises(InputError, match=r"50 tiles of 1025 texels a side are too many .* 1024 at most"):
         Tiles(np.zeros((50, 2), np.int64)).joined(textures())
-
-
-@pytest.mark.parametrize(("texture", "height"), [("one.exr", "h.exr"), ("b_<UDIM>.exr", "h_<UDIM>.exr")])
-def test_textures_that_are_not_square_are_refused(
-    files: None, texture: str, height: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for file in ("one.exr", *(f"b_{tile}.exr" for tile in ANYWHERE.values())):
-        write_image(file, encode(np.broadcast_to([0.0, 0, 1], (16, 32, 3))))
-    assert main(["integrate", texture, "--uvs", "b.npz", "--height", height]) == 2
-    said = capsys.readouterr().err
-    assert said.endswith("need a square texture, not one of 32 x 16 texels; bake it square\n")

@@ -39,11 +39,6 @@ def test_what_the_package_offers_has_a_docstring(name: str):
     assert not callable(offered) or (offered.__doc__ or "").strip()
 
 
-@pytest.mark.parametrize("name", sorted(mpsnet_core.__all__))
-def test_sections_of_docstrings_have_a_line_of_their_own(name: str):
-    assert not re.search(r"\w+ -{3,} \w", getattr(mpsnet_core, name).__doc__ or "")
-
-
 def fields(record: ast.ClassDef) -> Iterator[tuple[ast.AnnAssign, ast.stmt | None]]:
     """The public fields of a class, each with the statement that follows it."""
     for field, following in zip(record.body, [*record.body[1:], None], strict=True):

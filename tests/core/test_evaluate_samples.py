@@ -43,14 +43,6 @@ def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
     assert len({result.case.capture.image.sum() for (result,) in first}) == 4
 
 
-def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> None:
-    told = EvaluateSamples(folder=samples, count=1, magnify=(1, 2), model="lambertian").run()
-    one, two = told.rows
-    assert (one["magnify"], two["magnify"]) == (1, 2)
-    assert one["mae_deg"] == pytest.approx(two["mae_deg"], abs=0.05)
-    assert not any("expected_deg" in row for row in told.confidence), "equation 2 expects no error of itself"
-
-
 def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
     test = EvaluateSamples(folder=samples, count=1, white=True).evaluation()
     (alone,), (beside,) = measure(test.cases, ["lambertian"])

@@ -7,31 +7,12 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from synthetic import Sphere, diligent_object, listing
+from synthetic import diligent_object, listing
 
-from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
-from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, cropped, error_picture
-
-
-def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:
-    white = ("lambertian", "white")
-    values = [(white, "ball", 6.333), (white, "cat", 11.001), (white, "cat", 12.5), (("ours", "white"), "cat", 4.0)]
-    assert [line.split() for line in table_of_means(("model", "protocol"), values).splitlines()] == [
-        ["model", "protocol", "ball", "cat", "mean"],
-        ["lambertian", "white", "6.33", "11.75", "9.94"],
-        ["ours", "white", "-", "4.00", "4.00"],
-    ]
-
-
-def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:
-    mask = np.zeros((50, 60), bool)
-    mask[20:30, 5:40] = True
-    (cut,) = cropped([np.dstack([mask] * 3).astype(np.float32)], mask)
-    assert cut.shape == (10 + 16, 5 + 35 + 8, 3)
-    assert cut.sum() == 3 * mask.sum()
+from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, error_picture
 
 
 def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:

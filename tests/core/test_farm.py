@@ -13,9 +13,8 @@ from stand_in import COMMAND, KILL, begun, whole
 from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.io.child_process import LAST_WORDS, LONGEST_WORDS
 from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, JobOutcome, make_samples
-from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Worker, clear_unfinished
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, clear_unfinished
 
 
 def run(folder: Path, count: int, processes: int = 2, **changes: object) -> JobOutcome:
@@ -158,18 +157,6 @@ def answering(*lines: str) -> list[str]:
 def test_a_program_that_is_no_worker_of_ours_is_reported(tmp_path: Path, command: list[str], words: str) -> None:
     with pytest.raises(InputError, match=words):
         make_samples(tmp_path, job(1), command, processes=1)
-
-
-def test_a_sample_that_is_said_to_be_made_has_to_be_there(tmp_path: Path) -> None:
-    outcome = make_samples(tmp_path, job(1), answering('{"result": {"number": 0, "state": "made"}}'), processes=1)
-    assert outcome == JobOutcome(failed={0: "its worker says that it is made, but it is not in the folder"})
-
-
-def test_of_a_line_without_end_the_last_words_are_kept(tmp_path: Path) -> None:
-    worker = Worker([THIS_PYTHON, "-c", "for _ in range(30): print('x' * 1_000_000, end='')"], tmp_path, seconds=60)
-    with pytest.raises(InputError, match="exit code 0; its last words: x"):
-        worker.make(0)
-    assert worker._child and sum(map(len, worker._child._words)) <= LAST_WORDS * LONGEST_WORDS
 
 
 def test_a_worker_that_never_answers_is_ended_and_its_sample_given_up_after_two_tries(tmp_path: Path) -> None:

@@ -45,17 +45,6 @@ def test_a_view_that_ends_leaves_no_step() -> None:
     assert (soft.seen == sharp.seen).all() and np.array_equal(soft.views, sharp.views)
 
 
-def test_at_the_end_of_all_views_the_mesh_takes_over() -> None:
-    sharp, soft = (
-        bake_normals(plane(), halves()[:1], size=128, space="object", margin=0, feather=feather)
-        for feather in (0.0, 0.1)
-    )
-    middle = slice(40, 88)
-    assert steps(sharp.vectors)[middle].max() > 15 and steps(soft.vectors)[middle, 8:-8].max() < 7
-    inner = (middle, slice(30, 45))
-    assert degrees_between(soft.vectors, [-0.3, 0, 0.95])[inner].max() < 0.1
-
-
 def test_beside_an_edge_the_camera_that_is_slightly_wrong_bakes_the_other_view() -> None:
     """A small plate floats before a large one. The wrong view shows the plate's normals beside it, on the large one."""
     mesh = plate_before_plane()

@@ -237,13 +237,6 @@ def test_colour_comes_without_alpha_multiplied_into_it(
     assert np.isfinite(image.pixels).all()
 
 
-def test_a_render_without_any_cover_keeps_its_colour(tmp_path: Path, colours: np.ndarray) -> None:
-    stored = np.dstack([colours, np.zeros((5, 9))])
-    image = read_image(write_file(tmp_path / "photo.exr", stored, "float"))
-    np.testing.assert_array_equal(image.pixels, colours)
-    assert image.alpha is not None and not image.alpha.any()
-
-
 class TestLayers:
     """Multi-layer files as Blender writes them: 4.5 one part with full channel names, 5.x a part for each pass."""
 
@@ -264,9 +257,6 @@ class TestLayers:
             names = ["ViewLayer.Combined", "ViewLayer.Normal"]
             parts = [(name, {k: v for k, v in passes.items() if k.startswith(name)}) for name in names]
         return write_parts(tmp_path / "render.exr", parts)
-
-    def test_the_layers_are_named(self, file: Path) -> None:
-        assert image_layers(file) == ["ViewLayer.Combined", "ViewLayer.Normal"]
 
     def test_combined_is_what_a_photo_is_taken_from(self, file: Path, passes: dict[str, np.ndarray]) -> None:
         image = read_image(file)
@@ -408,11 +398,6 @@ def test_pixels_that_are_not_square_are_warned_of(
 ) -> None:
     read_image(write_file(tmp_path / "photo.exr", np.ones((2, 3, 3)), "half", PixelAspectRatio=aspect))
     assert len([record for record in caplog.records if "not square" in record.message]) == warnings
-
-
-def test_a_picture_that_is_turned_in_words_stays_as_it_is(tmp_path: Path) -> None:
-    path = write_file(tmp_path / "photo.exr", np.arange(18).reshape(2, 3, 3), "float", Orientation="upside down")
-    assert read_image(path).pixels[..., 0].tolist() == [[0, 3, 6], [9, 12, 15]]
 
 
 def test_a_layer_of_too_many_channels_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,22 +85,6 @@ def test_pixels_are_the_unit_where_nothing_else_is_reported(here: Path, capsys: 
     assert json.loads(Path("h.exr.json").read_text())["unit"] == "mm"
 
 
-def test_a_flipped_green_channel_is_reported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_normals("d.png", BALL.normals, convention="directx")
-    result(capsys, "d.png --convention directx --height d.exr")
-    result(capsys, "n.png --height h.exr")
-    assert read_channel("d.exr") == pytest.approx(read_channel("h.exr"), abs=0.01)
-
-
-def test_a_turntable_is_one_picture_or_frames(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    result(capsys, "n.png --relit r.png --turntable 4")
-    found = result(capsys, "n.png --relit t_###.png --turntable 3 --light 60,90")
-    assert found["outputs"] == ["t_001.png", "t_002.png", "t_003.png"]
-    assert found["relit"]["tilts"] == [90, 210, 330]
-    first, second = (read_image(name).pixels for name in found["outputs"][:2])
-    assert first[:20].mean() > 1.5 * second[:20].mean()  # the light stands above, then below
-
-
 def test_a_mesh_without_a_face_costs_none_of_the_others(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert (
         main(["integrate", *["n.png", "--mesh", "m.ply", "--faces", "1", "--height", "h.exr", "--curvature", "c.exr"]])
@@ -138,7 +122,6 @@ BAD: list[tuple[str, str]] = [
     ("n_<UDIM>.png --height h.png", "n_<UDIM>.png stands for several textures; name one of them, with a"),
     ("n.png --mesh m.ply --open 91", "between 0 and 90 degrees on, not 91"),
     ("n.png --relit r.exr", "a relit picture is for the screen; use .png or .tif"),
-    ("n.png --relit r_##.png", "stands for frames, and there is one light; give --turntable"),
     ("n.png --relit r.png --light nan,nan", "--light nan,nan is not known"),
     ("n.png --height h.png --relit r.png --albedo flat.png", "the albedo is 8 x 8 but the normal map is 72 x 64"),
     ("n.png --height h.png --camera small.json", "n.png: the camera is 8 x 8 but the photo is 72 x 64"),

@@ -6,8 +6,6 @@ from height_shapes import Surface, off, square_camera, torus, two_spheres
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.relief.integration.bilateral import chosen_sides
-from mpsnet_core.relief.integration.gradients import Gradients
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
 from mpsnet_core.relief.occlusion import ambient_occlusion
 from mpsnet_core.scene.camera import Camera
@@ -131,15 +129,3 @@ def test_what_does_not_fit_together_stays_where_it_is(monkeypatch: pytest.Monkey
     error = errors(surface, "fast")[away].mean()
     monkeypatch.setattr("mpsnet_core.relief.integration.fast.LOOSE", np.float32(1e9))
     assert error < errors(surface, "fast")[away].mean() / 2
-
-
-def test_rows_and_columns_are_treated_alike() -> None:
-    """However the rows are cut into bands on the way."""
-    rng = np.random.default_rng(5)
-    facing, right, down, depth = rng.normal(size=(4, 530, 21)).astype(np.float32)
-    mask = rng.random(depth.shape) < 0.9
-    weights, pulls = chosen_sides(Gradients(facing, right, down, mask), depth)
-    turned_weights, turned_pulls = chosen_sides(Gradients(facing.T, down.T, right.T, mask.T), depth.T)
-    for links, turned in ((weights, turned_weights), (pulls, turned_pulls)):
-        assert np.allclose(links.right, turned.down.T, atol=1e-5)
-        assert np.allclose(links.down, turned.right.T, atol=1e-5)

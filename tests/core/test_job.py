@@ -12,7 +12,7 @@ from bad_input import Bench, gets_one_clear_sentence
 from claim_holder import HOLD, has_it
 from synthetic import listing
 
-from mpsnet_core.errors import FormatError, InputError
+from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.job import (
     FOLDER_CLAIM,
     JOB_FILE,
@@ -36,21 +36,6 @@ def test_a_job_comes_back(tmp_path: Path) -> None:
 def test_a_job_that_was_written_before_a_setting_existed_has_its_default(tmp_path: Path) -> None:
     (tmp_path / JOB_FILE).write_text('{"format": "mpsnet-samples", "version": 1, "renderer": "synthesis", "count": 3}')
     assert read_job(tmp_path) == SampleJob("synthesis", 3)
-
-
-def test_a_job_of_shapes_that_are_no_longer_drawn_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    write_job(tmp_path, replace(JOB, shapes=("blobs", "scene")))
-    written = tmp_path / JOB_FILE
-    written.write_text(written.read_text().replace('"blobs"', '"composites"'))
-    with pytest.raises(FormatError, match=r"job\.json: shape 'composites' is not known; choose blobs, drapery, "):
-        read_job(tmp_path)
-
-
-def test_a_job_is_placed_in_a_new_folder_and_again_in_its_own(tmp_path: Path) -> None:
-    folder = tmp_path / "new"
-    for _ in range(2):
-        place_job(folder, JOB)
-        assert read_job(folder) == JOB
 
 
 @pytest.mark.parametrize(("asked", "kept"), [(20, 20), (5, 12), (12, 12)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpsnet_core.estimate.light_frame import LightFrame, canonical_frames
-from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
+from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 TILTS = [
     [90, 210, 330],
@@ -52,15 +52,6 @@ def test_each_light_has_its_turn_in_the_picture_and_in_its_mirror_image_the_stra
         assert canonical_frames(directions(tilts), passes) == frames[:passes]
 
 
-@pytest.mark.parametrize("turn", range(0, 360, 7))
-def test_lights_a_third_of_a_turn_apart_leave_15_degrees_in_the_first_two_frames(turn: float) -> None:
-    lights = published_rig().directions
-    angle = np.radians(turn)
-    rotation = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    for frame in canonical_frames(lights @ rotation.T, 2):
-        assert off_straight(frame, lights @ rotation.T) <= 15.001
-
-
 @pytest.mark.parametrize(("tilt", "quarters"), [(0, 1), (180, 3), (270, 2), (0.4, 1), (359.6, 1), (90.4, 0)])
 def test_the_scene_is_turned_by_quarters(tilt: float, quarters: int) -> None:
     (frame,) = canonical_frames(directions([tilt, tilt + 100, tilt + 220]), 1)
@@ -77,13 +68,6 @@ def test_turning_a_vector_is_turning_the_picture(quarters: int, mirrored: bool) 
     picture[1, 4] = 1  # two to the right, one up
     (row,), (column,) = np.nonzero(frame.picture(picture))
     np.testing.assert_array_equal(frame.rotation @ [2, 1, 0], [column - 2, 2 - row, 0])
-
-
-def test_what_is_written_into_a_frames_picture_stands_in_the_cameras() -> None:
-    picture = np.zeros((4, 6))
-    for frame in canonical_frames(directions([17, 170, 250])):
-        frame.picture(picture)[...] += 1
-    assert (picture == 6).all()
 
 
 @pytest.mark.parametrize("tilts", [*TILTS, [45, 135, 315], [45, 225, 330]])

@@ -154,14 +154,6 @@ class TestBackground:
         photo, empty = noisy(before(image, self.scene(), mask), 1), noisy(exposure * self.scene(), 2)
         assert overlap(background_mask(photo, empty), mask) > 0.97
 
-    def test_where_the_object_looks_like_the_background_it_is_filled(self) -> None:
-        image, mask = ball()
-        scene = self.scene()
-        y, x = np.mgrid[:SIDE, :SIDE]
-        alike = (x - 90) ** 2 + (y - 110) ** 2 < 16
-        image[alike] = scene[alike]
-        assert overlap(background_mask(noisy(before(image, scene, mask), 1), noisy(scene, 2)), mask) > 0.97
-
     def test_a_capture_takes_it_with_the_photos_own_correction(self, tmp_path: Path) -> None:
         image, mask = ball()
         scene = self.scene()
@@ -237,15 +229,6 @@ class TestCommand:
         assert drawn.shape == (SIDE, SIDE, 3) and colourless[0].all()
         outline = (drawn[..., 0] > 0.95) & (np.abs(drawn[..., 1] - 0.55) < 0.02) & (drawn[..., 2] < 0.15)
         assert outline.sum() > 300 and not outline[mask].any()
-
-    def test_the_mask_is_what_estimate_takes(
-        self, tmp_path: Path, mpsnet: Mpsnet, photo: tuple[Path, np.ndarray], rig_file: Path
-    ) -> None:
-        out, normals = tmp_path / "mask.png", tmp_path / "normals.png"
-        assert mpsnet("mask", photo[0], "-o", out).returncode == 0
-        command = ["estimate", photo[0], "--rig", rig_file, "--model", "lambertian", "--mask", "auto", "-o", normals]
-        assert mpsnet(*command).returncode == 0
-        np.testing.assert_array_equal(oiio.ImageBuf(str(normals)).get_pixels(oiio.FLOAT)[..., 3] > 0.5, read_mask(out))
 
     @pytest.mark.parametrize(
         ("options", "words"),

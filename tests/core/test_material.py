@@ -25,11 +25,10 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals, trend
+from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
 from mpsnet_core.relief.material.gradients import normals_of, periodic_height
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.material_files import normals_by_photo
-from mpsnet_core.relief.material.resampling import resampled
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.normal_encoding import read_vectors
 
@@ -59,14 +58,6 @@ def test_slow_bend_is_taken_out_and_detail_stays():
     assert degrees_between(normals_of(gradients), weave.normals).mean() < 1
     untouched, _ = flatten_normals(weave.normals.astype(np.float32), 4)
     assert degrees_between(normals_of(untouched), weave.normals).mean() < 0.3
-
-
-def test_a_trend_is_a_polynomial_and_a_weave_is_none():
-    rows, columns = np.linspace(0, 1, 301)[:, None], np.linspace(0, 2, 431)
-    smooth = np.stack([1 + columns * rows - rows**3, columns**4 + 0 * rows], axis=-1).astype(np.float32)
-    assert np.abs(trend(smooth, 4) - smooth).max() < 0.01
-    weave = np.sin(2 * np.pi * np.arange(431) / 29.3) + 0 * rows
-    assert np.abs(trend(weave[..., None].astype(np.float32), 4)).mean() < 0.03
 
 
 # --- albedo -----------------------------------------------------------------------------------------------------------
@@ -136,18 +127,6 @@ def test_heights_of_known_waves_are_exact_in_millimetres(shape):
         lengths = np.array([across / (shape[1] * pitch[0]), down / (shape[0] * pitch[1])])
         gradients += 2 * np.pi * size * np.cos(place)[..., None] * lengths
     assert np.abs(periodic_height((gradients + 0.3).astype(np.float32), pitch) - height).max() < 1e-4
-
-
-@pytest.mark.parametrize("repeated", [False, True])
-def test_values_at_other_places_are_those_of_the_wave_there(repeated):
-    rows, columns = np.indices((60, 80)) + 0.5
-    wave = np.sin(2 * np.pi * (3 * columns / 80 + 2 * rows / 60)).astype(np.float32)[..., None]
-    places = np.array([[1.1, 0.2, 0], [-0.15, 0.9, 0], [0.0 if repeated else 12.0, -5.0 if repeated else 3.0, 1]])
-    found = resampled(wave, places, (50, 55), repeated=repeated)[..., 0]
-    rows, columns = np.indices((50, 55)) + 0.5
-    x, y = (places[0, k] * columns + places[1, k] * rows + places[2, k] for k in (0, 1))
-    assert repeated == bool((x < 0).any() or (y < 0).any())
-    assert np.abs(found - np.sin(2 * np.pi * (3 * x / 80 + 2 * y / 60))).max() < 0.02
 
 
 # --- the whole --------------------------------------------------------------------------------------------------------
@@ -359,13 +338,6 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
     write_image(tmp_path / "weave.exr", image[:50])
     assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "small") == 2
     assert "330 x 50 pixels are too few for a material; take 64 or more each way" in capfd.readouterr().err
-
-
-def test_results_do_not_overwrite_the_photo(photo, tmp_path, capfd):
-    (tmp_path / "weave.exr").rename(tmp_path / "a_height_mm.exr")
-    arguments = ["--rig", str(tmp_path / "rig.json"), "--width", "66mm", "--name", "a", "-o", str(tmp_path)]
-    assert main(["material", str(tmp_path / "a_height_mm.exr"), *arguments]) == 2
-    assert "the result would overwrite" in capfd.readouterr().err
 
 
 def test_a_material_of_another_photos_normals_is_refused():

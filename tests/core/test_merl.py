@@ -84,37 +84,12 @@ def test_lookup_gives_the_reflectance_that_the_table_was_made_of(table: MerlTabl
     assert error.mean() < 0.0005
 
 
-def test_lookup_at_a_bin_centre_gives_its_sample(tmp_path: Path) -> None:
-    """A table of noise: half a bin beside the centre the lookup would be a mean of unrelated samples."""
-    rng = np.random.Generator(np.random.PCG64(5))
-    values = 0.1 + rng.random((*BINS, 3))
-    write_merl(tmp_path / "noise.binary", values)
-    centres = np.stack(bin_centres(), axis=-1)[5:40:7, 5:40:7, ::10].reshape(-1, 3)
-    theta_half, theta_difference, phi_difference = centres.T
-    x = np.sin(theta_difference) * np.cos(phi_difference)
-    y = np.sin(theta_difference) * np.sin(phi_difference)
-    z = np.cos(theta_difference)
-    sine, cosine = np.sin(theta_half), np.cos(theta_half)
-    lights = np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=1)
-    half = np.stack([sine, np.zeros_like(sine), cosine], axis=1)
-    views = 2 * np.sum(half * lights, axis=1, keepdims=True) * half - lights
-    found = read_merl(tmp_path / "noise.binary")(up(len(centres)), lights, views)
-    assert np.abs(found - values[5:40:7, 5:40:7, ::10].reshape(-1, 3)).max() < 0.01
-
-
 def test_samples_are_scaled_by_channel(tmp_path: Path) -> None:
     with (tmp_path / "flat.binary").open("wb") as file:
         np.array(BINS, "<i4").tofile(file)
         np.full(3 * np.prod(BINS), 1500.0, "<f8").tofile(file)
     found = read_merl(tmp_path / "flat.binary")(up(10), hemisphere(10, 6), hemisphere(10, 7))
     assert np.allclose(found, [1.0, 1.15, 1.66])
-
-
-def test_light_and_viewer_can_be_swapped(table: MerlTable) -> None:
-    lights, views = hemisphere(5000, 8), hemisphere(5000, 9)
-    forth, back = table(up(5000), lights, views), table(up(5000), views, lights)
-    assert np.allclose(forth, back, rtol=2e-3)
-    assert np.median(np.abs(forth / back - 1)) < 1e-5
 
 
 def test_directions_that_were_not_measured_are_sound(table: MerlTable) -> None:

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from directions import Array, angles_by_rotation, hemisphere, rotation, up
-from external_data import external_data
+from directions import Array, angles_by_rotation, hemisphere, up
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.reflectance import MerlFit, load_reflectance, material_names
+from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
 from mpsnet_core.synthesis.reflectance.fits import read_fits
 from mpsnet_core.synthesis.scene_description import Material
 
@@ -29,16 +28,6 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "fits.npz"
 
 
-@pytest.fixture(scope="module")
-def merl_fits() -> Path:
-    return external_data("merl_fits")
-
-
-@pytest.fixture(scope="module")
-def fits(merl_fits: Path) -> dict[str, MerlFit]:
-    return read_fits(merl_fits / "merl_nbrdf.npz")
-
-
 def test_network_is_evaluated_as_published(file: Path) -> None:
     """One direction at a time, in double precision, from angles found by rotation."""
     lights, views = hemisphere(200, 1), hemisphere(200, 2)
@@ -55,19 +44,6 @@ def test_network_is_evaluated_as_published(file: Path) -> None:
         expected.append(np.maximum(np.exp(second @ fc3 + b3) - 1, 0))
     assert 0.1 < np.mean(np.array(expected) > 0) < 1  # both kinds of output occur
     assert np.allclose(read_fits(file)["brass"](up(200), lights, views), expected, rtol=1e-4, atol=1e-5)
-
-
-def test_fits_are_reciprocal_finite_and_the_same_after_a_turn(fits: dict[str, MerlFit]) -> None:
-    lights, views = hemisphere(500, 5), hemisphere(500, 6)
-    lights[:100, 2] *= 1e-4
-    lights /= np.linalg.norm(lights, axis=1, keepdims=True)
-    turn = rotation(7)
-    for fit in fits.values():
-        forth = fit(up(500), lights, views)
-        assert np.isfinite(forth).all() and (forth >= 0).all() and forth.max() < 65504
-        assert np.allclose(forth, fit(up(500), views, lights), rtol=1e-2, atol=1e-3)
-        turned = fit(up(500) @ turn.T, lights @ turn.T, views @ turn.T)
-        assert np.allclose(forth[100:], turned[100:], rtol=1e-2, atol=1e-3)
 
 
 @pytest.mark.parametrize("vector", [[0, 0, -1], [1, 0, 0], [0, 0, 0], [np.nan, 0, 1]])

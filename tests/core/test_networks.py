@@ -130,13 +130,6 @@ def test_mps_net_is_the_paper_s_figure_3() -> None:
         assert degrees_between(conv10[:, 0, 0], answer) < 1e-3
 
 
-@pytest.mark.parametrize("side", [1, 3, 7, 9])
-def test_patches_of_table_1_end_in_one_pixel(side: int) -> None:
-    for normals in (True, False):
-        network = small("mpsnet", patch=side, normals=normals)
-        assert network(*inputs_of(network, side)).normals.shape == (2, 3)
-
-
 @pytest.mark.parametrize("directions", [RIGHT_HANDED, LEFT_HANDED], ids=["right-handed", "left-handed"])
 def test_a_demultiplexer_that_adds_nothing_is_equation_2(directions: np.ndarray) -> None:
     network = small("demultiplexer")

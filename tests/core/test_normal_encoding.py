@@ -11,9 +11,7 @@ from bumpy_sphere import unit
 from synthetic import degrees_between, write_file
 
 from mpsnet_core.bake.detail_blending import read_base_map
-from mpsnet_core.cli import main
 from mpsnet_core.errors import FormatError
-from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.scene.normal_encoding import read_vectors, write_vectors
 from mpsnet_core.scene.normal_map import read_normals
 
@@ -81,22 +79,6 @@ def test_a_flat_area_is_byte_128_even_with_noise(name: str, tmp_path: Path) -> N
         assert (oiio.ImageBuf(str(tmp_path / name)).get_pixels(oiio.UINT8) == (128, 128, 255)).all()
     write_vectors(tmp_path / name, np.tile(FLAT, (4, 4, 1)), bits=16)
     assert (oiio.ImageBuf(str(tmp_path / name)).get_pixels(oiio.UINT16) == (32768, 32768, 65535)).all()
-
-
-@pytest.mark.parametrize("bits", [8, 16])
-@pytest.mark.parametrize("encoded", ["128", "127.5, rounded"])
-def test_heights_do_not_lean(bits: int, encoded: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A half level too much in x and y would make 2 pixels over these 512."""
-    monkeypatch.chdir(tmp_path)
-    levels = np.tile(BYTES[encoded](np.tile(FLAT, (64, 64, 1))), (4, 4, 1))
-    written(tmp_path / "n.png", levels, "uint8" if bits == 8 else "upper byte")
-    assert main(["integrate", "n.png", "--height", "h.exr"]) == 0
-    assert np.ptp(read_channel("h.exr")) < 0.01
-    tile = np.tile(SURFACES["gentle"], (2, 1, 1))
-    written(tmp_path / "n.png", BYTES[encoded](tile), "uint8" if bits == 8 else "upper byte")
-    assert main(["integrate", "n.png", "--height", "h.exr"]) == 0
-    heights = read_channel("h.exr")
-    assert np.abs(heights[:SIDE] - heights[SIDE:]).mean() < 0.1
 
 
 @pytest.mark.parametrize("kind", ["uint16", "upper byte", "half", "float"])

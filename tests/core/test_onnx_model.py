@@ -19,7 +19,7 @@ from synthetic import Sphere, listing, shaded_sphere
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
@@ -165,19 +165,6 @@ def test_a_provider_that_is_not_there_is_refused_with_those_that_are(
         pytest.skip(f"this onnxruntime has {full_name}")
     with pytest.raises(InputError, match=f"provider '{asked}' is not in this onnxruntime; choose .*cpu"):
         OnnxModel(pass_through(tmp_path / "identity.onnx"), provider=asked)
-
-
-def test_cancelling_between_tiles_stops_the_work(tmp_path: Path, odd: Capture) -> None:
-    told = []
-
-    def cancel(fraction: float, message: str) -> None:
-        told.append(message)
-        if len(told) == 3:
-            raise Cancelled
-
-    with pytest.raises(Cancelled):
-        estimate_normals(odd, plain(tmp_path / "n.onnx", 3), tile=64, progress=cancel)
-    assert told == ["tile 1 of 9", "tile 2 of 9", "tile 3 of 9"]
 
 
 def test_a_card_comes_back_from_its_text() -> None:

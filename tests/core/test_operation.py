@@ -60,24 +60,6 @@ class Grind(UsesMill):
         return Answer({setting.name: getattr(self, setting.name) for setting in settings(type(self))}, text="ground")
 
 
-@dataclass(frozen=True)
-class EvaluateTaste(Operation):
-    """Taste it."""
-
-    command: ClassVar[str] = "evaluate taste"
-
-    def run(self, progress: Progress = silent) -> Result:
-        return Result(text="good")
-
-
-@dataclass(frozen=True)
-class EvaluateSmell(EvaluateTaste):
-    """Smell it."""
-
-    command: ClassVar[str] = "evaluate smell"
-    listed: ClassVar[bool] = False
-
-
 def on_the_command_line(*arguments: str) -> dict[str, Any]:
     parser = Parser()
     add_operation(parser.add_subparsers(), Parser(add_help=False), Grind)
@@ -218,18 +200,3 @@ def test_provenance_may_be_of_a_part_of_the_options() -> None:
     wide = Grind(beans=("a",), output="bag", gap=3)
     assert operation_facts(coarse, UsesMill) == operation_facts(fine, UsesMill) != operation_facts(wide, UsesMill)
     assert operation_facts(fine, UsesMill) != operation_facts(fine, UsesMill, motor="steam")
-
-
-def test_commands_of_one_group_stand_together() -> None:
-    parser = Parser()
-    verbs, common = parser.add_subparsers(), Parser(add_help=False)
-    for kind in (EvaluateTaste, Grind, EvaluateSmell):
-        add_operation(verbs, common, kind)
-    assert list(verbs.choices) == ["evaluate", "grind"]
-    for name in ("taste", "smell"):
-        options = parser.parse_args(["evaluate", name])
-        assert options.verb(options, Reporter("none")) == {"text": "good"}
-    listed = verbs.choices["evaluate"].format_help()
-    assert "taste it" in listed and "smell" not in listed
-    with pytest.raises(InputError, match="required: TEST"):
-        parser.parse_args(["evaluate"])

@@ -56,16 +56,6 @@ def test_a_sample_comes_back_cut_to_its_object(folder: Path) -> None:
         np.testing.assert_array_equal(packed.directions, sample.recipe.light_directions)
 
 
-def test_samples_are_in_the_order_of_folders_and_numbers(
-    folder: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    other = tmp_path_factory.mktemp("other")
-    write_sample(sample_path(other, 7), sphere_sample(16))
-    samples = PackedSamples([other, folder])
-    assert samples.names == [f"{other.name}/7"] + [f"{folder.name}/{number}" for number in range(3)]
-    assert samples.paths == [sample_path(other, 7)] + [sample_path(folder, number) for number in range(3)]
-
-
 def test_damaged_and_dark_samples_are_named_and_left_out(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     sample_path(folder, 1).write_bytes(sample_path(folder, 1).read_bytes()[:-1000])
     dark = sphere_sample(16, number=3)

@@ -41,10 +41,3 @@ def test_push_pull_is_smooth_and_nearest_is_not() -> None:
         beside = filled[128, [128 - 64 + 27, 128 + 64 - 27]]  # just off the discs' edges
         assert degrees_between(beside, [LEFT, RIGHT]).max() < 0.15 * between
     assert steps["push-pull"] < 0.15 * between < steps["nearest"]
-
-
-def test_push_pull_turns_with_the_picture() -> None:
-    """The pyramid favours no side, where the size is a power of two."""
-    vectors, covered = two_islands(128, 128)
-    turned = padded(np.rot90(vectors), np.rot90(covered), "push-pull", 0)
-    assert turned == pytest.approx(np.rot90(padded(vectors, covered, "push-pull", 0)), abs=1e-5)

@@ -47,14 +47,6 @@ def test_stripes_follow_one_another_along_their_direction(points: np.ndarray, pa
     assert np.abs(soft.max(axis=1) - expected).max() < 1e-4
 
 
-@pytest.mark.parametrize("kind", ["noise", "stripes"])
-def test_soft_edges_have_no_steps(kind: str) -> None:
-    line = np.linspace(0, 5, 20_001)[:, None] * [1, 0, 0] + [0.3, 0.4, 0.5]
-    weights = material_weights(Pattern(kind, 1.0, 0.5, 0.2, (1, 0, 0), 3), 3, line, np.zeros(len(line), np.int32))
-    assert np.ptp(weights, axis=0).min() > 0.9
-    assert np.abs(np.diff(weights, axis=0)).max() < 0.01
-
-
 def test_cells_of_one_material_blend_at_their_borders(points: np.ndarray, parts: np.ndarray) -> None:
     cell, neighbour, border = voronoi(points * 2, 9)
     weights = material_weights(Pattern("voronoi", 2.0, 0.4, seed=9), 3, points, parts)
@@ -64,14 +56,6 @@ def test_cells_of_one_material_blend_at_their_borders(points: np.ndarray, parts:
     assert (weights[every, cell % 3][~apart] == 1).all()
     hard = material_weights(Pattern("voronoi", 2.0, seed=9), 3, points, parts)
     assert (hard.argmax(axis=1) == cell % 3).all()
-
-
-def test_warp_bends_a_pattern_by_no_more_than_it_says(points: np.ndarray, parts: np.ndarray) -> None:
-    straight = material_weights(Pattern("stripes", 0.5), 2, points, parts).argmax(axis=1)
-    bent = material_weights(Pattern("stripes", 0.5, warp=0.2, seed=2), 2, points, parts).argmax(axis=1)
-    assert 0.02 < (straight != bent).mean() < 0.3
-    along = points[:, 0] * 0.5
-    assert np.abs(along - np.rint(along))[straight != bent].max() < 2 * 0.2
 
 
 def test_paint_multiplies_colours_about_one(points: np.ndarray) -> None:

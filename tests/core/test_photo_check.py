@@ -127,14 +127,6 @@ def test_the_focus_of_paint_is_judged_where_there_is_no_outline(sigma: float, le
     assert checked(image, np.ones(squares.shape, bool))["focus"].level == level
 
 
-def test_a_smooth_object_without_edges_is_not_called_blurred() -> None:
-    """Waves that fill the picture, as smooth as can be."""
-    x, y = np.meshgrid(np.arange(400), np.arange(400))
-    waves = np.stack([0.5 + 0.3 * np.sin(x / 12 + phase) * np.cos(y / 15) for phase in (0, 2, 4)], axis=-1)
-    found = checked(waves, np.ones((400, 400), bool))["focus"]
-    assert (found.level, "no edges" in found.sentence) == ("good", True)
-
-
 def test_large_photos_and_files_without_an_upper_end() -> None:
     """A float file may hold any values; one that a converter clipped at 1 shows it."""
     image, mask = photo(size=1600)

@@ -78,21 +78,6 @@ def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
     assert senses == {"canonical": {1.0}, "any": {1.0, -1.0}, "camera": own}[frames]
 
 
-def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: PackedSamples) -> None:
-    places = torch.arange(float(WINDOW))
-    for finer in ((1.0,), ()):
-        simulator = PhotoSimulator(spheres, IDEAL, finer=finer, frames="any", window=WINDOW)
-        for step in range(6):
-            (scale,) = simulator.batch(step, 2)
-            for truth, weights in zip(scale.truth, scale.weights > 0, strict=True):
-                size = truth.shape[-1]
-                x, y = places[None, :size].expand(size, size)[weights], places[:size, None].expand(size, size)[weights]
-                for component, right, up in ((truth[0], 1, 0), (truth[1], 0, -1)):
-                    for axis, expected in ((x, right), (y, up)):
-                        found = float(torch.corrcoef(torch.stack([component[weights], axis]))[0, 1])
-                        assert found == pytest.approx(expected, abs=0.25 if expected == 0 else 0.05)
-
-
 def test_a_finer_window_shows_what_the_coarser_one_shows_there(spheres: PackedSamples) -> None:
     scales = PhotoSimulator(spheres, IDEAL, finer=EVERY_SCALE).batch(0, 4)
     half = WINDOW // 2
@@ -132,14 +117,6 @@ def test_a_window_is_cut_from_the_whole_photograph(spheres: PackedSamples) -> No
             corners.add(match[0])
             assert weights[8:24, 8:24].any(), "its middle half holds some of the object"
     assert len(corners) > 12
-
-
-def test_what_is_smaller_than_a_window_is_surrounded_by_what_does_not_count(spheres: PackedSamples) -> None:
-    (scale,) = PhotoSimulator(spheres, window=250, finer=()).batch(0, 2)
-    assert scale.maps["photo"].shape[2:] == (250, 250)
-    empty = scale.maps["mask"] == 0
-    assert 0.3 < float(empty.float().mean()) < 0.9
-    assert not (scale.maps["photo"] * empty).any() and not (scale.weights[:, None] * empty).any()
 
 
 def test_maps_are_those_that_estimates_are_made_from(spheres: PackedSamples) -> None:

@@ -8,9 +8,8 @@ import pytest
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 
-from mpsnet_core.bake.presets import PRESETS, preset_output
+from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_map import write_normals
 
@@ -100,19 +99,6 @@ def test_no_texture_is_too_small_for_a_margin_that_nobody_gave(
 )
 def test_godots_names_are_in_snake_case(given: str, stem: str) -> None:
     assert PRESETS["godot"].stem(given) == f"{stem}_normal"
-
-
-@pytest.mark.parametrize(
-    ("output", "said"),
-    [
-        ("texture.exr", r"texture\.exr ends in \.exr; change"),
-        ("texture.jpg", r"texture\.jpg ends in \.jpg; change"),
-        ("texture", r"texture has no ending \(for a new folder write texture/\); change"),
-    ],
-)
-def test_an_ending_that_contradicts_the_preset_is_refused(output: str, said: str) -> None:
-    with pytest.raises(InputError, match=r"the preset for glTF writes \.png, but " + said):
-        preset_output(PRESETS["gltf"], output, "HeroHead")
 
 
 @pytest.mark.parametrize(

@@ -1,24 +1,20 @@
 """Pyramids, networks that run on one scale after another: against loops in NumPy, and on pictures that are known."""
 
-import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
-from networks import ALL, card, hands_on, sees_all
+from networks import hands_on, sees_all
 from synthetic import CROSSTALK, degrees_between
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.estimate import dense
-from mpsnet_core.estimate.dense import predict_dense
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.features import FEATURE_CHANNELS
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
-from mpsnet_core.progress import silent
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 pytestmark = pytest.mark.accuracy
@@ -185,29 +181,6 @@ def test_something_flat_stays_flat_however_narrow_and_up_to_the_picture_s_edge(
     )
 
 
-def test_what_a_magnified_photo_s_network_sees_of_the_scale_before_is_its_answer_on_the_small_photo(
-    tmp_path: Path,
-) -> None:
-    random = np.random.default_rng(3)
-    mask = random.random((140, 100)) < 0.9
-    mask[[0, -1]] = mask[:, [0, -1]] = True
-    small = Capture(random.uniform(0.1, 1, (140, 100, 3)), mask, RIG)
-    large = Capture(*(values.repeat(2, axis=0).repeat(2, axis=1) for values in (small.image, mask)), RIG)
-    model = OnnxModel(sees_all(tmp_path / "n.onnx", frame="camera"))
-    answer, seen = model(small), []
-
-    def network(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, ...]:
-        seen.append(inputs["pixels"])
-        return tuple(model.session.run(None, inputs))
-
-    predict_dense(network, model.card, large, 1024, silent)
-    assert [pixels.shape[2:] for pixels in seen] == [(70, 50), (140, 100), (280, 200)]
-    error = (1 - answer.confidence) * np.pi / 2
-    expected = doubled(np.concatenate([answer.vectors, error[..., None]], axis=-1), mask, (280, 200))
-    found = seen[-1][0, 4:].transpose(1, 2, 0)
-    np.testing.assert_allclose(found, expected * large.mask[..., None], rtol=0, atol=1e-4)
-
-
 def resized(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Values (h, w, c) on other pixels (H, W), bilinear between the middles of the nearest four."""
     result = np.zeros((*shape, values.shape[2]))
@@ -247,36 +220,6 @@ def test_a_small_photo_s_answer_is_that_to_its_magnified_picture(tmp_path: Path,
 # --- what the network is shown ----------------------------------------------------------------------------------------
 
 
-def always_facing(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.broadcast_to(np.float32([0, 0, 1])[:, None, None], (1, 3, *size)), np.ones((1, 1, *size), np.float32)
-
-
-def shown(capture: Capture, *features: str, tile: int = 1024, **facts: object) -> list[Inputs]:
-    """What a network that always says "facing" is shown, call by call, each feature as an input of its own."""
-    calls = []
-
-    def network(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, np.ndarray]:
-        assert all(values.flags.c_contiguous and values.dtype == np.float32 for values in inputs.values())
-        assert all(len(values[0]) == FEATURE_CHANNELS[name] for name, values in inputs.items())
-        calls.append(inputs)
-        return always_facing(inputs, count, *size)
-
-    seen = card(**{"kind": "pyramid", "inputs": {name: (name,) for name in features}, **facts})
-    predict_dense(network, seen, capture, tile, silent)
-    return calls
-
-
-@pytest.mark.parametrize(
-    ("size", "sides"), [(128, [128]), (129, [65, 129]), (256, [128, 256]), (1025, [65, 129, 257, 513, 1025])]
-)
-def test_the_first_scale_shows_the_whole_object_on_128_pixels_at_most(size: int, sides: list[int]) -> None:
-    mask = np.zeros((7, size + 9), bool)
-    mask[3, 4 : 4 + size] = True
-    calls = shown(Capture(np.ones((*mask.shape, 3)), mask, RIG), "mask", "given", tile=4096)
-    assert [call["mask"].shape for call in calls] == [(1, 1, 1, side) for side in sides]
-    assert [call["given"][0, :, 0, 0].tolist() for call in calls] == [[0, 0]] + [[1, 0]] * (len(sides) - 1)
-
-
 # --- progress and memory ----------------------------------------------------------------------------------------------
 
 
@@ -296,14 +239,3 @@ def test_progress_is_the_share_of_pixels_and_can_cancel_on_any_scale(tmp_path: P
     OnnxModel(hands_on(tmp_path / "m.onnx", magnified=1.5))(ragged, lambda share, message: told.append(share))
     # Of the 131 x 39 pixels on the scale before they are 1.5² times as many; those of the last one are 4.
     assert told == sorted(told) and told[-2:] == pytest.approx([2.25 / 6.25, 1])
-
-
-def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:
-    side = 2048
-    photo = np.ones((side, side, 3), np.float32)
-    capture = Capture(photo, np.ones((side, side), bool), RIG, white=photo)
-    tracemalloc.start()
-    predict_dense(always_facing, card(kind="pyramid", inputs=ALL, halo=16, multiple=16), capture, 256, silent)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 1.25 * side * side * 4 * 4 + 0.6 * photo.nbytes

@@ -59,15 +59,6 @@ def test_memory_is_bounded_however_many_triangles_overlap() -> None:
     assert peak < count * size**2  # a byte for each texel of each triangle
 
 
-def test_triangles_without_area_leave_the_others_as_they_are() -> None:
-    uvs = random_triangles("ordinary", 40)
-    point, line = np.full((3, 2), 0.3), np.array([[0.1, 0.2], [0.5, 0.6], [0.9, 1.0]])
-    with_them = owners(np.concatenate([uvs, [point, line + 1e-4 * np.sqrt(2)]]), 64)
-    lines_texels = with_them >= 40
-    assert ((with_them == owners(uvs, 64)) | lines_texels).all()
-    assert lines_texels.sum() <= 64  # a line can lie on centres, but on no more than one in a row
-
-
 @pytest.mark.parametrize("turn", [0, 30, 45, 77])
 @pytest.mark.parametrize("cells", [3, 7, 11])
 def test_neighbours_leave_no_crack(cells: int, turn: int) -> None:
@@ -89,12 +80,6 @@ def _in_grid(size: int, angle: float) -> np.ndarray:
     u, v = column / size - 0.3, 1 - row / size - 0.3
     x, y = np.cos(angle) * u + np.sin(angle) * v, -np.sin(angle) * u + np.cos(angle) * v
     return np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) < 1.499
-
-
-def test_the_first_row_is_at_the_top_of_the_texture() -> None:
-    corner = np.array([[[0.0, 1.0], [0.3, 1.0], [0.0, 0.7]]])
-    covered = owners(corner, 10) >= 0
-    assert covered[0, 0] and not covered[-1].any() and not covered[:, -1].any()
 
 
 @pytest.mark.parametrize("share", [0.001, 0.02, 0.4])

@@ -72,13 +72,6 @@ def test_the_black_level_of_each_site_is_taken_off(tmp_path: Path) -> None:
     np.testing.assert_allclose(image.pixels, flat() * scale[0], atol=STEP)
 
 
-def test_a_smooth_image_is_interpolated_within_its_curvature(tmp_path: Path) -> None:
-    image = read_image(write_dng(tmp_path / "a.dng", counted(mosaic(smooth())), black=BLACK, white=WHITE))
-    # Linear interpolation between sites two apart errs by h² f'' / 8 = f'' / 2 along each axis.
-    bound = 0.4 * (2 * np.pi / 30) ** 2 / 2 + STEP
-    np.testing.assert_allclose(image.pixels[1:-1, 1:-1], smooth()[1:-1, 1:-1], atol=bound)
-
-
 def test_an_image_with_all_channels_at_every_pixel(tmp_path: Path) -> None:
     pixels = smooth()
     pixels[10, 20, 1] = 1

@@ -5,8 +5,7 @@ import pytest
 from height_shapes import ball, orthographic
 
 from mpsnet_core import InputError
-from mpsnet_core.relief.relight import AMBIENT, relit, turntable_sheet, turntable_tilts
-from mpsnet_core.scene.rig import direction_from_angles
+from mpsnet_core.relief.relight import AMBIENT, relit
 
 BALL = ball(orthographic(300, 80, 30), (0, 0, 0), 1.2)
 
@@ -33,19 +32,6 @@ def test_occlusion_darkens_the_ambient_light_alone_and_albedo_colours_all() -> N
     red = np.broadcast_to([0.5, 0.25, 0.0], (*BALL.mask.shape, 3))
     picture = linear(relit(BALL.normals, light, albedo=red)[BALL.mask, :3])
     assert (picture[:, 2] == 0).all() and picture[:, 0] == pytest.approx(2 * picture[:, 1], abs=1e-5)
-
-
-def test_a_turntable_goes_around_once() -> None:
-    assert turntable_tilts(4, 350) == [350, 80, 170, 260]
-    tiles = turntable_sheet(BALL.normals, 60, turntable_tilts(4, 0))
-    assert tiles.shape[2] == 3
-    # The ball's middle is equally bright in all; the side that is lit changes from tile to tile.
-    right = relit(BALL.normals, direction_from_angles(60, 0))
-    left = relit(BALL.normals, direction_from_angles(60, 180))
-    assert right[:, ::-1] == pytest.approx(left, abs=1e-5)
-    for count in (0, 361):
-        with pytest.raises(InputError, match="a turntable has 1 to 360 lights"):
-            turntable_tilts(count, 0)
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 0), (1, 0), (np.nan, 0, 1)])

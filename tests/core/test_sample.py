@@ -15,7 +15,6 @@ from sphere_sample import RED, sphere_sample
 from synthetic import listing, write_file
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.camera import Camera
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data, write_sample
 from mpsnet_core.synthesis.scene_description import Bump, Dirt, Paint, Pattern
 
@@ -91,12 +90,6 @@ def test_a_file_of_another_python_is_read_the_same() -> None:
     assert back.recipe.data() == sample.recipe.data()
 
 
-def test_samples_of_shapes_that_are_no_longer_drawn_are_read(tmp_path: Path, sample: Sample) -> None:
-    shape = {"kind": "composites", "seed": 1, "pose": "upright", "character": "biped"}
-    write_sample(tmp_path / "old.exr", replace(sample, recipe=replace(sample.recipe, shape=shape)))
-    assert read_sample(tmp_path / "old.exr").recipe.shape == shape
-
-
 def test_layers_are_named_as_other_programs_expect_them(file: Path, sample: Sample) -> None:
     source = oiio.ImageInput.open(str(file))
     spec, values = source.spec(), source.read_image(oiio.FLOAT)
@@ -132,14 +125,6 @@ def test_the_description_is_read_without_the_picture(file: Path, sample: Sample)
     assert data["recipe"] == json.loads(json.dumps(sample.recipe.data()))
     assert (data["version"], data["renderer"]) == (1, "a test")
     assert data["lit_fractions"] == pytest.approx(sample.lit_fractions)
-
-
-def test_an_orthographic_camera_comes_back(tmp_path: Path, sample: Sample) -> None:
-    camera = Camera("orthographic", 48, 48, np.array([20.0, 20.0]), np.array([23.0, 25.5]))
-    write_sample(tmp_path / "s.exr", replace(sample, recipe=replace(sample.recipe, camera=camera)))
-    back = read_sample(tmp_path / "s.exr").recipe.camera
-    assert back.projection == "orthographic"
-    np.testing.assert_array_equal(back.centre, [23.0, 25.5])
 
 
 def test_normals_come_back_of_unit_length(file: Path) -> None:
@@ -248,14 +233,6 @@ def test_what_is_not_a_sample_is_reported(
     with pytest.raises(InputError, match=words) as caught:
         read_sample(file)
     one_sentence(caught.value, file)
-
-
-def test_the_camera_is_the_picture_s(file: Path, sample: Sample) -> None:
-    camera = sample.recipe.data()["camera"]
-    with rewritten(file) as (channels, extra):
-        recipe(camera={**camera, "width": 47})(channels, extra)
-    with pytest.raises(InputError, match="its recipe does not fit it"):
-        read_sample(file)
 
 
 def test_other_files_are_reported(tmp_path: Path, sample: Sample) -> None:

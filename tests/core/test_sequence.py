@@ -6,7 +6,6 @@ import random
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, frame_masks, photo_frames
-from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_reading import image_description
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
@@ -92,40 +90,6 @@ def test_each_result_is_what_the_estimator_gives_alone(tmp_path: Path) -> None:
         found = read_normals(tmp_path / "out" / f"{photo.stem}_normals.png")
         np.testing.assert_array_equal(found.mask, alone.mask)
         assert degrees_between(found.vectors, alone.vectors)[alone.mask].max() < 0.01
-
-
-def test_no_more_than_a_few_frames_are_held_at_once(tmp_path: Path) -> None:
-    """However quick the reading and however slow the writing: frames alive are counted, not guessed from memory."""
-    alive, most, lock = 0, 0, threading.Lock()
-
-    class Held(np.ndarray):
-        def __del__(self) -> None:
-            nonlocal alive
-            if self.base is None:
-                with lock:
-                    alive -= 1
-
-    def pixels() -> Image:
-        nonlocal alive, most
-        values = Held((48, 48, 3), np.float32)
-        values[:] = picture(1)
-        with lock:
-            alive += 1
-            most = max(most, alive)
-        return Image(values, None, 1.0)
-
-    def kept(frame: Frame) -> Capture:
-        image = frame.source.photo()
-        capture = PhotoSet().open(Source(lambda: image, SPHERE.rig, "none"))
-        object.__setattr__(capture, "image", image.pixels)
-        return capture
-
-    outputs = [tmp_path / "out" / f"{k:03d}_normals.png" for k in range(60)]
-    frames = (Frame(k, Source(pixels, SPHERE.rig), output, str(k)) for k, output in enumerate(outputs))
-    estimate_sequence(frames, kept, LAMBERTIAN, recipe="", smooth=2)
-    assert len(listing(tmp_path / "out")) == 60
-    # Five that smoothing looks at, the one that is estimated, and three that were read ahead.
-    assert most <= 10
 
 
 # --- going on ---------------------------------------------------------------------------------------------------------
@@ -244,14 +208,6 @@ def test_a_mask_that_fits_no_photo_ends_the_run_soon(tmp_path: Path, mpsnet: Mps
         assert not (tmp_path / "out").exists()
 
 
-def test_a_result_that_cannot_be_written_ends_the_run(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 9))
-    (tmp_path / "out" / "frame_0003_normals.png").mkdir(parents=True)
-    with pytest.raises(InputError, match=r"frame_0003_normals\.png: it is a folder"):
-        run(photos, tmp_path / "out")
-    assert "frame_0002_normals.png" in listing(tmp_path / "out")
-
-
 def test_a_cancelled_run_keeps_what_was_estimated(tmp_path: Path) -> None:
     photos = shots(tmp_path / "shots", range(1, 9))
 
@@ -359,17 +315,6 @@ def test_an_object_that_was_found_is_looked_for_in_every_frame(tmp_path: Path, m
     assert masks[0].mean() < 0.4 and masks[1].all()
 
 
-def test_the_first_photo_without_alpha_is_warned_of_where_others_have_it(
-    tmp_path: Path, mpsnet: Mpsnet, rig: Path
-) -> None:
-    shots(tmp_path / "shots", [1, 2, 5])
-    for number in (3, 4):
-        write_file(tmp_path / "shots" / f"frame_{number:04d}.png", np.full(picture(number).shape, 0.3), "uint8")
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
-    told = result(mpsnet(*command, "--progress", "json"))
-    assert len([note for note in told["notes"] if "[no-mask]" in note]) == 1
-
-
 @pytest.mark.parametrize("smooth", ["0", "2"])
 def test_frames_without_an_object_are_left_out_and_the_others_made(
     tmp_path: Path, mpsnet: Mpsnet, rig: Path, smooth: str
@@ -421,27 +366,6 @@ def test_a_sequence_without_any_object_ends_with_the_reason(tmp_path: Path) -> N
     assert not (tmp_path / "out").exists()
 
 
-def test_numbers_that_rise_by_ten_are_smoothed_as_if_by_one(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
-    numbers = [1, 2, 3, 5, 6]
-    for step in (1, 10):
-        shots(tmp_path / f"by{step}", numbers)
-    for photo in sorted((tmp_path / "by10").iterdir(), reverse=True):
-        photo.rename(photo.with_stem(f"frame_{10 * int(photo.stem[-4:]):04d}"))
-    command = ["estimate", "--rig", rig, "--model", "lambertian", "--smooth", "2", "--progress", "json"]
-    for step in (1, 10):
-        told = result(mpsnet(*command, tmp_path / f"by{step}", "-o", tmp_path / f"out{step}"))
-        assert f"frame(s) {4 * step} missing; the others are estimated" in told["notes"]
-    for number in numbers:
-        found, same = (
-            read_normals(tmp_path / f"out{step}" / f"frame_{step * number:04d}_normals.png") for step in (1, 10)
-        )
-        np.testing.assert_array_equal(same.vectors, found.vectors)
-    (tmp_path / "by10" / "frame_0030.png").unlink()
-    (tmp_path / "out10" / "frame_0030_normals.png").unlink()
-    again = result(mpsnet(*command, tmp_path / "by10", "-o", tmp_path / "out10"))
-    assert (again["made"], again["there"]) == (3, 1)  # 60 alone was not made of 30
-
-
 def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     shots(tmp_path / "shots", [1, 2])
     command = ["estimate", tmp_path / "shots", "--rig", rig, "-o", tmp_path / "out", "--progress", "json"]
@@ -457,22 +381,6 @@ def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet
     assert made("--model", "lambertian-grey-world", "--encoding", "linear") == 2
 
 
-@pytest.mark.parametrize("given", ["dark_#.exr", ""], ids=["pattern", "folder"])
-def test_dark_frames_of_a_pattern_or_folder_make_frames_again_when_they_change(
-    tmp_path: Path, mpsnet: Mpsnet, rig: Path, given: str
-) -> None:
-    shots(tmp_path / "shots", [1, 2])
-    (tmp_path / "dark").mkdir()
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "--progress", "json"]
-    command += ["--dark", tmp_path / "dark" / given, "-o", tmp_path / "out"]
-    for level, made in ((0.01, 2), (0.01, 0), (0.02, 2)):
-        if made:
-            for number in (1, 2):
-                file = write_file(tmp_path / "dark" / f"dark_{number}.exr", np.full((48, 48, 3), level), "float")
-                os.utime(file, ns=(0, round(level * 1e9)))
-        assert result(mpsnet(*command))["made"] == made
-
-
 @pytest.mark.parametrize("name", ["normals", "png", "alpha"])
 def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet: Mpsnet, rig: Path, name: str
@@ -483,17 +391,6 @@ def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
     command = ["estimate", "shots", "--rig", rig, "--model", "lambertian", "--mask", "alpha"]
     command += ["-o", name, "--progress", "json"]
     assert [result(mpsnet(*command))["made"] for _ in range(2)] == [2, 0]
-
-
-def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
-    (tmp_path / "shots").mkdir()
-    for number in range(1, 9):
-        values = np.minimum(picture(number) * (2 + 0.1 * number), 1)
-        write_file(tmp_path / "shots" / f"frame_{number}.png", values, "uint8")
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
-    notes = result(mpsnet(*command, "--progress", "json"))["notes"]
-    assert len(notes) == len(set(notes)) <= 4
-    assert sum("saturated" in note for note in notes) == 1
 
 
 @pytest.mark.parametrize(
@@ -518,21 +415,6 @@ def test_what_a_sequence_cannot_be_asked(
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and words in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("option", ["--mask", "--dark"])
-def test_results_over_the_files_of_a_pattern_are_refused(
-    tmp_path: Path, mpsnet: Mpsnet, rig: Path, option: str
-) -> None:
-    photos = shots(tmp_path / "shots", [1, 2])
-    (tmp_path / "more").mkdir()
-    for photo in photos:
-        write_file(tmp_path / "more" / f"{photo.stem}_normals.png", SPHERE.mask, "uint8")
-    before = contents(tmp_path / "more")
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "more"]
-    done = mpsnet(*command, option, tmp_path / "more" / "frame_####_normals.png")
-    assert done.returncode == 2 and "the result would overwrite" in done.stderr
-    assert contents(tmp_path / "more") == before
 
 
 @pytest.mark.parametrize("option", ["--dark", "--flat", "--mask"])
@@ -576,19 +458,6 @@ def test_one_frame_of_a_folder_or_pattern_is_a_sequence(tmp_path: Path, mpsnet: 
     told = result(mpsnet(*command, tmp_path / "normals.exr"))  # a file, too, as of one photo
     assert (told["made"], told["outputs"]) == (1, [str(tmp_path / "normals.exr")])
     np.testing.assert_array_equal(read_normals(tmp_path / "normals.exr").mask, half)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
-@pytest.mark.parametrize("several", [False, True], ids=["one photo", "a folder"])
-def test_names_that_are_not_utf8_get_one_sentence(tmp_path: Path, mpsnet: Mpsnet, rig: Path, several: bool) -> None:
-    [photo] = shots(tmp_path / "shots", [1])
-    odd = photo.rename(os.fsdecode(os.fsencode(photo.with_suffix("")) + b"\xff.png"))
-    if several:
-        shots(tmp_path / "shots", [1])
-    done = mpsnet("estimate", odd.parent if several else odd, "--rig", rig, "-o", tmp_path / "out")
-    assert done.returncode == 2 and len(sentences(done)) == 1
-    assert r"frame_0001\udcff" in done.stderr and "its name is not valid UTF-8; rename it" in done.stderr
-    assert "Path(" not in done.stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

@@ -86,16 +86,6 @@ def test_what_moves_does_not_lag(pixels: float) -> None:
         assert error(answers[k], truth[k]) < error(shots[k].normals, truth[k])
 
 
-def test_what_turns_is_less_noisy_and_no_frame_late() -> None:
-    truth = [relief(turn=number * np.radians(0.4)) for number in range(11)]
-    shots = scene(truth, noise=0.03)
-    answers = dict(smoothed(shots, 2))
-    for k in range(2, 9):
-        assert error(answers[k], truth[k]) < 0.7 * error(shots[k].normals, truth[k])
-        before, after = (np.linalg.norm(answers[k].vectors - truth[other], axis=-1).mean() for other in (k - 2, k + 2))
-        assert before == pytest.approx(after, rel=0.05)
-
-
 def ball(centre: float) -> tuple[np.ndarray, np.ndarray]:
     """A sphere before a flat wall, and where it is."""
     x, y = (X - centre) / 0.4, Y / 0.4

@@ -5,12 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mesh_file import write_mesh
-from surface_shapes import sphere_mesh
 from uv_squares import squares
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
-from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 from mpsnet_core.scene.texture_names import split_by, texture_files
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
@@ -48,15 +46,6 @@ def test_what_crosses_a_border_is_in_both_tiles_and_reported(caplog: pytest.LogC
     assert any("1 UV island lies across the border of two UDIM tiles" in r.getMessage() for r in caplog.records)
 
 
-def test_an_island_crosses_also_where_no_triangle_does(caplog: pytest.LogCaptureFixture) -> None:
-    mesh = sphere_mesh(4, 4)
-    with caplog.at_level("INFO", "mpsnet_core"):
-        found = texture_sets([type(mesh)(mesh.vertices, mesh.triangles, mesh.corner_normals, 2 * mesh.uvs)], tiles=True)
-    assert [texture_set.tile for texture_set in found] == [1001, 1002, 1011, 1012]
-    assert sum(len(texture_set.parts[0]) for texture_set in found) == len(mesh.triangles)
-    assert any("1 UV island lies across" in record.getMessage() for record in caplog.records)
-
-
 def test_materials_of_one_name_are_one_and_objects_of_one_name_are_not() -> None:
     first, second = squares((0, 0), (0, 0), materials="skin cloth"), squares((0, 0), materials="skin")
     assert told(texture_sets([first, second], materials=True)) == [
@@ -87,24 +76,6 @@ def test_triangles_without_a_material_are_reported_apart() -> None:
         "skin",
         "no_material",
     ]
-
-
-@pytest.mark.parametrize(
-    ("mesh", "tiles", "said"),
-    [
-        (squares((-1, 0)), True, "all UVs lie outside the UDIM tiles"),
-        (squares((0, 0), side=20.0), True, "in 200 UDIM tiles, more than the 100"),
-        (
-            squares((1, 0)),
-            False,
-            r"outside the texture \(0 to 1\); move the UV islands into it, or bake UDIM tiles \(<UDIM> in",
-        ),
-    ],
-    ids=["left", "scaled", "no tiles asked for"],
-)
-def test_uvs_that_no_texture_holds_are_refused(mesh, tiles: bool, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        texture_sets([mesh], tiles=tiles)
 
 
 def names(pattern: str, **found: list) -> list[str]:
@@ -149,15 +120,6 @@ def test_names_without_anything_between_may_meet() -> None:
         names("<OBJECT><MATERIAL>.png", object=["a", "ab"], material=["bc", "c"])
 
 
-def test_npz_gives_back_the_names(tmp_path: Path) -> None:
-    mesh = squares((0, 0), (0, 0), materials="Grün skin", objects="a b")
-    write_mesh(tmp_path / "a.npz", mesh)
-    back = read_mesh(tmp_path / "a.npz")
-    for one, other in ((back.materials, mesh.materials), (back.objects, mesh.objects)):
-        assert one is not None and other is not None
-        assert one.names == other.names and (one.number == other.number).all()
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -174,9 +136,3 @@ def test_names_that_do_not_fit_are_refused(tmp_path: Path, changes: dict, said: 
     with pytest.raises(InputError, match=r"a\.npz: ") as error:
         read_mesh(tmp_path / "a.npz")
     assert said in str(error.value)
-
-
-def test_labels_of_runs() -> None:
-    labels = labels_of_runs([("a", 2), ("b", 0), ("c", 1), ("a", 1)])
-    assert labels.names == ("a", "c") and labels.number.tolist() == [0, 0, 1, 0]
-    assert isinstance(labels, Labels)

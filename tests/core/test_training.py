@@ -123,16 +123,6 @@ def test_the_expected_error_is_learned_as_the_mean_and_teaches_the_normals_nothi
     assert torch.equal(gradient, normals.grad)
 
 
-def test_gradients_count_without_an_expected_error_too() -> None:
-    random = torch.Generator().manual_seed(0)
-    normals, truth = (nn.functional.normalize(torch.randn(2, 3, 5, 5, generator=random)) for _ in range(2))
-    weights, off = torch.ones(2, 5, 5), (normals - truth).numpy()
-    steps = [np.linalg.norm(np.diff(off, axis=axis), axis=1).ravel() for axis in (2, 3)]
-    for expected in (None, torch.zeros(2, 1, 5, 5)):
-        loss = loss_of(Prediction(normals, expected), truth, weights, error_weight=0.0, gradient_weight=0.3)
-        assert float(loss.total - loss.angle) == pytest.approx(0.3 * np.concatenate(steps).mean(), rel=1e-5)
-
-
 def test_equation_2_inside_learns_where_all_lights_reach_and_is_trusted_where_it_is_better() -> None:
     random = torch.Generator().manual_seed(0)
     formula, own, truth = (nn.functional.normalize(torch.randn(2, 3, 5, 5, generator=random)) for _ in range(3))
@@ -346,22 +336,6 @@ def test_who_interrupts_within_a_step_waits_for_its_end(samples: Path, tmp_path:
     run(of, samples, parts, resume=parts)
     run(of, samples, whole)
     assert_same(whole, parts)
-
-
-def test_a_step_that_fails_leaves_the_checkpoint_before(samples: Path, tmp_path: Path) -> None:
-    of, checkpoint = recipe("multiscale"), tmp_path / "checkpoint"
-    run(of, samples, checkpoint, stop_after=2)
-    before = checkpoint.read_bytes()
-
-    def fail(module: nn.Module, given: Any, out: Any) -> None:
-        if isinstance(module, nn.PixelShuffle):
-            raise MemoryError
-
-    hook = nn.modules.module.register_module_forward_hook(fail)
-    with pytest.raises(MemoryError):
-        run(of, samples, checkpoint, resume=checkpoint)
-    hook.remove()
-    assert checkpoint.read_bytes() == before
 
 
 def test_the_mean_of_the_weights_is_what_becomes_the_model(ball: Path, tmp_path: Path) -> None:

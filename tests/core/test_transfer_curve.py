@@ -1,6 +1,5 @@
 """A photo whose file does not say how its values are meant: told by its shading, and left at sRGB where it is not."""
 
-import tracemalloc
 from itertools import combinations
 from pathlib import Path
 
@@ -91,20 +90,6 @@ def test_a_white_photo_is_taken_as_the_photo_is(tmp_path: Path, sphere: Sphere) 
     capture = read_capture(photo, sphere.rig, mask="threshold:0.02", white=white)
     assert capture.white is not None
     assert np.abs(capture.white - grey)[capture.mask].max() < 0.02
-
-
-def test_the_curve_is_changed_without_a_second_photo_in_memory(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
-) -> None:
-    photo = written(tmp_path / "photo.png", np.tile(sphere.image, (24, 1, 1)))  # many bands high
-    as_told = read_capture(photo, sphere.rig, mask="none", encoding="linear").image
-    tracemalloc.start()
-    capture = read_capture(photo, sphere.rig, mask="none")
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert "READ AS LINEAR" in caplog.text
-    np.testing.assert_allclose(capture.image, as_told, atol=1e-6)
-    assert peak < 2 * as_told.nbytes
 
 
 def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(

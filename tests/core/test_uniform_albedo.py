@@ -130,16 +130,6 @@ def test_three_flat_faces_prove_nothing(scenes: dict[str, Scene]) -> None:
     np.testing.assert_array_equal(refine_normals(box.capture(), network(box)).vectors, network(box).vectors)
 
 
-def test_a_large_flat_face_beside_a_round_part_hides_no_proof(scenes: dict[str, Scene]) -> None:
-    scene = scenes["distant"]
-    flat = scene.mask & (np.hypot(*(np.indices(scene.mask.shape) - len(scene.mask) / 2)) < 0.42 * len(scene.mask))
-    normals = np.where(flat[..., None], [0.1, 0.2, 0.975], scene.normals)
-    image = np.where(flat[..., None], normals @ DIRECTIONS.T, scene.image)
-    capped = replace(scene, normals=normals, image=image)
-    assert flat.sum() > 0.6 * scene.mask.sum()
-    assert errors(refine_normals(painted(capped), network(capped)), capped)[scene.lit].mean() < 0.3
-
-
 def test_clipped_pixels_stay_as_they_are(scenes: dict[str, Scene]) -> None:
     scene = scenes["distant"]
     image = scene.image * PAINT

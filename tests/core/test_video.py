@@ -185,15 +185,6 @@ def test_a_phone_held_upright(tmp_path: Path, turn: str) -> None:
     np.testing.assert_allclose(pixels, np.rot90(given[0] / 255, quarter_turns), atol=1e-6)
 
 
-def test_times_do_not_matter(tmp_path: Path) -> None:
-    """A variable frame rate: every picture is one frame."""
-    given = noise(5)
-    path = clip(tmp_path / "a.mkv", given, times=[0, 1, 7, 8, 30])
-    frames = decoded(path)
-    assert [frame.number for frame in frames] == [1, 2, 3, 4, 5]
-    np.testing.assert_allclose(frames[4].source.photo().pixels, srgb_to_linear(given[4] / 255), atol=2e-6)
-
-
 def test_a_video_that_is_cut_short_keeps_what_it_gives(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     given = noise(30)
     path = clip(tmp_path / "a.mkv", given)
@@ -255,17 +246,6 @@ def test_colours_that_cannot_be_converted_get_one_sentence(tmp_path: Path) -> No
         frame.source.photo()
 
 
-def test_sound_alone_is_refused(tmp_path: Path) -> None:
-    with av.open(str(tmp_path / "a.mkv"), "w") as container:
-        stream = container.add_stream("pcm_s16le", rate=8000)
-        sound = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
-        sound.sample_rate = 8000
-        container.mux(stream.encode(sound))
-        container.mux(stream.encode(None))
-    with pytest.raises(InputError, match=r"a\.mkv holds no pictures"):
-        decoded(tmp_path / "a.mkv")
-
-
 def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -308,20 +288,6 @@ def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet: Mpsnet, ri
     np.testing.assert_allclose(normals.vectors[sphere.lit], sphere.normals[sphere.lit], atol=2e-3)
     again = mpsnet(*command)
     assert again.stdout.endswith("0 made, 5 there already\n")
-
-
-def test_a_videos_results_over_its_masks_are_refused(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
-) -> None:
-    path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le")
-    (tmp_path / "out").mkdir()
-    mask = write_file(tmp_path / "out" / "turn_000001_normals.png", sphere.mask, "uint8")
-    before = mask.read_bytes()
-    for given in (mask, mask.with_name("turn_######_normals.png")):
-        done = mpsnet("estimate", path, "--rig", rig_file, "--model", "lambertian", "--mask", given, "-o", mask.parent)
-        assert done.returncode == 2
-        assert done.stderr.startswith(f"mpsnet: the result would overwrite {mask}, a file that it needs")
-        assert mask.read_bytes() == before
 
 
 @pytest.mark.parametrize(

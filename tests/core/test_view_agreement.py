@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from eight_views import turn
 from plane_views import SIX_SIDES, constant_view, plane
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
-from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import bake_normals
 from mpsnet_core.bake.report import view_table
@@ -60,26 +58,6 @@ def test_each_view_is_reported_its_share_and_how_far_it_departs_from_the_others(
     assert table_rows([other])[0]["after_deg"] == pytest.approx(1, abs=0.01)
 
 
-def test_views_count_as_in_the_bake_that_fades_them_out() -> None:
-    """A view that ends in the middle pulls the others' mean less towards itself the nearer to its end."""
-    mesh = plane()
-    scene = RayScene.of(mesh)
-    mask = np.zeros((256, 256), bool)
-    mask[:, :128] = True
-    ends = constant_view(AHEAD, tilted(20))
-    ends = type(ends)(AHEAD, type(ends.normals)(ends.normals.vectors, mask))
-    views = [constant_view(AHEAD, tilted(0)), ends, constant_view(AHEAD, tilted(0))]
-    departures = []
-    for feather in (0.0, 0.2):
-        said = agreement(mesh, scene, feather, 4000)
-        for number, view in enumerate(views):
-            said.add(str(number), view, view, 0.0)
-        departures.append(said.views()[0].after)
-    sharp, faded = departures
-    assert sharp == pytest.approx(5, abs=0.1)  # half the plane at 10 degrees, as two views are 20 apart; half at none
-    assert faded < 0.8 * sharp
-
-
 def test_a_view_that_nobody_shares_departs_from_nobody() -> None:
     mesh = sphere_mesh()
     said = agreement(mesh, RayScene.of(mesh), count=2000)
@@ -89,15 +67,3 @@ def test_a_view_that_nobody_shares_departs_from_nobody() -> None:
     for view in said.views():
         assert np.isnan(view.before) and 0.35 < view.seen < 0.5
     assert table_rows(said.views())[0]["before_deg"] is None and " - " in view_table(said.views())
-
-
-def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn(np.array([1.0, 1, 0]), 30) * 2.5, (10, 20, 30)
-    mesh = sphere_mesh(48, 24, world_from_object=pose)
-    said = agreement(mesh, RayScene.of(mesh), count=5000)
-    points = (said.points.positions.T + said.scene.middle - pose[:3, 3]) @ pose[:3, :3] / 2.5**2
-    assert np.linalg.norm(points, axis=1) == pytest.approx(1, abs=0.01)
-    # Archimedes: on a sphere every slab of the same height has the same area.
-    assert np.histogram(points[:, 2], 8, (-1, 1))[0] / 5000 == pytest.approx(1 / 8, abs=0.012)
-    assert degrees_between(said.points.normals.T, points @ pose[:3, :3].T).max() < 5

@@ -10,7 +10,7 @@ from synthetic import CROSSTALK, degrees_between
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.white_photo import fit_white_photo, normalise_by_white_photo
+from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 
 
@@ -58,16 +58,6 @@ def test_another_lamp_may_have_lit_the_white_photo() -> None:
     assert known < 0.5 and taken_for_the_rig > 5
 
 
-def test_highlights_on_a_tenth_of_the_pixels_change_the_gains_by_little() -> None:
-    painted = Painted()
-    shine = np.random.default_rng(1).random(painted.lit.shape) < 0.1
-    image = painted.capture.image + 0.5 * shine[..., None] * MIXED.mixing[:, 0]
-    white = painted.capture.white + 0.5 * shine[..., None] * GAINS
-    found = fit_white_photo(replace(painted.capture, image=image, white=white))
-    assert found is not None
-    np.testing.assert_allclose(found.gains / found.gains[1], GAINS / GAINS[1], rtol=0.03)
-
-
 @pytest.mark.parametrize(("value", "pixels"), [(100.0, 12), (2500.0, 4)])
 def test_a_few_pixels_of_glare_change_nothing_elsewhere(value: float, pixels: int) -> None:
     painted = Painted()
@@ -78,15 +68,6 @@ def test_a_few_pixels_of_glare_change_nothing_elsewhere(value: float, pixels: in
     others = painted.lit.copy()
     others[rows, columns] = False
     assert painted.off(replace(painted.capture, image=image, white=white), others).mean() < 0.5
-
-
-@pytest.mark.parametrize("slant", [70, 80, 84])
-def test_the_lamp_of_the_white_photo_may_rake(slant: float) -> None:
-    painted, lamp = Painted(), direction_from_angles(slant, 70)
-    cosine = np.maximum(painted.sphere.normals @ lamp, 0)
-    white = painted.albedo * cosine[..., None] * GAINS
-    found = painted.off(replace(painted.capture, white=white, white_light=lamp), painted.lit & (cosine > 0.1))
-    assert np.median(found) < 0.5
 
 
 def test_where_a_light_does_not_reach_the_lamp_is_no_sum_of_lights() -> None:

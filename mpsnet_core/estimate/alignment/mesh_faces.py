@@ -39,7 +39,7 @@ class MeshFaces:
         origins, directions = camera.rays(pixels)
         hits = self.scene.hits(origins, directions)
         found, own = hits.triangle >= 0, directions @ camera.rotation
-        normals, points = np.zeros((len(pixels), 3)), np.zeros((len(pixels), 3))
+        normals, points = np.zeros((len(pixels), 3), np.float32), np.zeros((len(pixels), 3))
         normals[found] = self.normals[hits.triangle[found]] @ camera.rotation
         # Flip faces seen from behind: the mesh may be open or wound inwards.
         normals[(normals * own).sum(axis=1) > 0] *= -1
@@ -54,7 +54,7 @@ class SeenFaces:
 
     mask: NDArray[np.bool_]
     """(h, w). Whether a pixel shows the mesh."""
-    normals: Floats
+    normals: NDArray[np.float32]
     """(h, w, 3). Unit normals in camera space, facing the camera; zero outside the mask."""
     points: Floats
     """(h, w, 3). Positions in camera space, in units of the mesh's size; zero outside the mask."""

@@ -6,8 +6,9 @@ import numpy as np
 
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats
-from mpsnet_core.estimate.alignment.refine import Fit, measure_fit, refine_camera
+from mpsnet_core.estimate.alignment.refine import SCALES, Fit, PhotoPyramid, measure_fit, refine_camera
 from mpsnet_core.estimate.alignment.search import move_onto_mask
+from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -17,7 +18,7 @@ MIRRORED = 0.96
 _ACROSS = np.array([-1.0, 1.0, 1.0])
 
 
-def find_better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit | None:
+def find_better_mirrored(photo: PhotoPyramid, faces: MeshFaces, fit: Fit, progress: Progress = silent) -> Fit | None:
     """The fit of the mesh's mirror image if it is better than the mesh's own, else None.
 
     Candidates are reflections along the principal axes, because a nearly symmetric object fits nearly as well when
@@ -28,28 +29,31 @@ def find_better_mirrored(estimate: NormalMap, faces: MeshFaces, fit: Fit) -> Fit
 
     Parameters
     ----------
-    estimate
+    photo
         The photo's normals and mask.
     faces
         The mesh as it is.
     fit
         Its best fit to the photo. The focal length stays.
+    progress
+        Called with the share done, 0 to 1, and a message.
     """
-    flipped = NormalMap((estimate.vectors[:, ::-1] * _ACROSS).astype(np.float32), estimate.mask[:, ::-1])
-    image = _fit_reflected(flipped, faces, fit.camera)
+    estimate = photo.estimate
+    flipped = PhotoPyramid(NormalMap((estimate.vectors[:, ::-1] * _ACROSS).astype(np.float32), estimate.mask[:, ::-1]))
+    image = _fit_reflected(flipped, faces, fit.camera, progress)
     if image.cost >= MIRRORED * fit.cost:
         return None
     # If the unmirrored mesh fits as well from there, the given fit was wrong, and nothing is mirrored.
-    back = _fit_reflected(estimate, faces, image.camera)
+    back = _fit_reflected(photo, faces, image.camera, part(progress, 1.0, 1.0))
     return image if image.cost < MIRRORED * back.cost else None
 
 
-def _fit_reflected(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
-    """The best fit that starts at reflections of `camera`. estimate: of the mirrored photo."""
+def _fit_reflected(photo: PhotoPyramid, faces: MeshFaces, camera: Camera, progress: Progress) -> Fit:
+    """The best fit that starts at reflections of `camera`. photo: the mirrored one."""
     across = [*faces.axes, camera.rotation[:, 2]]
-    starts = [move_onto_mask(estimate, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
-    start = min(starts, key=lambda one: measure_fit(estimate, faces, one).cost)
-    return refine_camera(estimate, faces, start, fix_focal=True)
+    starts = [move_onto_mask(photo, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
+    start = min(starts, key=lambda one: measure_fit(photo, faces, one).cost)
+    return refine_camera(photo, faces, start, fix_focal=True, scales=SCALES[:-1], progress=progress)
 
 
 def _reflected(camera: Camera, middle: Floats, axis: Floats) -> Camera:

@@ -198,7 +198,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
         from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-        from mpsnet_core.estimate.alignment.refine import measure_fit, refine_camera
+        from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
         from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
@@ -214,27 +214,29 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
                 rough = replace(rough, focal=lens.focal, centre=lens.centre if self.lens else rough.centre)
         crop = _ObjectCrop.of(capture.mask)
         small = crop.capture(capture)
-        estimate = self.estimator(1)(small, part(progress, 0.05, 0.4))
+        # The shares of the time after which the normals are estimated and the camera is found: a search takes longest.
+        estimated, found = (0.12, 0.92) if rough is None else (0.4, 0.7)
+        estimate = PhotoPyramid(self.estimator(1)(small, part(progress, 0.05, estimated)))
+        rest = part(progress, estimated, found)
         if rough is None:
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
-            begin, rest = crop.camera(lens or free), part(progress, 0.4, 0.9)
+            begin = crop.camera(lens or free)
             usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
             fits = search_cameras(
                 estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest
             )
         else:
-            progress(0.4, "aligning")
             begin = crop.camera(rough)
             if by_points is None:
                 begin = move_onto_mask(estimate, faces, begin)
-            fits = [refine_camera(estimate, faces, begin, fix_focal=fixed)]
+            fits = [refine_camera(estimate, faces, begin, fix_focal=fixed, progress=rest)]
         best = fits[0]
         if by_points and pairs and _contradicts(crop.whole(fits[0]).camera, by_points, *pairs):
             log.warning("the mesh contradicts the pairs of points; the camera is found from the pairs alone")
             fits = [measure_fit(estimate, faces, begin)]
             best = min(best, fits[0], key=lambda fit: fit.cost)
-        progress(0.9, "comparing with the mirrored mesh")
-        image = find_better_mirrored(estimate, faces, best)
+        mirrored = part(progress, found, 0.98, "comparing with the mirrored mesh")
+        image = find_better_mirrored(estimate, faces, best, mirrored)
         turned_over = image is not None and not _is_poor(image, small.mask)
         return [crop.whole(fit) for fit in fits], by_points, turned_over
 
@@ -254,13 +256,13 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         from mpsnet_core.scene.camera import write_camera
 
         best = fits[0]
-        poor, quality = _is_poor(best, capture.mask), _quality(best)
+        poor, quality = _is_poor(best, capture.mask), _quality(best, capture.mask)
         self._warn(fits, quality, turned_over, poor)
         left_out = by_points.left_out if by_points else ()
         if left_out:
             log.warning("pair %d contradicts the others and was left out", left_out[0] + 1)
         others = list(zip(self._others(), fits[1:], strict=False))
-        progress(0.95, "writing")
+        progress(0.98, "writing")
         with write_transaction():
             write_camera(self.output, best.camera)
             for path, fit in others:
@@ -281,7 +283,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             residuals,
             [number + 1 for number in left_out] or None,
             [str(path) for path, _ in others] or None,
-            text=f"{self.output}: camera with a lens of {best.camera.focal_35mm:.0f} mm; {quality}",
+            text=f"{self.output}: {quality}; lens of {best.camera.focal_35mm:.0f} mm",
         )
 
     def _warn(self, fits: "list[Fit]", quality: str, turned_over: bool, poor: bool) -> None:
@@ -293,7 +295,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             )
         elif poor:
             log.warning(
-                "the fit is poor: %s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
+                "%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
                 quality,
             )
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * fits[0].cost:
@@ -324,7 +326,8 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         pictures = [overlay(image, mask, faces.scene, crop.camera(fit.camera), pairs, left_out) for fit in fits]
         if len(fits) == 1:
             return pictures[0]
-        titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]
+        titles = [f"{number}: {_quality(fit, capture.mask)}" for number, fit in enumerate(fits, 1)]
+        titled = list(zip(titles, pictures, strict=True))
         return contact_sheet(titled, CANDIDATES, 720)
 
     def _others(self) -> list[Path]:
@@ -354,13 +357,18 @@ def _is_poor(fit: "Fit", mask: "NDArray[np.bool_]") -> bool:
     return fit.outline > POOR_OUTLINE * longer or fit.degrees > POOR_DEGREES or fit.overlap < POOR_OVERLAP
 
 
-def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float) -> str:
-    """How well the mesh fits the photo, by these facts of a :class:`CameraFound`."""
-    return f"outlines {outline_pixels:.1f} pixels and normals {normals_degrees:.0f}° apart, {overlap:.0%} shared"
+def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float, poor: bool) -> str:
+    """How well the mesh fits the photo, by these facts of a :class:`CameraFound`.
+
+    The normals of a good fit differ, too, by what the mesh lacks and the estimate errs: their angle tells of poor ones.
+    """
+    normals = f" and normals {normals_degrees:.0f}°" if poor else ""
+    verdict = "poor" if poor else "good"
+    return f"{verdict} fit: outlines {outline_pixels:.1f} pixels{normals} apart, {overlap:.0%} shared"
 
 
-def _quality(fit: "Fit") -> str:
-    return fit_in_words(fit.outline, fit.degrees, fit.overlap)
+def _quality(fit: "Fit", mask: "NDArray[np.bool_]") -> str:
+    return fit_in_words(fit.outline, fit.degrees, fit.overlap, _is_poor(fit, mask))
 
 
 @dataclass(frozen=True)

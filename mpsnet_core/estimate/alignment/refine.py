@@ -1,6 +1,7 @@
 """Refine a rough camera: fit a mesh's outline and normals to a photo's."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +13,27 @@ from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.rotations import cross_matrix
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
+from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
+
+Pixels = NDArray[np.floating[Any]]
 
 # The object's longer side in pixels on each scale, and the maximum number of steps there.
 SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
 MARGIN = 0.25  # around the object, as a share of its longer side
 OUTLINE_POINTS = 1500
-NORMAL_PIXELS = 20_000
+NORMAL_PIXELS = 5_000
 # Standard deviations of outlines, in pixels of a scale; of normals, in radians, whose smooth errors count as this many
 # independent pixels; and of their detail, whose errors are independent at this share of the pixels.
 OUTLINE_SIGMA = 1.0
 NORMAL_SIGMA, INDEPENDENT = 0.3, 200
-DETAIL_SIGMA, DETAIL_SHARE = 0.15, 0.1
+DETAIL_SIGMA, DETAIL_SHARE, MOST_DETAILS = 0.15, 0.1, 2000.0
 SMOOTH, WIDE = 1.0, 6.0  # Gaussians in pixels of a scale: to smooth both normals, and to subtract from them for detail
 LONGEST_STEP = 0.1  # in radians, shares of the object's distance, and log focal length
-SETTLED = 0.02  # stop if a step moves the object by fewer pixels of the scale
+SETTLED = 0.05  # stop if a step moves the object's image by fewer pixels of the scale
+MOTION_POINTS = 500
 FIXED_FOCAL_SCALE = 128  # the focal length is fixed on scales up to this one
 FOCAL_SPREAD = 0.2  # prior standard deviation of the log focal length about its start
 
@@ -60,9 +65,9 @@ class _Scale:
     """Size of its pixels, in the photo's pixels."""
     origin: tuple[int, int]
     """(row, column) of its first pixel in the photo."""
-    normals: Floats
+    normals: Pixels
     """(h, w, 3). The photo's normals."""
-    detail: Floats
+    detail: Pixels
     """(h, w, 3). The normals minus their Gaussian mean."""
     inside: NDArray[np.bool_]
     """(h, w). The mask."""
@@ -74,20 +79,36 @@ class _Scale:
     """(N, 2). Outward normals of the outline at these points."""
 
 
+@dataclass(frozen=True)
+class PhotoPyramid:
+    """A photo's normals on all scales, each made when it is first needed."""
+
+    estimate: NormalMap
+    """The photo's normals and mask."""
+    _scales: dict[int, _Scale] = field(default_factory=dict, init=False, repr=False)
+
+    def at(self, longest: int) -> _Scale:
+        """The scale on which the object's longer side has about this many pixels."""
+        if longest not in self._scales:
+            self._scales[longest] = _scale(self.estimate, longest)
+        return self._scales[longest]
+
+
 def refine_camera(
-    estimate: NormalMap,
+    photo: PhotoPyramid,
     faces: MeshFaces,
     start: Camera,
     *,
     fix_focal: bool = False,
     scales: tuple[tuple[int, int], ...] = SCALES,
+    progress: Progress = silent,
 ) -> Fit:
     """The camera near `start` through which the mesh fits the photo best.
 
     Parameters
     ----------
-    estimate
-        The photo's normals and mask.
+    photo
+        The normals of the photo, and its mask.
     faces
         The mesh.
     start
@@ -96,6 +117,8 @@ def refine_camera(
         Whether to keep the focal length.
     scales
         Pixels of the object's longer side and maximum number of steps, coarse to fine.
+    progress
+        Called with the share done, 0 to 1, and a message.
 
     Notes
     -----
@@ -103,35 +126,42 @@ def refine_camera(
     both ways); normals; and their detail, which is normals minus their Gaussian mean. Detail localises the surface even
     if the estimated normals have smooth errors. Derivatives are those of the image of a rigid surface.
     """
-    height, width = estimate.mask.shape
+    height, width = photo.estimate.mask.shape
     local = _local(Poses.of(start), faces.scene)
     first = float(np.log(local.focal[0]))
-    scale = None
+    # The first scale with the photo's own pixels is the finest. A step's time grows with its pixels.
+    finest = next((number for number, (longest, _) in enumerate(scales) if photo.at(longest).factor == 1), len(scales))
+    scales, done = scales[: finest + 1], 0
+    work = sum(photo.at(longest).inside.size * steps for longest, steps in scales)
     for longest, steps in scales:
-        scale = _scale(estimate, longest)
+        scale = photo.at(longest)
         # Rotate and shift a rough start first: a wrong focal length could compensate for its errors.
         fixed = fix_focal or longest <= FIXED_FOCAL_SCALE
-        for _ in range(steps):
-            step = _step(scale, local, faces, first, fixed)
-            local = local.moved(step)
-            if np.abs(step[0, :6]).max() * longest < SETTLED:
+        before = np.zeros((1, PARAMETERS))
+        for number in range(steps):
+            progress((done + number * scale.inside.size) / work, "refining")
+            image = _image(scale, local, faces)
+            step = _step(scale, image, local, first, fixed)
+            if (step * before).sum() < 0:  # it went too far, and would go to and fro
+                step *= 0.5
+            before, local = step, local.moved(step)
+            if _motion(image, local.focal[0], step) < SETTLED * scale.factor:
                 break
-        if scale.factor == 1:
-            break
+        done += scale.inside.size * steps
     camera = _world(local, faces.scene).camera(width, height)
-    return measure_fit(estimate, faces, camera)
+    return measure_fit(photo, faces, camera)
 
 
-def measure_fit(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Fit:
+def measure_fit(photo: PhotoPyramid, faces: MeshFaces, camera: Camera) -> Fit:
     """Measure how well the mesh, seen by a camera, fits the photo."""
     local = _local(Poses.of(camera), faces.scene)
-    scale = _scale(estimate, 256)
+    scale = photo.at(256)
     image = _image(scale, local, faces)
     union, both = scale.inside | image.mask, scale.inside & image.mask
     overlap = int(both.sum()) / max(1, int(union.sum()))
     cosine = (_smooth(image.normals, image.mask, SMOOTH) * scale.normals).sum(axis=-1)[both]
     degrees = float(np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1)))) if both.any() else 180.0
-    mine, _ = _outline(image.mask.astype(np.float64))
+    mine, _ = _outline(image.mask.astype(np.float32))
     if len(mine) and len(scale.outline):
         distance = float(np.median(np.linalg.norm(mine - scale.outline[_nearest(mine, scale.outline)], axis=1)))
     else:
@@ -159,8 +189,8 @@ def _scale(estimate: NormalMap, longest: int) -> _Scale:
     top, left = (max(0, part.start - border) // factor * factor for part in (rows, columns))
     window = slice(top, rows.stop + border), slice(left, columns.stop + border)
     mask, normals = estimate.mask[window], estimate.vectors[window]
-    shares = block_means(mask[..., None].astype(np.float32), factor)[..., 0].astype(np.float64)
-    means = block_means(normals, factor).astype(np.float64)
+    shares = block_means(mask[..., None].astype(np.float32), factor)[..., 0]
+    means = block_means(normals, factor)
     inside = shares >= 0.5
     smooth = _smooth(means, inside, SMOOTH)
     outline, across = _outline(shares)
@@ -186,15 +216,19 @@ def _image(scale: _Scale, local: Poses, faces: MeshFaces) -> SeenFaces:
     return faces.seen(camera, x, y)
 
 
-def _step(
-    scale: _Scale,
-    local: Poses,
-    faces: MeshFaces,
-    first: float,
-    fix_focal: bool,
-) -> Floats:
+def _motion(image: SeenFaces, focal: float, step: Floats) -> float:
+    """Mean distance in the photo's pixels by which a step moves the mesh's image."""
+    points = image.points[image.mask]
+    points = points[:: len(points) // MOTION_POINTS + 1]
+    return (
+        float(np.linalg.norm(flow(points, np.full(len(points), focal)) @ step[0], axis=1).mean())
+        if len(points)
+        else 0.0
+    )
+
+
+def _step(scale: _Scale, image: SeenFaces, local: Poses, first: float, fix_focal: bool) -> Floats:
     """(1, 7) the next Gauss-Newton step."""
-    image = _image(scale, local, faces)
     focal = local.focal[0]
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     for residual, jacobian in (
@@ -218,7 +252,7 @@ def _step(
 
 def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[Floats, Floats]]:
     """Weighted residuals of both outlines, and their derivatives."""
-    mine, across = _outline(image.mask.astype(np.float64))
+    mine, across = _outline(image.mask.astype(np.float32))
     if not len(mine) or not len(scale.outline):
         return []
     # An outline point takes its surface position from the adjacent pixel inside.
@@ -251,6 +285,7 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
     rows, columns = np.nonzero(both)
     if not len(rows):
         return []
+    details = min(DETAIL_SHARE * len(rows), MOST_DETAILS)
     if len(rows) > NORMAL_PIXELS:
         kept = np.linspace(0, len(rows) - 1, NORMAL_PIXELS).astype(int)
         rows, columns = rows[kept], columns[kept]
@@ -260,7 +295,7 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
     detail = _detail(smooth, image.mask)
     for own, other, sigma, count in (
         (smooth, scale.normals, NORMAL_SIGMA, INDEPENDENT),
-        (detail, scale.detail, DETAIL_SIGMA, DETAIL_SHARE * len(rows)),
+        (detail, scale.detail, DETAIL_SIGMA, details),
     ):
         here = own[rows, columns]
         residual = (here - other[rows, columns]) / sigma
@@ -282,18 +317,18 @@ def _robust(residual: Floats) -> Floats:
     return weights
 
 
-def _detail(smooth: Floats, inside: NDArray[np.bool_]) -> Floats:
+def _detail(smooth: Pixels, inside: NDArray[np.bool_]) -> Pixels:
     return np.where(inside[..., None], smooth - _smooth(smooth, inside, WIDE), 0)
 
 
-def _smooth(values: Floats, inside: NDArray[np.bool_], sigma: float) -> Floats:
+def _smooth(values: Pixels, inside: NDArray[np.bool_], sigma: float) -> Pixels:
     """Gaussian mean of values (h, w, C) over the pixels inside; zero outside."""
-    weight = gaussian(inside[..., None].astype(np.float64), sigma, (0, 1))
+    weight = gaussian(inside[..., None].astype(values.dtype), sigma, (0, 1))
     means = gaussian(np.where(inside[..., None], values, 0), sigma, (0, 1)) / np.maximum(weight, 1e-6)
     return np.where(inside[..., None], means, 0)
 
 
-def _outline(shares: Floats) -> tuple[Floats, Floats]:
+def _outline(shares: Pixels) -> tuple[Floats, Floats]:
     """Points (N, 2) (x, y) in pixels where an object's coverage (h, w) crosses 1/2, and outward unit normals (N, 2)."""
     padded = np.pad(shares, 1)
     gradients = np.stack([np.gradient(gaussian(padded, 1.5, (0, 1)), axis=axis) for axis in (1, 0)], axis=-1)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
-from mpsnet_core.estimate.alignment.refine import Fit, measure_fit, refine_camera
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.estimate.alignment.refine import SCALES, Fit, PhotoPyramid, measure_fit, refine_camera
+from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -18,12 +18,15 @@ ZOOMS = (0.6, 1.0, 1.6)  # factors of the best view's focal length to try
 SPREAD = 5.0  # the images extend to this multiple of the square root of the object's second moment
 TRIED, ROUGH = 16, 5  # best views to refine roughly, and of those to refine fully
 ROUGH_SCALES = ((48, 12), (96, 8))
+COMPARED_SCALES = SCALES[:-1]  # the finest scale takes most of the time, and only the best view needs it
+# Shares of the search's time after which all views are compared, refined roughly, refined well, and tried with lenses.
+COMPARED, ROUGHLY, WELL, LENSES = 0.07, 0.25, 0.65, 0.87
 # Degrees between views that count as the same: after refinement, and before, when neighbours converge to the same view.
 SAME, NEIGHBOURS = 5.0, 12.0
 
 
 def search_cameras(
-    estimate: NormalMap,
+    photo: PhotoPyramid,
     faces: MeshFaces,
     lens: Camera,
     *,
@@ -36,7 +39,7 @@ def search_cameras(
 
     Parameters
     ----------
-    estimate
+    photo
         The photo's normals and mask.
     faces
         The mesh.
@@ -51,24 +54,36 @@ def search_cameras(
     progress
         Called with the share done, 0 to 1, and a message.
     """
-    views = _views(estimate, faces, lens, progress)
+    views = _views(photo.estimate, faces, lens, part(progress, 0.0, COMPARED))
     fits = []
     for number, camera in enumerate(views):
-        progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
-        fits.append(refine_camera(estimate, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
+        shown = _one_of(progress, COMPARED, ROUGHLY, number, len(views), "view")
+        fits.append(refine_camera(photo, faces, camera, fix_focal=True, scales=ROUGH_SCALES, progress=shown))
     rough = _distinct_fits(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
     best = []
     for number, fit in enumerate(rough):
-        progress(0.7 + 0.2 * number / len(rough), f"best view {number + 1} of {len(rough)}")
-        best.append(refine_camera(estimate, faces, fit.camera, fix_focal=fix_focal))
+        shown = _one_of(progress, ROUGHLY, WELL, number, len(rough), "best view")
+        best.append(
+            refine_camera(photo, faces, fit.camera, fix_focal=fix_focal, scales=COMPARED_SCALES, progress=shown)
+        )
     best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.
         factors = [*ZOOMS, *([usual_focal / float(best[0].camera.focal[0])] if usual_focal else [])]
         for number, factor in enumerate(factors):
-            progress(0.9 + 0.1 * number / len(factors), f"lens {number + 1} of {len(factors)}")
-            best.append(refine_camera(estimate, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
-    return _distinct_fits(sorted(best, key=lambda fit: fit.cost))[:count]
+            shown = _one_of(progress, WELL, LENSES, number, len(factors), "lens")
+            zoomed = _zoomed(best[0].camera, faces.scene.middle, factor)
+            best.append(refine_camera(photo, faces, zoomed, scales=COMPARED_SCALES, progress=shown))
+    found = _distinct_fits(sorted(best, key=lambda fit: fit.cost))[:count]
+    last = part(progress, WELL if fix_focal else LENSES, 1.0)
+    first = refine_camera(photo, faces, found[0].camera, fix_focal=fix_focal, scales=SCALES[-1:], progress=last)
+    return [first, *found[1:]]
+
+
+def _one_of(progress: Progress, start: float, end: float, number: int, count: int, what: str) -> Progress:
+    """Progress of one of several steps from `start` to `end` that take equally long."""
+    first, last = (start + (end - start) * (number + step) / count for step in (0, 1))
+    return part(progress, first, last, f"{what} {number + 1} of {count}")
 
 
 def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
@@ -114,7 +129,7 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     looks = _view_directions(DIRECTIONS)
     for number, rotation in enumerate(looks):
         if number % 16 == 0:
-            progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
+            progress(number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
         normals, mask = _picture(faces, rotation, *small)
         frames.append(_ObjectExtent.of(mask))
         scores[number] = _similarity(photo, _standardised_picture(normals, mask, frames[-1], 0.0))
@@ -130,17 +145,17 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     return cameras
 
 
-def move_onto_mask(estimate: NormalMap, faces: MeshFaces, camera: Camera) -> Camera:
+def move_onto_mask(photo: PhotoPyramid, faces: MeshFaces, camera: Camera) -> Camera:
     """Shift and zoom a camera until the mesh has the mask's place and size; unchanged if that does not fit better.
 
     A rough start, such as a viewport's view, shows the object elsewhere in the image.
     """
     focal, rotation = float(camera.focal[0]), camera.rotation.T
-    _, mask = _picture(faces, rotation, *_small(faces, _ObjectExtent.of(estimate.mask), focal))
+    _, mask = _picture(faces, rotation, *_small(faces, _ObjectExtent.of(photo.estimate.mask), focal))
     if not mask.any():  # a flat sheet seen edge-on
         return camera
-    placed = _place_camera(estimate.mask, faces, rotation, focal, camera.centre, _ObjectExtent.of(mask), 0.0)
-    return max(camera, placed, key=lambda one: measure_fit(estimate, faces, one).overlap)
+    placed = _place_camera(photo.estimate.mask, faces, rotation, focal, camera.centre, _ObjectExtent.of(mask), 0.0)
+    return max(camera, placed, key=lambda one: measure_fit(photo, faces, one).overlap)
 
 
 def _small(faces: MeshFaces, frame: _ObjectExtent, focal: float) -> tuple[float, float]:

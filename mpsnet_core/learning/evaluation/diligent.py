@@ -111,12 +111,11 @@ class Diligent(Evaluation):
         self.lights = [_triple(text) for text in options.lights] or list(PUBLISHED_LIGHTS)
         self.absent = [name for name, folder in folders.items() if folder is None]
         self.cases = [
-            partial(_case, name, folder, triple, protocol, times, beside)
+            partial(_case, name, folder, triple, protocol, beside)
             for name, folder in folders.items()
             if folder is not None
             for triple in self.lights
             for protocol in options.protocol or PROTOCOLS
-            for times in options.magnify
             for beside in white_choices(options.white)
         ]
 
@@ -175,14 +174,14 @@ def _triple(text: str) -> Lights:
     return first, second, third
 
 
-def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int, white: bool) -> Case:
+def _case(name: str, folder: Path, lights: Lights, protocol: str, white: bool) -> Case:
     labels = {"object": name, "lights": list(lights), "protocol": protocol, "photos": 1 + white}
     capture, truth = read_diligent(folder, lights, protocol, white=white), _truth(folder)
     if truth.shape != capture.image.shape:
         raise GeometryError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
     usable, towards = usable_channels(capture), truth @ capture.rig.directions.T > 0
     bright_facing = np.all(usable & towards, axis=-1)
-    return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
+    return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing})
 
 
 # Consecutive cases often show the same object.
@@ -198,7 +197,7 @@ def _with_means(rows: Sequence[Row]) -> list[Row]:
 
 def _row(figure: DiligentFigure) -> Row:
     labels = {"object": figure.object, "lights": figure.lights, "protocol": figure.protocol}
-    return Row({**labels, "model": f"paper: {figure.model}"}, 1, {"mae_deg": figure.mae_deg})
+    return Row({**labels, "model": f"paper: {figure.model}"}, {"mae_deg": figure.mae_deg})
 
 
 def _text(path: Path) -> str:

@@ -11,7 +11,7 @@ from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
 from mpsnet_core.learning.evaluation.evaluation_result import Measured
-from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, magnified_name, measure
+from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, measure
 from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.progress import Progress
 
@@ -70,13 +70,13 @@ def evaluate(
             rows += evaluation.rows(results)
             for result in results:
                 scored = result.case.scored
-                name = _shown_name(result.model, result.case.labels, result.case.magnify)
+                name = _shown_name(result.model, result.case.labels)
                 confidence, error = result.estimate.confidence[scored], result.error[scored]
                 pool.add(name, confidence, error, predicts_error=result.model not in BASELINES)
             if page:
                 page.add(results)
         calibrations = pool.calibration()
-        named = [row.labelled(model=_shown_name(row.labels["model"], row.labels, row.magnify)) for row in rows]
+        named = [row.labelled(model=_shown_name(row.labels["model"], row.labels)) for row in rows]
         table = "\n\n".join(
             ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(calibrations)]
         )
@@ -118,10 +118,9 @@ def table_of_measures(rows: Sequence[Row], lines: Sequence[str], measures: Mappi
     return table_of_means([*lines, "measure"], cells)
 
 
-def _shown_name(model: str, labels: Mapping[str, Any], magnify: int) -> str:
-    """A model's name in tables, with the white photo or magnification if there is one."""
-    name = magnified_name(model, magnify)
-    return f"{name} + white photo" if labels.get("photos", 1) > 1 else name
+def _shown_name(model: str, labels: Mapping[str, Any]) -> str:
+    """A model's name in tables, with the white photo if there is one."""
+    return f"{model} + white photo" if labels.get("photos", 1) > 1 else model
 
 
 def _confidence_table(confidence: Sequence[Calibration]) -> list[str]:

@@ -7,73 +7,15 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.registry import registered_models
 from mpsnet_core.learning.evaluation.confidence import error_by_confidence
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
-
-MAX_SIDE = 8192  # pixels of a magnified object
-MARGIN = 2  # pixels around the mask to magnify with it
-
-
-def magnified_name(name: str, times: int) -> str:
-    """`name`, of a model or a photo, with the magnification if there is one."""
-    return name if times == 1 else f"{name} ×{times}"
-
-
-def estimate_magnified(
-    estimator: Callable[[Capture, Progress], NormalMap], capture: Capture, times: int, progress: Progress = silent
-) -> NormalMap:
-    """Normals at the capture's own pixels (H, W), estimated from the photograph magnified by an integer factor.
-
-    Magnification is bilinear, and every `times`-th pixel is an unchanged pixel of the photograph. Only those are
-    scored: the same pixels are compared with the same true normals at any magnification, and the result of equation 2
-    does not change. Magnified true normals would be interpolated across depth discontinuities.
-
-    Only the mask's bounding box is magnified. Lights are distant, and the camera is dropped.
-
-    Raises SettingsError if a side would have more than :data:`MAX_SIDE` pixels.
-    """
-    if times == 1:
-        return estimator(capture, progress)
-    box = bounding_box(capture.mask, MARGIN)
-    rows, columns = capture.mask[box].shape
-    if times * max(rows, columns) > MAX_SIDE:
-        raise SettingsError(
-            f"the object's {columns} x {rows} pixels cannot be magnified {times} times: that is more than {MAX_SIDE} "
-            "a side; magnify less"
-        )
-    large = Capture(
-        _magnified(capture.image[box], times),
-        _magnified(capture.mask[box], times) > 0.5,
-        capture.rig,
-        clip=capture.clip,
-        clipped=None if capture.clipped is None else _magnified(capture.clipped[box], times) > 0,
-        white=None if capture.white is None else _magnified(capture.white[box], times),
-        white_clipped=None if capture.white_clipped is None else _magnified(capture.white_clipped[box], times) > 0,
-    )
-    estimate = estimator(large, progress)
-    vectors, confidence = np.zeros(capture.image.shape, np.float32), np.zeros(capture.mask.shape, np.float32)
-    vectors[box], confidence[box] = estimate.vectors[::times, ::times], estimate.confidence[::times, ::times]
-    return NormalMap(vectors, capture.mask, confidence)
-
-
-def _magnified(values: NDArray[np.floating[Any] | np.bool_], times: int) -> NDArray[np.float32]:
-    """Values (h, w, ...) with times - 1 bilinearly interpolated ones between neighbours."""
-    for axis in (0, 1):
-        lines = np.moveaxis(values.astype(np.float32), axis, 0)
-        low, share = np.divmod(np.arange((len(lines) - 1) * times + 1), times)
-        share = (share / times).astype(np.float32).reshape(-1, *[1] * (values.ndim - 1))
-        high = np.minimum(low + 1, len(lines) - 1)
-        values = np.moveaxis(lines[low] + share * (lines[high] - lines[low]), 0, axis)
-    return np.ascontiguousarray(values)
-
 
 EVERY_MODEL = "all"
 
@@ -98,9 +40,6 @@ class Case:
     """(H, W, 3) float32. True unit normals in camera space, zero where unknown, which may be inside the mask."""
     regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     """(H, W) bool by name. Parts of the image whose mean errors are also reported."""
-    magnify: int = 1
-    """Factor by which the photo is magnified before the estimate, which is measured at the photo's own pixels; see
-    :func:`mpsnet_core.learning.evaluation.measure.estimate_magnified`."""
 
     def __post_init__(self) -> None:
         if not self.scored.any():
@@ -112,7 +51,7 @@ class Case:
         labels = [_format(value) for name, value in self.labels.items() if name != "photos"]
         if self.labels.get("photos", 1) > 1:
             labels.append("with a white photo")
-        return magnified_name(", ".join(labels), self.magnify)
+        return ", ".join(labels)
 
     @property
     def scored(self) -> NDArray[np.bool_]:
@@ -127,8 +66,6 @@ class Row:
 
     labels: Mapping[str, Any]
     """The case's labels, and "model"."""
-    magnify: int
-    """The case's factor of magnification."""
     errors: Mapping[str, float]
     """"mae_deg", "median_deg", and "NAME_deg" for each region that has pixels."""
     rank_correlation: float | None = None
@@ -158,7 +95,7 @@ class Row:
         """The row as ``--json`` writes it: one flat object."""
         ranked = {"confidence_rank_correlation": self.rank_correlation, "confidence_decile_deg": self.decile_deg}
         known = {} if self.rank_correlation is None else ranked
-        return {**self.labels, "magnify": self.magnify, **self.errors, **known, **self.further}
+        return {**self.labels, **self.errors, **known, **self.further}
 
 
 @dataclass(frozen=True)
@@ -187,7 +124,7 @@ class Result:
         for name, region in self.case.regions.items():
             if (region & scored).any():
                 errors[f"{name}_deg"] = _rounded(self.error[region & scored].mean(dtype=np.float64))
-        row = Row({**self.case.labels, "model": self.model}, self.case.magnify, errors)
+        row = Row({**self.case.labels, "model": self.model}, errors)
         correlation = rank_correlation(1 - confidence, error)
         if correlation is None:
             return row
@@ -219,7 +156,7 @@ def measure(
             message = f"{case.title}, {estimator.name}"
             progress(place / total, message)
             share = part(progress, place / total, (place + 1) / total, message)
-            estimate = estimate_magnified(estimator, case.capture, case.magnify, share)
+            estimate = estimator(case.capture, share)
             error = np.where(case.scored, angular_error(estimate.vectors, case.truth), 0).astype(np.float32)
             results.append(Result(case, estimator.name, estimate, error))
         yield results

@@ -79,17 +79,6 @@ class MeasuresModels(Operation):
 
 
 @dataclass(frozen=True)
-class Magnifies(MeasuresModels):
-    """How many times photographs are magnified."""
-
-    heading: ClassVar[str] = "the photographs"
-
-    magnify: tuple[int, ...] = option(
-        default=(1,), low=1, high=8, metavar="N", help="magnify the photographs N times before the estimate"
-    )
-
-
-@dataclass(frozen=True)
 class PhotographsSynthetic(MeasuresModels):
     """How synthetic scenes are photographed."""
 
@@ -102,7 +91,7 @@ class PhotographsSynthetic(MeasuresModels):
 
 
 @dataclass(frozen=True)
-class EvaluateDiligent(Magnifies):
+class EvaluateDiligent(MeasuresModels):
     """The DiLiGenT photographs, multiplexed."""
 
     command: ClassVar[str] = "evaluate diligent"
@@ -145,7 +134,7 @@ class EvaluateRendered(PhotographsSynthetic):
 
 
 @dataclass(frozen=True)
-class EvaluateStatues(Magnifies):
+class EvaluateStatues(MeasuresModels):
     """Matt grey meshes: errors in shadow, and how much fine relief is kept."""
 
     command: ClassVar[str] = "evaluate statues"
@@ -175,7 +164,7 @@ class EvaluateColour(PhotographsSynthetic):
 
 
 @dataclass(frozen=True)
-class EvaluateSamples(Magnifies):
+class EvaluateSamples(MeasuresModels):
     """Held-out samples, photographed (needs PyTorch)."""
 
     command: ClassVar[str] = "evaluate samples"

@@ -23,7 +23,6 @@ from mpsnet_core.scene.pictures import (
     contact_sheet,
     cropped,
     error_picture,
-    normals_picture,
     photo_picture,
 )
 
@@ -75,8 +74,8 @@ def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
     case = results[0].case
     pictures = [
         photo_picture(case.capture.image, case.capture.mask),
-        *(normals_picture(result.estimate) for result in results),
-        normals_picture(NormalMap(case.truth, case.scored)),
+        *(result.estimate.picture() for result in results),
+        NormalMap(case.truth, case.scored).picture(),
         *(error_picture(result.error.astype(np.float64), case.scored, HIGHEST_ERROR) for result in results),
     ]
     tiles = [_at_least_square(picture) for picture in cropped(pictures, case.capture.mask)]

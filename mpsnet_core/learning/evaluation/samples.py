@@ -32,9 +32,8 @@ class Samples(Evaluation):
         total = len(self._samples)
         count = min(options.count or total, total)
         self.cases = [
-            partial(_case, self._samples, index * total // count, times, beside)
+            partial(_case, self._samples, index * total // count, beside)
             for index in range(count)
-            for times in options.magnify
             for beside in white_choices(options.white)
         ]
 
@@ -51,7 +50,7 @@ class Samples(Evaluation):
         return [f"left out: {reason}" for reason in self._samples.left_out.values()]
 
 
-def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case:
+def _case(samples: PackedSamples, index: int, white: bool) -> Case:
     packed, path = samples[index], samples.paths[index]
     rng = generator(SEED, index)
     # All other random draws are the same with and without the white photo.
@@ -60,4 +59,4 @@ def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case
     kind = recipe["shape"]["kind"]
     many = len(recipe["materials"]) > 1 or recipe["paint"]["amount"] * recipe["paint"]["hue"] > 0
     labels = {"object": path.stem, "shape": kind, "colours": "many" if many else "one", "photos": 1 + white}
-    return Case(labels, capture, truth, magnify=magnify)
+    return Case(labels, capture, truth)

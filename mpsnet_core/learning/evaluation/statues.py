@@ -79,10 +79,9 @@ class Statues(Evaluation):
             published_rig(options.slant, tilt)
         self.bounces = options.bounces
         self.cases = [
-            partial(_case, view, options.slant, tilt, options.bounces, options.size, times)
+            partial(_case, view, options.slant, tilt, options.bounces, options.size)
             for view in mesh_views(options.mesh, options.views)
             for tilt in options.tilt
-            for times in options.magnify
         ]
 
     def rows(self, results: Sequence[Result]) -> list[Row]:
@@ -114,7 +113,7 @@ class Statues(Evaluation):
         ]
 
 
-def _case(view: MeshView, slant: float, tilt: float, bounces: int, size: int, magnify: int) -> Case:
+def _case(view: MeshView, slant: float, tilt: float, bounces: int, size: int) -> Case:
     sample = _sample(view, slant, tilt, bounces, size)
     lit = sample.lit.min(axis=0) >= REACHED
     return Case(
@@ -122,7 +121,6 @@ def _case(view: MeshView, slant: float, tilt: float, bounces: int, size: int, ma
         ideal_photograph(sample, "separated"),
         sample.normals,
         {"lit_mae": lit, "elsewhere_mae": ~lit},
-        magnify,
     )
 
 

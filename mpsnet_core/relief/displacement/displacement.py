@@ -20,6 +20,7 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, seen_share, slope_constraints
 from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
@@ -68,6 +69,7 @@ class Displacement:
         return HeightMap(self.values, np.ones(self.values.shape, bool), camera)
 
 
+@takes_files
 def displacement(
     vectors: NDArray[np.float32],
     mesh: Mesh,

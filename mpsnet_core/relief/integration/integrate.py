@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, labelled
 from mpsnet_core.errors import SettingsError, check_choice
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap, pixels_per_unit
 from mpsnet_core.relief.integration.bilateral import bilateral
@@ -26,6 +27,7 @@ GRAIN = 32
 MAX_LOG = 40.0
 
 
+@takes_files
 def integrate(
     normals: NormalMap,
     camera: Camera | None = None,

@@ -17,6 +17,7 @@ from mpsnet_core.defaults import (
     OVERLAP,
 )
 from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.material.albedo import estimated_albedo
@@ -57,6 +58,7 @@ class Material:
     """Tilt of the photo in degrees."""
 
 
+@takes_files
 def flat_material(
     capture: Capture,
     normals: NormalMap,

@@ -26,6 +26,7 @@ from mpsnet_core.io.files import (
     write_json,
     write_transaction,
 )
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
@@ -181,6 +182,7 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
     return files
 
 
+@takes_files
 def write_material(
     folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
 ) -> dict[str, Path]:

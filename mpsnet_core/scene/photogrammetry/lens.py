@@ -12,6 +12,7 @@ from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import AS_SOLVED, Camera
 
 # Rows at a time: each of their pixels takes about 200 bytes of memory. More rows are no faster.
@@ -106,6 +107,7 @@ def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.fl
     return lens.distorted(plane) * camera.focal + camera.centre
 
 
+@takes_files
 def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) -> NDArray[np.float32]:
     """Undistort a photo to the image of the pinhole camera, by bilinear interpolation.
 

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, generator, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes import blobs, drapery, groups, reliefs
+from mpsnet_core.synthesis.shapes import blobs, drapery, groups, hollows, reliefs
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 from mpsnet_core.synthesis.shapes.surfaces import bent
 
 __all__ = ["KINDS", "Shape", "build_shape", "draw_shape", "mesh_files"]
 
-KINDS = ("blobs", "drapery", "reliefs", "groups", "meshes")
+KINDS = ("blobs", "drapery", "reliefs", "groups", "hollows", "meshes")
 # Grid cells along the longest side of a body, alone and in a group.
 CELLS, CELLS_IN_GROUP = 72, 44
 
@@ -67,6 +67,8 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
         return {**description, "pose": "front", "character": choice(rng, reliefs.CHARACTERS, (2, 2, 2, 2, 1))}
     if kind == "groups":
         return {**description, "pose": "upright"}
+    if kind == "hollows":
+        return {**description, "pose": "front", "character": choice(rng, hollows.CHARACTERS)}
     if not meshes:
         raise SettingsError("there are no mesh files to draw shapes from; name a folder of meshes")
     alone = chance(rng, 0.6)
@@ -118,6 +120,8 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
             return fitted(reliefs.build_relief(description["character"], rng))
         if kind == "groups":
             return fitted(groups.build_group(rng, CELLS_IN_GROUP))
+        if kind == "hollows":
+            return fitted(hollows.build_hollow(description["character"], rng, CELLS))
         shapes = [load_mesh(str(Path(meshes) / Path(name).name)) for name in description["files"]]
         if description["deformed"]:
             shapes = [_deformed(shape, rng) for shape in shapes]

@@ -41,6 +41,21 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
     return _finished(cloth, rng)
 
 
+def hammock(rng: np.random.Generator) -> Shape:
+    """Cloth that sags between its corners or two of its sides, as if held by hands, open towards +z."""
+    nodes, size = _LEVELS[0][0], uniform(rng, 1.8, 2.6)
+    start, last = _flat(nodes, size), nodes - 1
+    start[..., 0] *= uniform(rng, 0.4, 0.85)
+    start[..., 2] = size
+    side = range(0, nodes, 2) if chance(rng, 0.3) else (0, last)
+    held = [(row, column) for column in (0, last) for row in side]
+    gather = uniform(rng, 0.5, 0.95)
+    pins = {place: start[place] * (1, gather, 1) + (0, 0, uniform(rng, -0.3, 0.3)) for place in held}
+    start[..., 1] *= gather
+    cloth = _simulated(start, size, [], pins, new_seed(rng))
+    return _finished(cloth - cloth.mean(axis=(0, 1)), rng)
+
+
 def _turned(rng: np.random.Generator) -> Array:
     """Axes rotated about z by a random angle."""
     return turn_about((0, 0, 1), uniform(rng, 0, 360))

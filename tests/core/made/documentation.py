@@ -83,7 +83,9 @@ def script(page: Path) -> str:
     for language, block in re.findall(r"^```(bash|python)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
         for pattern, other in INSTEAD.items():
             block = re.sub(pattern, other, block, flags=re.MULTILINE)
-        if language == "python":
+        if language == "python" and steps and steps[-1].endswith("\nEND"):  # a notebook's cells, one after the other
+            steps[-1] = f"{steps[-1][:-3]}{block}END"
+        elif language == "python":
             steps.append(f"python - <<'END'\n{block}END")
         else:
             lines = [re.sub(r"(^|\s)#\s.*", "", line) for line in re.sub(r"&&\n", "&& ", block).splitlines()]
