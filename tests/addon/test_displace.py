@@ -10,6 +10,7 @@ from mathutils.bvhtree import BVHTree
 
 from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.appearance.nodes import DISPLACEMENT_NODE, find_node
+from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_encoding import encode
 
