@@ -13,6 +13,7 @@ from mpsnet_core.errors import Cancelled
 from mpsnet_core.io.files import ensure_folder
 
 from ..operators.chain import Call, RunsSteps, run_operator
+from ..operators.core_run import idle
 from ..outputs import file_name, requested_path
 from ..scene.objects import by_session_uid
 from ..settings.declared import FolderSetting
@@ -70,6 +71,7 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
+        scene.mps.before = context.scene
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
         detailed.select_set(True)
@@ -110,6 +112,25 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         """Images from Blender's temporary folder are packed into the .blend file."""
         folder = ensure_folder(requested_path(self.output), "files") if self.output else Path(bpy.app.tempdir)
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
+
+
+class MPS_OT_back_to_scene(bpy.types.Operator):
+    """Show the scene again in which Try It was pressed. The demo's scene stays in the file"""
+
+    bl_idname = "mps.back_to_scene"
+    bl_label = "Back to My Scene"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context) and context.scene.mps.before is not None and context.window is not None
+
+    def execute(self, context: Any) -> set[Any]:
+        before = context.scene.mps.before
+        if context.scene.mps.relight.lamp is not None:
+            run_operator(bpy.ops.mps.relight)
+        context.window.scene = before
+        return {"FINISHED"}
 
 
 def look_at(context: Any, centre: Vector, away: float, rotation: Quaternion) -> None:

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
     BEND,
+    BY_PHOTO,
     CONVENTIONS,
     CURVATURE_RADIUS,
     FACES,
@@ -23,7 +24,6 @@ from mpsnet_core.defaults import (
 )
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
 from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, silent
 
@@ -258,11 +258,10 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         positional=True, help="photo of a flat material that fills the photo, or its --crop", provenance="files"
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    # On cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks trained on whole
-    # objects.
     model: str = option(
-        default=LAMBERTIAN_GREY_WORLD,
-        help="model that estimates the normals, by name or as an .onnx file",
+        default=BY_PHOTO,
+        help="model that estimates the normals, by name or as an .onnx file; auto: lambertian-grey-world where the "
+        "photo shows a matt material, the default network where it shows a glossy one",
     )
     crop: str | None = option(
         default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner", numbers=True
