@@ -69,3 +69,24 @@ class Bar:
 def can_show_bar() -> bool:
     """Whether somebody watches stderr: a terminal, or a notebook."""
     return "ipykernel" in sys.modules or bool(sys.stderr and sys.stderr.isatty())
+
+
+class Lines:
+    """A line on stderr for each activity, where a bar would fill a log."""
+
+    def __init__(self) -> None:
+        self._told = ""
+
+    def __call__(self, fraction: float, message: str) -> None:
+        if message != self._told:
+            self._told = message
+            sys.stderr.write(f"{message}\n")
+            sys.stderr.flush()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def shown_progress() -> Bar | Lines:
+    """A bar where somebody watches, else lines."""
+    return Bar() if can_show_bar() else Lines()
